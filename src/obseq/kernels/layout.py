@@ -1,0 +1,29 @@
+"""The shape of what kernels read and write: tiles of records, and the unknown blocks of a formula."""
+
+from typing import NamedTuple
+
+LANES = 32
+"""Observations in a tile: one per lane."""
+
+STRIDE = 40
+"""Doubles from one row of a tile to the next: LANES padded away from powers of two (cache conflicts)."""
+
+
+class Block(NamedTuple):
+    """One atomic block of unknowns of a formula.
+
+    Attributes:
+        name: Argument of the formula, with the part after a dot for composite blocks (`station.rotation`).
+        kind: What the block is: `Point3`, `Point2`, `Rotation`, `Direction`, `Vector` or `Scalar`.
+        start: Position of its first scalar among the unknowns.
+        size: Number of its scalars.
+        context: Half-open range of its context values among the observations, or None.
+        transposed: True when the context matrix is the transpose of the block's matrix (both row by row).
+    """
+
+    name: str
+    kind: str
+    start: int
+    size: int
+    context: tuple[int, int] | None = None
+    transposed: bool = False
