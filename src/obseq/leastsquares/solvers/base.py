@@ -1,0 +1,174 @@
+"""The order of the steps, the checks and the treatment of singular matrices, common to all solvers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.solvers.protocol import Defect, SingularMatrixError, SolverStateError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+    from obseq.leastsquares.solvers.protocol import (
+        FloatArray,
+        IntArray,
+        SolverStatistics,
+        SymmetricPattern,
+    )
+
+PIVOT_TOLERANCE = 1e-12
+"""A pivot below this share of its diagonal entry has vanished: the unknown is a combination of the others."""
+
+
+class BaseSolver(ABC):
+    """A solver that knows which of its steps were done.
+
+    A vanishing pivot of unknown j is replaced by w_j = a_jj (1 if that is zero) and the rest of its column
+    by zero, so that the factor is that of N + sum_j w_j e_j e_j'. The kernel of N follows from it.
+
+    Args:
+        pivot_tolerance: bound of the ratio pivot / diagonal entry under which a pivot has vanished.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, *, pivot_tolerance: float = PIVOT_TOLERANCE) -> None:
+        self._pivot_tolerance = pivot_tolerance
+        self._analysed: SymmetricPattern | None = None
+        self._found: Defect | None = None
+        self._replaced = np.empty(0)
+
+    def analyse(self, pattern: SymmetricPattern) -> None:
+        """Prepares for matrices of this pattern: elimination order, structure of the factor."""
+        self._found = None
+        self._analysed = None
+        self._analyse(pattern)
+        self._analysed = pattern
+
+    def factor(self, values: FloatArray) -> None:
+        """Factors the matrix of these values ((nnz,), in the order of the pattern).
+
+        Raises:
+            SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
+        """
+        values = self._checked(values)
+        self._found = None
+        defect = self._factor(values)
+        diagonal = values[self._pattern.diagonal[defect.indices]]
+        self._replaced = replacement_pivots(diagonal)
+        self._found = defect
+        self._require_regular()
+
+    def solve(self, rhs: ArrayLike) -> FloatArray:
+        """Solution for one right-hand side (n,) or several (n, k); same shape."""
+        self._require_regular()
+        right = np.asarray(rhs, dtype=np.float64)
+        if right.ndim not in (1, 2) or right.shape[0] != self._pattern.n:
+            raise InputError(f"right-hand side of shape {right.shape} for {self._pattern.n} unknowns")
+        return self._solve(right.reshape(self._pattern.n, -1)).reshape(right.shape)
+
+    def selected_inverse(self) -> FloatArray:
+        """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
+        self._require_regular()
+        return self._selected_inverse()
+
+    def defect(self) -> Defect:
+        """Where pivots vanished in the last factorisation; empty for a regular matrix."""
+        if self._found is None:
+            raise SolverStateError(f"{self.name}: call factor(values) first")
+        return self._found
+
+    def null_vectors(self) -> FloatArray:
+        """(n, k) orthonormal basis of the kernel of the last matrix; k = 0 for a regular matrix.
+
+        With M = N + E W E', N z = 0 gives z = M^-1 E (W E' z): M^-1 E spans the kernel, and the same
+        equation is an inverse iteration that removes rounding errors.
+        """
+        defect = self.defect()
+        vectors = np.zeros((self._pattern.n, defect.dimension))
+        if not defect.dimension:
+            return vectors
+        start = np.eye(defect.dimension)
+        for _ in range(2):
+            vectors[:] = 0.0
+            vectors[defect.indices] = self._replaced[:, None] * start
+            vectors = np.linalg.qr(self._solve(vectors))[0]
+            start = vectors[defect.indices]
+        return vectors
+
+    @property
+    @abstractmethod
+    def statistics(self) -> SolverStatistics:
+        """Size and cost of the factorisation."""
+
+    @property
+    def _pattern(self) -> SymmetricPattern:
+        if self._analysed is None:
+            raise SolverStateError(f"{self.name}: call analyse(pattern) first")
+        return self._analysed
+
+    def _checked(self, values: FloatArray) -> FloatArray:
+        values = np.ascontiguousarray(values, dtype=np.float64)
+        if values.shape != (self._pattern.nnz,):
+            raise InputError(f"{values.shape} values for a pattern of {self._pattern.nnz} entries")
+        if not np.isfinite(values.sum()):
+            at = int(np.argmin(np.isfinite(values)))
+            row, column = self._pattern.indices[at], np.searchsorted(self._pattern.indptr, at, "right") - 1
+            raise InputError(f"the matrix is not finite at row {row}, column {column}")
+        return values
+
+    def _require_regular(self) -> None:
+        defect = self.defect()
+        if defect.dimension:
+            raise SingularMatrixError(defect.indices, defect.pivots)
+
+    @abstractmethod
+    def _analyse(self, pattern: SymmetricPattern) -> None: ...
+
+    @abstractmethod
+    def _factor(self, values: FloatArray) -> Defect:
+        """Factors, with vanishing pivots replaced by `replacement_pivots`, and says which they are."""
+
+    @abstractmethod
+    def _solve(self, rhs: FloatArray) -> FloatArray:
+        """Solves with the factor as it is; `rhs` (n, k) is left unchanged."""
+
+    @abstractmethod
+    def _selected_inverse(self) -> FloatArray: ...
+
+
+def replacement_pivots(diagonal: FloatArray) -> FloatArray:
+    """What replaces vanishing pivots: the diagonal entries of the matrix, 1 where they are not positive."""
+    return np.where(diagonal > 0.0, diagonal, 1.0)
+
+
+def relative_pivots(pivots: FloatArray, diagonal: FloatArray) -> FloatArray:
+    """Pivots divided by the diagonal entries; 0 where the diagonal entry is zero or negative."""
+    return np.where(diagonal > 0.0, pivots / replacement_pivots(diagonal), np.minimum(diagonal, 0.0))
+
+
+def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
+    """The unknowns whose relative pivots ((n,), in the order of the unknowns) vanish."""
+    indices: IntArray = np.flatnonzero(~(pivots > tolerance))
+    return Defect(indices, pivots[indices])
+
+
+def inverse_by_columns(
+    pattern: SymmetricPattern, solve: Callable[[FloatArray], FloatArray], at_once: int = 64
+) -> FloatArray:
+    """Selected inverse (nnz,) by solving for all columns of the identity: for witnesses and small systems."""
+    selected = np.empty(pattern.nnz)
+    for first in range(0, pattern.n, at_once):
+        count = min(at_once, pattern.n - first)
+        unit = np.zeros((pattern.n, count))
+        unit[np.arange(first, first + count), np.arange(count)] = 1.0
+        entries = slice(pattern.indptr[first], pattern.indptr[first + count])
+        columns = np.repeat(np.arange(count), np.diff(pattern.indptr[first : first + count + 1]))
+        selected[entries] = solve(unit)[pattern.indices[entries], columns]
+    return selected

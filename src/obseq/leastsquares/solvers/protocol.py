@@ -1,0 +1,200 @@
+"""What a solver of symmetric positive definite systems takes, does and raises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from obseq.errors import InputError, ObseqError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.sparse import csc_array
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+class SingularMatrixError(ObseqError):
+    """Some pivots vanish: the matrix does not determine these unknowns.
+
+    Attributes:
+        indices: (k,) the unknowns whose pivots vanish, ascending.
+        pivots: (k,) these pivots, each divided by the diagonal entry of its unknown.
+    """
+
+    def __init__(self, indices: IntArray, pivots: FloatArray) -> None:
+        shown = ", ".join(str(index) for index in indices[:10]) + (", ..." if len(indices) > 10 else "")
+        super().__init__(
+            f"the matrix is singular: {len(indices)} vanishing pivot(s), at unknown(s) {shown}; "
+            "fix as many unknowns, or add the observations that determine them"
+        )
+        self.indices = indices
+        self.pivots = pivots
+
+
+class SolverUnavailableError(ObseqError):
+    """The solver asked for by name needs a package that is not installed."""
+
+    def __init__(self, solver: str, package: str) -> None:
+        super().__init__(f"the solver {solver!r} needs the package {package!r}: pip install {package}")
+        self.solver = solver
+        self.package = package
+
+
+class SolverStateError(ObseqError):
+    """A step was asked for before the one it needs: analyse, then factor, then solve."""
+
+
+@dataclass(frozen=True)
+class SymmetricPattern:
+    """Where a symmetric matrix may be non-zero: its lower triangle by columns (CSC), diagonal included.
+
+    Attributes:
+        n: number of unknowns.
+        indptr: (n + 1,) int64, start of each column in `indices`.
+        indices: (nnz,) rows, ascending in each column; the first of each column is the diagonal.
+    """
+
+    n: int
+    indptr: IntArray
+    indices: NDArray[np.integer]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "indptr", np.ascontiguousarray(self.indptr, dtype=np.int64))
+        if not np.issubdtype(np.asarray(self.indices).dtype, np.integer):
+            raise InputError("pattern: `indices` must be integers")
+        object.__setattr__(self, "indices", np.ascontiguousarray(self.indices))
+        self._check()
+
+    def _check(self) -> None:
+        indptr, indices = self.indptr, self.indices
+        if indptr.shape != (self.n + 1,) or (self.n >= 0 and (indptr[0] != 0 or indptr[-1] != len(indices))):
+            raise InputError(f"pattern: `indptr` must go from 0 to {len(indices)} in {self.n + 1} entries")
+        if np.any(np.diff(indptr) < 1) or np.any(indices[indptr[:-1]] != np.arange(self.n)):
+            raise InputError("pattern: each column must start with its diagonal entry")
+        ascending = np.diff(indices) > 0
+        ascending[indptr[1:-1] - 1] = True
+        if not ascending.all() or (len(indices) and indices.max() >= self.n):
+            raise InputError("pattern: rows must be below n, ascending in each column, without repetition")
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries of the lower triangle, diagonal included."""
+        return len(self.indices)
+
+    @property
+    def diagonal(self) -> IntArray:
+        """(n,) positions of the diagonal entries among the values."""
+        return self.indptr[:-1]
+
+    def columns(self) -> IntArray:
+        """(nnz,) column of each entry."""
+        return np.repeat(np.arange(self.n), np.diff(self.indptr))
+
+    def matrix(self, values: FloatArray) -> csc_array:
+        """The whole symmetric matrix, both triangles, from the values of the lower one."""
+        from scipy.sparse import coo_array
+
+        rows, columns = self.indices, self.columns()
+        below = rows > columns
+        both = (np.concatenate([rows, columns[below]]), np.concatenate([columns, rows[below]]))
+        full = coo_array((np.concatenate([values, values[below]]), both), shape=(self.n, self.n)).tocsc()
+        full.sort_indices()
+        return full
+
+    @classmethod
+    def of(cls, matrix: Any) -> tuple[SymmetricPattern, FloatArray]:
+        """The pattern and the values of the lower triangle of a symmetric matrix, dense or sparse.
+
+        Entries of the diagonal are in the pattern even where they are zero.
+        """
+        from scipy.sparse import coo_array
+
+        entries = coo_array(matrix)
+        n = entries.shape[0]
+        lower = entries.row >= entries.col
+        rows = np.concatenate([entries.row[lower], np.arange(n)])
+        columns = np.concatenate([entries.col[lower], np.arange(n)])
+        data = np.concatenate([entries.data[lower].astype(np.float64), np.zeros(n)])
+        union = coo_array((data, (rows, columns)), shape=(n, n)).tocsc()
+        union.sort_indices()
+        return cls(n, union.indptr.astype(np.int64), union.indices), union.data
+
+
+@dataclass(frozen=True)
+class Defect:
+    """Unknowns where pivots vanish.
+
+    Attributes:
+        indices: (k,) the unknowns, ascending; which ones of a dependent set depends on the elimination order.
+        pivots: (k,) their pivots divided by their diagonal entries (0 where the diagonal itself is zero);
+            markedly negative where the matrix is indefinite.
+    """
+
+    indices: IntArray
+    pivots: FloatArray
+
+    @property
+    def dimension(self) -> int:
+        """Number of vanishing pivots: the dimension of the kernel of a positive semi-definite matrix."""
+        return len(self.indices)
+
+
+@dataclass(frozen=True)
+class SolverStatistics:
+    """What an analysis found.
+
+    Attributes:
+        solver: name of the solver.
+        ordering: name of the fill-reducing ordering in use.
+        n: number of unknowns.
+        nnz_pattern: entries of the lower triangle of the matrix.
+        nnz_factor: entries of the lower triangle of the factor, explicit zeros included.
+        flops: floating-point operations of one factorisation.
+        memory: bytes kept by the solver for a factorisation.
+    """
+
+    solver: str
+    ordering: str
+    n: int
+    nnz_pattern: int
+    nnz_factor: int
+    flops: float
+    memory: int
+
+
+class Solver(Protocol):
+    """Factors positive definite matrices of one pattern: `analyse` once, `factor` as often as wanted."""
+
+    @property
+    def name(self) -> str:
+        """Name by which the solver is chosen."""
+
+    def analyse(self, pattern: SymmetricPattern) -> None:
+        """Prepares for matrices of this pattern: elimination order, structure of the factor."""
+
+    def factor(self, values: FloatArray) -> None:
+        """Factors the matrix of these values ((nnz,), in the order of the pattern).
+
+        Raises:
+            SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
+        """
+
+    def solve(self, rhs: ArrayLike) -> FloatArray:
+        """Solution for one right-hand side (n,) or several (n, k); same shape."""
+
+    def selected_inverse(self) -> FloatArray:
+        """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
+
+    def defect(self) -> Defect:
+        """Where pivots vanished in the last factorisation; empty for a regular matrix."""
+
+    def null_vectors(self) -> FloatArray:
+        """(n, k) orthonormal basis of the kernel of the last matrix; k = 0 for a regular matrix."""
+
+    @property
+    def statistics(self) -> SolverStatistics:
+        """Size and cost of the factorisation."""
