@@ -1,1 +1,33 @@
-"""Placeholder."""
+"""Survey networks: points, observations, stations, files and initial values."""
+
+from obseq.survey.cor_file import read_cor, write_cor
+from obseq.survey.model import (
+    FieldBook,
+    Observations,
+    ObservationType,
+    Orientation,
+    Points,
+    Stations,
+    automatic_fix,
+    join,
+    make_points,
+    merge_points,
+)
+from obseq.survey.obs_file import read_obs, write_obs
+
+__all__ = [
+    "FieldBook",
+    "ObservationType",
+    "Observations",
+    "Orientation",
+    "Points",
+    "Stations",
+    "automatic_fix",
+    "join",
+    "make_points",
+    "merge_points",
+    "read_cor",
+    "read_obs",
+    "write_cor",
+    "write_obs",
+]

@@ -1,0 +1,313 @@
+"""Points, observations and stations of a survey network, in columns (metres, radians)."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class ObservationType(enum.IntEnum):
+    """What was measured; the value is the code of OBS files, the name is MMVII's."""
+
+    Dist = 3
+    DH = 4
+    Hz = 5
+    Zen = 6
+    DX = 14
+    DY = 15
+    DZ = 16
+
+    @property
+    def is_angle(self) -> bool:
+        """True for the types whose value and sigma are angles (radians inside, gon in OBS files)."""
+        return self in (ObservationType.Hz, ObservationType.Zen)
+
+    @property
+    def needs_station(self) -> bool:
+        """True for the types read on an instrument, false for `Dist` and `DH`."""
+        return self not in (ObservationType.Dist, ObservationType.DH)
+
+
+class Orientation(enum.IntEnum):
+    """How a station is turned: local axes, plumb with an unknown horizontal zero, or free."""
+
+    FIX = 0
+    VERT = 1
+    BASC = 2
+
+    @property
+    def keyword(self) -> str:
+        """The status line of OBS files, such as `#VERT`."""
+        return f"#{self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points, one row each.
+
+    Attributes:
+        names: unique names.
+        coordinates: (n, 3) float64 metres; NaN where the file gives none.
+        sigmas: (n, 3) float64 metres; NaN for a free component, 0 for a held one, else its constraint.
+        infos: additional text of the point, empty when there is none.
+        files: names of the files the points come from.
+        file_indices: (n,) int32 index in `files`; -1 for a point that only observations name.
+        lines: (n,) int32 line in that file, from 1; 0 for a point that only observations name.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    sigmas: FloatArray
+    infos: tuple[str, ...]
+    files: tuple[str, ...]
+    file_indices: IntArray
+    lines: IntArray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Row of each name."""
+        return {name: row for row, name in enumerate(self.names)}
+
+    @property
+    def is_free(self) -> BoolArray:
+        """(n, 3) true where a component has no constraint."""
+        return np.isnan(self.sigmas)
+
+    @property
+    def is_held(self) -> BoolArray:
+        """(n, 3) true where a component is fixed (sigma 0)."""
+        return np.asarray(self.sigmas == 0.0)
+
+    @property
+    def has_coordinates(self) -> BoolArray:
+        """(n,) true where the three coordinates are finite."""
+        return np.asarray(np.isfinite(self.coordinates).all(axis=1))
+
+    def place(self, row: int) -> str:
+        """`file:line` of a point, for messages."""
+        if self.file_indices[row] < 0:
+            return "named by observations only"
+        return f"{self.files[self.file_indices[row]]}:{self.lines[row]}"
+
+
+def make_points(
+    names: Sequence[str], coordinates: npt.ArrayLike, sigmas: npt.ArrayLike | None = None
+) -> Points:
+    """Points made in memory.
+
+    Args:
+        names: unique names.
+        coordinates: (n, 3) metres, NaN where unknown.
+        sigmas: (n, 3) metres as in `Points`; all free when left out.
+    """
+    n = len(names)
+    xyz = np.array(coordinates, dtype=np.float64).reshape(n, 3)
+    sigma = np.full((n, 3), np.nan) if sigmas is None else np.array(sigmas, dtype=np.float64).reshape(n, 3)
+    nowhere, no_line = np.full(n, -1, np.int32), np.zeros(n, np.int32)
+    points = Points(tuple(names), xyz, sigma, ("",) * n, (), nowhere, no_line)
+    _require_unique(points)
+    return points
+
+
+def merge_points(parts: Sequence[Points]) -> Points:
+    """One table from several files.
+
+    Raises:
+        InputError: a name occurs twice.
+    """
+    shifts = np.cumsum([0] + [len(part.files) for part in parts[:-1]])
+    indices = [
+        np.where(part.file_indices < 0, -1, part.file_indices + shift)
+        for part, shift in zip(parts, shifts, strict=False)
+    ]
+    merged = Points(
+        names=tuple(name for part in parts for name in part.names),
+        coordinates=np.concatenate([np.zeros((0, 3))] + [part.coordinates for part in parts]),
+        sigmas=np.concatenate([np.zeros((0, 3))] + [part.sigmas for part in parts]),
+        infos=tuple(info for part in parts for info in part.infos),
+        files=tuple(file for part in parts for file in part.files),
+        file_indices=np.concatenate([np.zeros(0, np.int32), *indices]).astype(np.int32),
+        lines=np.concatenate([np.zeros(0, np.int32)] + [part.lines for part in parts]),
+    )
+    _require_unique(merged)
+    return merged
+
+
+def _require_unique(points: Points) -> None:
+    seen: dict[str, int] = {}
+    for row, name in enumerate(points.names):
+        first = seen.setdefault(name, row)
+        if first != row:
+            raise InputError(
+                f"{points.place(row)}: point {name} is given twice (first at {points.place(first)}); "
+                "keep one of the two lines"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Observations, one row each, in reading order.
+
+    Attributes:
+        types: (n,) int8 values of `ObservationType`.
+        from_points: (n,) int32 rows of the field book's `point_names`.
+        to_points: (n,) int32, likewise.
+        values: (n,) float64 m or rad, as read (angles are not normalised).
+        sigmas: (n,) float64 m or rad, positive (the absolute value for inactive ones).
+        active: (n,) bool, false when the file switches the observation off.
+        stations: (n,) int32 station of the observation; -1 for `Dist` and `DH`.
+        file_indices: (n,) int32 index in the field book's `files`.
+        lines: (n,) int32 line in that file, from 1.
+    """
+
+    types: npt.NDArray[np.int8]
+    from_points: IntArray
+    to_points: IntArray
+    values: FloatArray
+    sigmas: FloatArray
+    active: BoolArray
+    stations: IntArray
+    file_indices: IntArray
+    lines: IntArray
+
+    def __len__(self) -> int:
+        return len(self.types)
+
+    @property
+    def n_inactive(self) -> int:
+        """Number of observations that the files switch off."""
+        return int(np.count_nonzero(~self.active))
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Station sets: the observations of one set-up of an instrument share one orientation.
+
+    Attributes:
+        origins: (m,) int32 rows of the field book's `point_names`.
+        orientations: (m,) int8 values of `Orientation`, as declared.
+        starts: (m + 1,) int32 where the members of each station begin in `members`.
+        members: int32 rows of `Observations`, active or not, station by station in reading order.
+    """
+
+    origins: IntArray
+    orientations: npt.NDArray[np.int8]
+    starts: IntArray
+    members: IntArray
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def observations(self, station: int) -> IntArray:
+        """Rows of the observations of one station."""
+        return self.members[self.starts[station] : self.starts[station + 1]]
+
+
+@dataclass(frozen=True, eq=False)
+class FieldBook:
+    """What OBS files contain.
+
+    Attributes:
+        point_names: names that observations quote, in order of appearance.
+        observations: all observations.
+        stations: the station sets; each has at least one active observation.
+        files: names of the files read.
+        warnings: things that were read and not used, one sentence each.
+    """
+
+    point_names: tuple[str, ...]
+    observations: Observations
+    stations: Stations
+    files: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    def place(self, row: int) -> str:
+        """`file:line` of an observation."""
+        observations = self.observations
+        return f"{self.files[observations.file_indices[row]]}:{observations.lines[row]}"
+
+    def label(self, row: int) -> str:
+        """`Hz S1 -> T4 (survey.obs:37)`, for messages."""
+        kind = ObservationType(self.observations.types[row]).name
+        origin = self.point_names[self.observations.from_points[row]]
+        target = self.point_names[self.observations.to_points[row]]
+        return f"{kind} {origin} -> {target} ({self.place(row)})"
+
+
+def group_by_station(stations: IntArray, n_stations: int) -> tuple[IntArray, IntArray]:
+    """(starts, members) of `Stations` from the station of each observation (-1: none)."""
+    order = np.argsort(stations, kind="stable")
+    first = np.searchsorted(stations[order], np.arange(n_stations + 1))
+    members = order[first[0] :]
+    return (first - first[0]).astype(np.int32), members.astype(np.int32)
+
+
+def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
+    """Orientations after MMVII's rule: a station without any active Hz, DX or DY becomes FIX.
+
+    Returns:
+        (m,) int8 values of `Orientation`.
+    """
+    observations = book.observations
+    orienting = np.isin(observations.types, (ObservationType.Hz, ObservationType.DX, ObservationType.DY))
+    kept = orienting & observations.active & (observations.stations >= 0)
+    is_oriented = np.zeros(len(book.stations), np.bool_)
+    is_oriented[observations.stations[kept]] = True
+    return np.where(is_oriented, book.stations.orientations, np.int8(Orientation.FIX)).astype(np.int8)
+
+
+def join(points: Points, book: FieldBook) -> tuple[Points, FieldBook]:
+    """Gives points and observations one numbering.
+
+    Points that active observations name and no file describes are added, free and without coordinates.
+
+    Returns:
+        The completed points, and the field book whose rows `from_points`, `to_points` and `origins` are
+        rows of these points. Names that only inactive observations quote come after them in `point_names`.
+    """
+    rows = dict(points.index)
+    quoted = _quoted_by_active(book)
+    added = [name for name, used in zip(book.point_names, quoted, strict=True) if used and name not in rows]
+    for name in added:
+        rows[name] = len(rows)
+    unused = [name for name in book.point_names if name not in rows]
+    for name in unused:
+        rows[name] = len(rows)
+    numbers = np.array([rows[name] for name in book.point_names], np.int32)
+    completed = merge_points([points, make_points(added, np.full((len(added), 3), np.nan))])
+    return completed, _renumbered(book, numbers, (*completed.names, *unused))
+
+
+def _quoted_by_active(book: FieldBook) -> list[bool]:
+    observations = book.observations
+    used = np.zeros(len(book.point_names), np.bool_)
+    used[observations.from_points[observations.active]] = True
+    used[observations.to_points[observations.active]] = True
+    return [bool(flag) for flag in used]
+
+
+def _renumbered(book: FieldBook, numbers: IntArray, names: tuple[str, ...]) -> FieldBook:
+    observations = replace(
+        book.observations,
+        from_points=numbers[book.observations.from_points],
+        to_points=numbers[book.observations.to_points],
+    )
+    stations = replace(book.stations, origins=numbers[book.stations.origins])
+    return replace(book, point_names=names, observations=observations, stations=stations)

@@ -1,0 +1,137 @@
+"""Lines and numbers of a text file written by people, with errors that name file and line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from obseq.errors import InputError
+
+_MARKS_OF_OTHER_ENCODINGS = ((b"\xff\xfe", "UTF-16"), (b"\xfe\xff", "UTF-16"))
+_LONGEST_QUOTE = 160
+
+
+@dataclass(frozen=True)
+class TextFile:
+    """A text file in memory.
+
+    Attributes:
+        name: how messages call it (the path as the user gave it).
+        lines: its lines, without their ends; bytes that are not in the encoding are lone surrogates.
+        is_clean: true when the whole file is in the encoding.
+        encoding: the encoding it was read with.
+    """
+
+    name: str
+    lines: list[str]
+    is_clean: bool
+    encoding: str
+
+    def error(self, index: int, problem: str) -> InputError:
+        """An error about line `index` (from 0), which it quotes."""
+        return InputError(f"{self.name}:{index + 1}: {problem}\n    {quoted(self.lines[index])}")
+
+    def check_name(self, index: int, name: str) -> None:
+        """Refuses a point name that is not in the encoding of the file."""
+        if not self.is_clean and _has_surrogates(name):
+            raise self.error(
+                index,
+                f"the name {quoted(name)} is not written in {self.encoding}; save the file as UTF-8, or give "
+                "its encoding (for instance encoding='latin-1')",
+            )
+
+
+def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
+    """Reads a text file; line ends may be LF, CRLF or CR, a byte-order mark is dropped.
+
+    Comments in another encoding are accepted; names are checked one by one with `TextFile.check_name`.
+
+    Raises:
+        InputError: absent, a directory, unreadable, empty, binary, UTF-16, or unknown encoding.
+    """
+    data = _read_bytes(Path(path))
+    if not data.strip():
+        raise InputError(f"{path}: the file is empty")
+    _refuse_binary(path, data)
+    try:
+        text = data.decode(
+            "utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding, "surrogateescape"
+        )
+    except (LookupError, UnicodeError) as error:
+        raise InputError(f"{path}: cannot be read in encoding {encoding!r}: {error}") from error
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper())
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: there is no such file; check the path") from error
+    except IsADirectoryError as error:
+        raise InputError(f"{path}: is a directory; give a file") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+
+
+def _refuse_binary(path: str | Path, data: bytes) -> None:
+    for mark, encoding in _MARKS_OF_OTHER_ENCODINGS:
+        if data.startswith(mark):
+            raise InputError(f"{path}: the file is in {encoding}; save it as UTF-8")
+    position = data.find(b"\0")
+    if position >= 0:
+        line = data.count(b"\n", 0, position) + 1
+        raise InputError(f"{path}:{line}: holds a zero byte: this is a binary file, not a text file")
+
+
+def _has_surrogates(text: str) -> bool:
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return True
+    return False
+
+
+def quoted(text: str) -> str:
+    """The text as it can be printed anywhere: unprintable characters escaped, cut when very long."""
+    shown = "".join(
+        c if c.isprintable() or c == "\t" else c.encode("unicode_escape").decode() for c in text.strip()
+    )
+    return shown if len(shown) <= _LONGEST_QUOTE else shown[:_LONGEST_QUOTE] + "..."
+
+
+def parse_number(text: str) -> float:
+    """A finite decimal number, written in ASCII with a point.
+
+    Raises:
+        ValueError: with the reason, to be completed with file and line by the caller.
+    """
+    try:
+        value = float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        value = None
+    if value is None:
+        hint = "; the decimal separator is a point" if "," in text else ""
+        raise ValueError(f"{quoted(text)!r} is not a number{hint}")
+    if not math.isfinite(value):
+        raise ValueError(f"{quoted(text)!r} is not a finite number")
+    return value
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Writes a UTF-8 text file.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        Path(path).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error}") from error
+
+
+def check_writable(name: str) -> None:
+    """Refuses a point name that OBS and COR files cannot hold."""
+    if not name or name.split() != [name] or "*" in name:
+        raise InputError(f"point name {name!r} cannot be written: it is empty or holds a blank or a *")
