@@ -1,1 +1,46 @@
-"""Placeholder."""
+"""Coordinate systems: Local, GeoC, LEuc, RTL, and anything that PROJ knows.
+
+Axes are x, easting or longitude first, always. Metres and radians, except coordinates in a PROJ definition,
+which are in its own units (degrees for most geographic systems). PROJ itself is loaded when first needed.
+"""
+
+from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
+from obseq.crs.points import FloatArray
+from obseq.crs.proj import Operation, ProjSystem
+from obseq.crs.refraction import (
+    EQUATORIAL_RADIUS,
+    REFRACTION_COEFFICIENT,
+    SQUARED_ECCENTRICITY,
+    curvature_radius,
+    horizontal_distance,
+    refraction_correction,
+)
+from obseq.crs.rigid import LocalTangent, RigidSystem
+from obseq.crs.system import CoordinateSystem, Kind, east_north_up
+from obseq.crs.transformer import Transformer
+from obseq.crs.unreferenced import UnreferencedSystem
+from obseq.errors import CrsError
+
+__all__ = [
+    "ALIASES",
+    "EQUATORIAL_RADIUS",
+    "REFRACTION_COEFFICIENT",
+    "SQUARED_ECCENTRICITY",
+    "CoordinateSystem",
+    "CrsError",
+    "FloatArray",
+    "Kind",
+    "LocalTangent",
+    "Operation",
+    "ProjSystem",
+    "RigidSystem",
+    "Transformer",
+    "UnreferencedSystem",
+    "complete_rtl",
+    "curvature_radius",
+    "east_north_up",
+    "horizontal_distance",
+    "parse",
+    "refraction_correction",
+    "rtl_at",
+]

@@ -1,0 +1,80 @@
+"""Curvature of the Earth and refraction of zenith angles (MMVII src/Topo, topo-adjustment section 8.4)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from obseq.crs.points import FloatArray
+from obseq.crs.proj import geodetic_from_geocentric
+from obseq.crs.system import CoordinateSystem
+
+EQUATORIAL_RADIUS = 6378137.0
+"""a of the ellipsoid of MMVII's topometric code, metres."""
+SQUARED_ECCENTRICITY = 0.00669438
+"""e2 of the same, with its rounding."""
+REFRACTION_COEFFICIENT = 0.12
+
+
+def curvature_radius(latitude: npt.ArrayLike) -> FloatArray:
+    """Gaussian mean radius of curvature rho (metres) at geodetic latitudes (radians).
+
+    rho = sqrt(M N) = a sqrt(1 - e2) / (1 - e2 sin^2 latitude).
+    """
+    sine = np.sin(np.asarray(latitude, dtype=np.float64))
+    radius: FloatArray = (
+        EQUATORIAL_RADIUS
+        * np.sqrt(1.0 - SQUARED_ECCENTRICITY)
+        / (1.0 - SQUARED_ECCENTRICITY * np.square(sine))
+    )
+    return radius
+
+
+def horizontal_distance(
+    system: CoordinateSystem,
+    origins: npt.ArrayLike,
+    targets: npt.ArrayLike,
+    names: Sequence[str] | None = None,
+) -> FloatArray:
+    """D (n,) metres: length at the height of each origin of the arc to its target.
+
+    D = alpha (rho + h), where alpha is the angle of the two points at the centre of the Earth, and rho and h
+    are those of the origin. MMVII takes alpha as the arc cosine of a cosine close to 1, quantised at 0.1 m;
+    here it comes from cross and scalar products and is good to the rounding of coordinates, zero included.
+
+    Args:
+        system: the system of the points; any but Local.
+        origins: (n, 3).
+        targets: (n, 3).
+        names: names of the origins, for messages.
+    """
+    alpha, rho, height = _arc(system, origins, targets, names)
+    return alpha * (rho + height)
+
+
+def refraction_correction(
+    system: CoordinateSystem,
+    origins: npt.ArrayLike,
+    targets: npt.ArrayLike,
+    coefficient: float = REFRACTION_COEFFICIENT,
+    names: Sequence[str] | None = None,
+) -> FloatArray:
+    """Refraction (n,) radians of zenith angles, origins (n, 3) to targets (n, 3): coefficient D / (2 rho).
+
+    It is how much too high the target seems: true zenith angle = measured + correction.
+    """
+    alpha, rho, height = _arc(system, origins, targets, names)
+    return coefficient * alpha * (rho + height) / (2.0 * rho)
+
+
+def _arc(
+    system: CoordinateSystem, origins: npt.ArrayLike, targets: npt.ArrayLike, names: Sequence[str] | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angle at the centre of the Earth (n,), and rho and ellipsoidal height (n,) of the origins."""
+    start = system.to_geocentric(origins, names)
+    sight = system.to_geocentric(targets) - start
+    # start x target = start x sight, without the cancellation
+    sine = np.linalg.norm(np.cross(start, sight), axis=-1)
+    cosine = np.sum(start * (start + sight), axis=-1)
+    place = geodetic_from_geocentric(start, names)
+    return np.arctan2(sine, cosine), curvature_radius(place[..., 1]), place[..., 2]

@@ -1,0 +1,108 @@
+"""Euclidean systems with a place on the Earth: GeoC, LEuc and RTL."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from obseq.crs.points import FloatArray, as_points, check_finite
+from obseq.crs.proj import ProjSystem, geodetic_from_geocentric
+from obseq.crs.system import CoordinateSystem, Kind, east_north_up
+
+
+@dataclass(frozen=True)
+class RigidSystem(CoordinateSystem):
+    """A Euclidean frame: geocentric = rotation x + translation.
+
+    Attributes:
+        rotation: (3, 3), from this system to geocentric axes.
+        translation: (3,), geocentric coordinates of the origin, metres.
+    """
+
+    rotation: FloatArray = field(compare=False, repr=False)
+    translation: FloatArray = field(compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.rotation.setflags(write=False)
+        self.translation.setflags(write=False)
+
+    @property
+    def kind(self) -> Kind:
+        """GeoC or LEuc."""
+        return Kind.LOCAL_EUCLIDEAN if self.definition.startswith(Kind.LOCAL_EUCLIDEAN) else Kind.GEOCENTRIC
+
+    def to_geocentric(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
+        """R x + T."""
+        given = as_points(points)
+        check_finite(given, given, "has no finite coordinates.", names)
+        moved: FloatArray = given @ self.rotation.T + self.translation
+        return moved
+
+    def from_geocentric(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
+        """R^T (X - T)."""
+        given = as_points(points)
+        check_finite(given, given, "has no finite coordinates.", names)
+        moved: FloatArray = (given - self.translation) @ self.rotation
+        return moved
+
+    def geocentric_pose(self) -> tuple[FloatArray, FloatArray]:
+        """R (3, 3) and T (3,) with geocentric = R x + T."""
+        return self.rotation.copy(), self.translation.copy()
+
+    def vertical_rotation(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
+        """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point."""
+        place = self.geodetic(points, names)
+        axes = east_north_up(place[..., 0], place[..., 1])
+        turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.rotation
+        return turned
+
+
+@dataclass(frozen=True)
+class LocalTangent(RigidSystem):
+    """RTL: Euclidean frame tangent to the ellipsoid at its origin, axes east, north and up there.
+
+    Attributes:
+        origin: coordinates of the origin in `base`.
+        base: the PROJ definition in which the origin is given.
+    """
+
+    origin: tuple[float, float, float] = field(compare=False)
+    base: ProjSystem = field(compare=False)
+
+    @property
+    def kind(self) -> Kind:
+        """RTL."""
+        return Kind.LOCAL_TANGENT
+
+
+def geocentric(definition: str) -> RigidSystem:
+    """The geocentric system itself."""
+    return RigidSystem(definition, np.eye(3), np.zeros(3))
+
+
+def local_euclidean(definition: str, translation: FloatArray, angles: FloatArray) -> RigidSystem:
+    """LEuc: geocentric = Rx(omega) Ry(phi) Rz(kappa) x + translation.
+
+    Args:
+        definition: text of the system.
+        translation: (3,), metres.
+        angles: omega, phi, kappa, radians; the three rotations are right-handed.
+    """
+    (co, cp, ck), (so, sp, sk) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, co, -so], [0.0, so, co]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_z = np.array([[ck, -sk, 0.0], [sk, ck, 0.0], [0.0, 0.0, 1.0]])
+    return RigidSystem(definition, about_x @ about_y @ about_z, np.array(translation))
+
+
+def local_tangent(definition: str, origin: tuple[float, float, float], base: ProjSystem) -> LocalTangent:
+    """RTL at `origin`, given in `base`.
+
+    Raises:
+        CrsError: if the origin has no geocentric position.
+    """
+    names = [f"origin of {definition}"]
+    translation = base.to_geocentric(np.array([origin]), names)
+    longitude, latitude, _ = geodetic_from_geocentric(translation, names)[0]
+    return LocalTangent(definition, east_north_up(longitude, latitude), translation[0], origin, base)

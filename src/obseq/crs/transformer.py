@@ -1,0 +1,51 @@
+"""Conversion of points from one coordinate system to another."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from obseq.crs.points import FloatArray, as_points
+from obseq.crs.system import CoordinateSystem
+from obseq.crs.unreferenced import UnreferencedSystem
+
+
+@dataclass(frozen=True)
+class Transformer:
+    """Converts points from `source` to `target` through geocentric WGS 84 coordinates, as MMVII does.
+
+    Equal systems convert by identity, which is the only conversion of a Local system.
+
+    Raises:
+        CrsError: if one of two different systems is Local, or one is an RTL without origin.
+
+    Example:
+        >>> from obseq import crs
+        >>> to_frame = crs.Transformer(crs.parse("L93"), crs.parse("RTL*657700*6860700*0*L93"))
+        >>> to_frame.forward([657700.0, 6860700.0, 10.0]).round(6) + 0.0
+        array([ 0.,  0., 10.])
+    """
+
+    source: CoordinateSystem
+    target: CoordinateSystem
+
+    def __post_init__(self) -> None:
+        for system in (self.source, self.target):
+            if isinstance(system, UnreferencedSystem) and not (system.is_complete and self.is_identity):
+                system.refuse()
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the two systems are equal."""
+        return self.source == self.target
+
+    def forward(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
+        """Coordinates in `target` of points (n, 3) of `source`; a new array."""
+        if self.is_identity:
+            return np.array(as_points(points))
+        return self.target.from_geocentric(self.source.to_geocentric(points, names), names)
+
+    def inverse(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
+        """Coordinates in `source` of points (n, 3) of `target`; a new array."""
+        return Transformer(self.target, self.source).forward(points, names)
