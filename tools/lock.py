@@ -1,4 +1,4 @@
-"""Write the pinned versions in requirements/: one file per level, the same versions on every supported Python.
+"""Write the pinned versions in requirements/, one file per level, the same on every supported Python.
 
 Run it with the oldest supported Python (it asks that interpreter's pip what it would install), read the
 difference, run the tests, commit. The files are what tools/quickstart, tools/test and .ci/run install.
@@ -23,7 +23,7 @@ def requirements_of(level: str, project: dict[str, Any]) -> list[str]:
     """The requirements of a level as pyproject.toml states them, references to our own extras resolved."""
     if level == "run":
         return list(project["dependencies"])
-    found = []
+    found: list[str] = []
     for requirement in project["optional-dependencies"][level]:
         own = re.fullmatch(r"obseq\[(\w+)\]", requirement)
         found += requirements_of(own.group(1), project) if own else [requirement]
@@ -46,8 +46,8 @@ def resolve(requirements: list[str]) -> dict[str, str]:
 
 def markers_of(requirements: list[str]) -> dict[str, str]:
     """The environment markers of the requirements that have one: a pin holds where its requirement does."""
-    pairs = (requirement.partition(";") for requirement in requirements)
-    return {normalised(re.split(r"[^\w.-]", text)[0]): f" ; {mark.strip()}" for text, _, mark in pairs if mark}
+    pairs = [requirement.partition(";")[::2] for requirement in requirements]
+    return {normalised(re.split(r"[^\w.-]", text)[0]): f" ; {mark.strip()}" for text, mark in pairs if mark}
 
 
 def main() -> None:

@@ -1,0 +1,127 @@
+"""A plan of the network, drawn as SVG: points, lines of sight, and error ellipses large enough to be seen."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+
+from obseq.report.record import AdjustmentRecord, PointRecord
+
+WIDTH = 900.0
+MARGIN = 50.0
+MOST_LINES = 5000
+MOST_LABELS = 200
+LARGEST_ELLIPSE = 30.0
+
+
+@dataclass(frozen=True)
+class View:
+    """From plan coordinates (m, y up) to the figure (y down).
+
+    Attributes:
+        left: Smallest x.
+        top: Largest y.
+        scale: Figure units per metre.
+        height: Height of the figure.
+    """
+
+    left: float
+    top: float
+    scale: float
+    height: float
+
+    def place(self, point: PointRecord) -> tuple[float, float]:
+        """Where a point is drawn."""
+        return MARGIN + (point["x"] - self.left) * self.scale, MARGIN + (self.top - point["y"]) * self.scale
+
+
+def network_figure(record: AdjustmentRecord) -> str:
+    """The plan as an SVG element; of a large network, not every line of sight and not every name."""
+    points = {point["name"]: point for point in record["points"]}
+    if not points:
+        return ""
+    view = _view(list(points.values()))
+    exaggeration = _exaggeration(list(points.values()), view)
+    parts = [
+        f'<svg viewBox="0 0 {WIDTH:.0f} {view.height:.0f}" role="img" aria-label="plan of the network">',
+        f'<path class="sight" d="{_sights(record, points, view)}"/>',
+        *_marks(record, points, view, exaggeration),
+        *_legend(view, exaggeration),
+        "</svg>",
+    ]
+    return "\n".join(parts)
+
+
+def _view(points: list[PointRecord]) -> View:
+    xs, ys = [point["x"] for point in points], [point["y"] for point in points]
+    width, height = max(xs) - min(xs), max(ys) - min(ys)
+    scale = (WIDTH - 2.0 * MARGIN) / max(width, height, 1e-6)
+    return View(min(xs), max(ys), scale, height * scale + 2.0 * MARGIN + 30.0)
+
+
+def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View) -> str:
+    pairs = {
+        (min(row["from"], row["to"]), max(row["from"], row["to"]))
+        for row in record["observations"]
+        if row["active"]
+    }
+    known = sorted(pair for pair in pairs if pair[0] in points and pair[1] in points)
+    return "".join(
+        "M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*view.place(points[start]), *view.place(points[end]))
+        for start, end in known[:MOST_LINES]
+    )
+
+
+def _marks(
+    record: AdjustmentRecord, points: dict[str, PointRecord], view: View, exaggeration: float
+) -> Iterator[str]:
+    stations = {row["origin"] for row in record["stations"]}
+    for point in points.values():
+        x, y = view.place(point)
+        yield _precision(point, x, y, exaggeration * view.scale)
+        if point["name"] in stations:
+            yield f'<path class="station" d="M{x:.1f} {y - 6:.1f}l5.2 9h-10.4z"/>'
+        else:
+            yield f'<circle class="point" cx="{x:.1f}" cy="{y:.1f}" r="3"/>'
+        if len(points) <= MOST_LABELS:
+            yield f'<text x="{x + 8:.1f}" y="{y - 6:.1f}">{escape(point["name"])}</text>'
+
+
+def _precision(point: PointRecord, x: float, y: float, scale: float) -> str:
+    """An error ellipse, or a cross of the two precisions when their covariance is not in the record."""
+    covariance = point.get("covariance")
+    if covariance:
+        major, minor, angle = ellipse(covariance[0], covariance[1], covariance[3])
+        radii = f'rx="{major * scale:.2f}" ry="{minor * scale:.2f}"'
+        turn = f"translate({x:.1f} {y:.1f}) rotate({-math.degrees(angle):.2f})"
+        return f'<ellipse class="precision" {radii} transform="{turn}"/>'
+    dx, dy = (point["sx"] or 0.0) * scale, (point["sy"] or 0.0) * scale
+    return (
+        f'<path class="precision" d="M{x - dx:.2f} {y:.2f}h{2 * dx:.2f}M{x:.2f} {y - dy:.2f}v{2 * dy:.2f}"/>'
+    )
+
+
+def ellipse(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
+    """Semi-axes and direction (rad, from x towards y, of the major axis) of the standard error ellipse."""
+    middle, half = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    return math.sqrt(middle + half), math.sqrt(max(middle - half, 0.0)), angle
+
+
+def _exaggeration(points: list[PointRecord], view: View) -> float:
+    """The round factor (1, 2 or 5 times a power of ten) that makes the largest precision well visible."""
+    largest = max(max(point["sx"] or 0.0, point["sy"] or 0.0) for point in points)
+    return _round_below(LARGEST_ELLIPSE / (largest * view.scale)) if largest > 0.0 else 1.0
+
+
+def _round_below(value: float) -> float:
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)
+
+
+def _legend(view: View, exaggeration: float) -> Iterator[str]:
+    length = _round_below(WIDTH / 4.0 / view.scale)
+    y = view.height - 15.0
+    yield f'<path class="bar" d="M{MARGIN:.0f} {y:.1f}h{length * view.scale:.1f}"/>'
+    text = f"{length:g} m; precisions (one sigma) enlarged {exaggeration:g} times"
+    yield f'<text x="{MARGIN + length * view.scale + 10:.1f}" y="{y + 4:.1f}">{text}</text>'

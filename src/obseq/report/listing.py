@@ -1,0 +1,35 @@
+"""The complete text listing: every point, station and observation."""
+
+from collections.abc import Iterator
+
+from obseq.report import rows
+from obseq.report.record import AdjustmentRecord
+from obseq.report.statistics import verdict
+from obseq.report.summary import how_it_ended, kinds
+from obseq.report.table import lines_of
+from obseq.report.units import significant
+
+
+def listing(record: AdjustmentRecord) -> str:
+    """The listing, lengths in metres and millimetres, angles in gon and milligon."""
+    tables = [rows.frame_table(record, record["points"])]
+    if record["points_crs"] != record["frame"]:
+        tables.append(rows.crs_table(record, record["points"]))
+    tables.append(rows.station_table(record))
+    tables.append(rows.observation_table("Observations, in the order of the files", record["observations"]))
+    sections = ("\n".join(lines_of(table)) for table in tables)
+    return "\n\n".join(("\n".join(_head(record)), *sections)) + "\n"
+
+
+def _head(record: AdjustmentRecord) -> Iterator[str]:
+    test = verdict(record)
+    yield f"Adjustment of {len(record['points'])} points: {how_it_ended(record)}"
+    yield f"  observations  {record['n_observations']} ({kinds(record)})"
+    yield f"  constraints   {record['n_constraints']}"
+    yield f"  unknowns      {record['n_unknowns']}"
+    yield f"  redundancy    {record['redundancy']}"
+    yield f"  sigma0        {significant(test.sigma0)}, {test.headline} (chi-square, 95 %)"
+    yield ""
+    yield "  iteration  sigma0 at its start  largest step"
+    for number, row in enumerate(record["iterations"], start=1):
+        yield f"  {number:>9}  {significant(row['sigma0']):>19}  {significant(row['max_step']):>12}"

@@ -1,0 +1,70 @@
+"""The HTML report: one file that needs nothing else, with a plan of the network."""
+
+from collections.abc import Iterator
+from html import escape
+from importlib.resources import files
+from string import Template
+
+from obseq.report import rows
+from obseq.report.figure import network_figure
+from obseq.report.record import AdjustmentRecord
+from obseq.report.statistics import verdict, worst_first
+from obseq.report.summary import how_it_ended, kinds
+from obseq.report.units import significant
+
+MOST_ROWS = 2000
+
+
+def page(record: AdjustmentRecord) -> str:
+    """The report as an HTML document; of a large network, the worst observations and the first points."""
+    template = Template(files("obseq.report").joinpath("page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=escape(f"{len(record['points'])} points, {record['n_observations']} observations"),
+        facts=_facts(record),
+        figure=network_figure(record),
+        tables="\n".join(_section(table) for table in _tables(record)),
+    )
+
+
+def _facts(record: AdjustmentRecord) -> str:
+    test = verdict(record)
+    expected = f"; between {test.lower:.4g} and {test.upper:.4g} is expected (chi-square, 95 %)"
+    sigma0 = f"{significant(test.sigma0)} {test.headline}{'' if test.sigma0 is None else expected}"
+    items = [
+        ("result", how_it_ended(record), "good" if record["converged"] else "bad"),
+        ("observations", f"{record['n_observations']} ({kinds(record)})", ""),
+        ("constraints", f"{record['n_constraints']}", ""),
+        ("unknowns", f"{record['n_unknowns']}", ""),
+        ("redundancy", f"{record['redundancy']}", ""),
+        ("sigma0 by iteration", ", ".join(significant(row["sigma0"]) for row in record["iterations"]), ""),
+        ("sigma0", sigma0, "good" if test.is_accepted else "bad"),
+        ("", test.explanation, ""),
+    ]
+    cells = (f'<dt>{escape(name)}</dt><dd class="{style}">{escape(text)}</dd>' for name, text, style in items)
+    return f"<dl>{''.join(cells)}</dl>"
+
+
+def _tables(record: AdjustmentRecord) -> Iterator[rows.Table]:
+    yield rows.observation_table("Observations, the worst normalised residual first", worst_first(record))
+    yield rows.frame_table(record, record["points"])
+    if record["points_crs"] != record["frame"]:
+        yield rows.crs_table(record, record["points"])
+    yield rows.station_table(record)
+
+
+def _section(table: rows.Table) -> str:
+    shown, hidden = table.rows[:MOST_ROWS], len(table.rows) - MOST_ROWS
+    body = "\n".join(_row(row, table.left, "td") for row in shown)
+    note = (
+        f"<p>and {hidden} more rows, which the text listing and the JSON file have</p>" if hidden > 0 else ""
+    )
+    return (
+        f'<h2>{escape(table.title)}</h2>\n<div class="scroll"><table>\n'
+        f"{_row(table.header, table.left, 'th')}\n{body}\n</table></div>{note}"
+    )
+
+
+def _row(cells: tuple[str, ...], left: int, tag: str) -> str:
+    styles = ('class="name"' if k < left else "" for k in range(len(cells)))
+    texts = (f"<{tag} {style}>{escape(cell)}</{tag}>" for style, cell in zip(styles, cells, strict=True))
+    return f"<tr>{''.join(texts)}</tr>"

@@ -1,0 +1,102 @@
+"""The one-screen summary: whether it worked, how well it fits, where it does not, and the coordinates."""
+
+import textwrap
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from obseq.report import rows, units
+from obseq.report.record import AdjustmentRecord, PointRecord
+from obseq.report.statistics import verdict, worst_first
+from obseq.report.table import lines_of
+
+WIDTH = 100
+MOST_POINTS = 8
+MOST_ITERATIONS = 9
+WORST = 5
+
+
+def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
+    """The summary of an adjustment, at most a screen long whatever the size of the network.
+
+    Args:
+        record: The adjustment.
+        written: Names of the files where the results were written.
+    """
+    sections = (_counts(record), _fit(record), _worst(record), _coordinates(record), _end(record, written))
+    return "\n\n".join("\n".join(section) for section in sections) + "\n"
+
+
+def how_it_ended(record: AdjustmentRecord) -> str:
+    """Whether the iterations converged, and how many there were."""
+    count = len(record["iterations"])
+    plural = "" if count == 1 else "s"
+    if record["converged"]:
+        return f"converged after {count} iteration{plural}"
+    return f"NOT CONVERGED after {count} iteration{plural}: do not use these results"
+
+
+def kinds(record: AdjustmentRecord) -> str:
+    """How many active observations of each type, in words."""
+    count = Counter(row["type"] for row in record["observations"] if row["active"])
+    unused = sum(not row["active"] for row in record["observations"])
+    text = ", ".join(f"{count[kind]} {kind}" for kind in sorted(count))
+    return f"{text}; {unused} not used" if unused else text
+
+
+def _counts(record: AdjustmentRecord) -> Iterator[str]:
+    yield f"{len(record['points'])} points, {len(record['stations'])} stations: {how_it_ended(record)}"
+    yield f"  observations {record['n_observations']:>8}   {kinds(record)}"
+    yield f"  constraints  {record['n_constraints']:>8}   coordinates given with a sigma"
+    yield f"  unknowns     {record['n_unknowns']:>8}"
+    yield f"  redundancy   {record['redundancy']:>8}"
+
+
+def _fit(record: AdjustmentRecord) -> Iterator[str]:
+    values = [units.significant(row["sigma0"]) for row in record["iterations"]]
+    if len(values) > MOST_ITERATIONS:
+        half = MOST_ITERATIONS // 2
+        values = [*values[:half], "...", *values[-half:]]
+    test = verdict(record)
+    yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
+    yield f"  sigma0 of the solution                 {units.significant(test.sigma0)}  {test.headline}"
+    if test.sigma0 is not None:
+        yield f"  chi-square test at 95 %: between {test.lower:.4g} and {test.upper:.4g} is expected"
+    yield from textwrap.wrap(test.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
+
+
+def _worst(record: AdjustmentRecord) -> Iterator[str]:
+    worst = worst_first(record)[:WORST]
+    yield from lines_of(rows.observation_table("Largest normalised residuals (residual / sigma)", worst))
+
+
+def _coordinates(record: AdjustmentRecord) -> Iterator[str]:
+    shown = _points_shown(record["points"])
+    hidden = len(record["points"]) - len(shown)
+    yield from lines_of(rows.frame_table(record, shown))
+    if record["points_crs"] != record["frame"]:
+        yield ""
+        yield from lines_of(rows.crs_table(record, shown))
+    if hidden:
+        yield f"  and {hidden} more points, all with better precisions; the files have them"
+
+
+def _points_shown(points: list[PointRecord]) -> list[PointRecord]:
+    """All points of a small network; of a large one those known worst."""
+    if len(points) <= MOST_POINTS:
+        return points
+    return sorted(points, key=_largest_precision, reverse=True)[:MOST_POINTS]
+
+
+def _largest_precision(point: PointRecord) -> float:
+    return max(point["sx"] or 0.0, point["sy"] or 0.0, point["sz"] or 0.0)
+
+
+def _end(record: AdjustmentRecord, written: Sequence[str]) -> Iterator[str]:
+    phases = record.get("phases", [])
+    if phases:
+        total = sum(phase["seconds"] for phase in phases)
+        parts = ", ".join(f"{phase['name']} {phase['seconds']:.2f}" for phase in phases)
+        yield f"Seconds: {parts}; {total:.2f} in all"
+    yield "Written: " + (
+        ", ".join(written) if written else "nothing (--out, --json, --html or --text write results)"
+    )

@@ -1,0 +1,57 @@
+"""Numbers as a surveyor reads them: metres and gons, residuals and precisions in mm and mgon."""
+
+import math
+
+ANGLES = frozenset({"Hz", "Zen"})
+"""Observation types whose values are angles; all others are lengths."""
+
+GON_PER_RADIAN = 200.0 / math.pi
+ABSENT = "-"
+
+
+def is_angle(kind: str) -> bool:
+    """Whether an observation of this type is an angle."""
+    return kind in ANGLES
+
+
+def observed(kind: str, value: float) -> str:
+    """An observed value with its unit: gon or m."""
+    return f"{value * GON_PER_RADIAN:.5f} gon" if is_angle(kind) else f"{value:.4f} m"
+
+
+def small(kind: str, value: float | None) -> str:
+    """A residual or a sigma with its unit: mgon or mm."""
+    if value is None:
+        return ABSENT
+    return f"{value * GON_PER_RADIAN * 1e3:.3f} mgon" if is_angle(kind) else f"{value * 1e3:.2f} mm"
+
+
+def millimetres(value: float | None) -> str:
+    """A precision in mm, without the unit."""
+    return fixed(None if value is None else value * 1e3, 2)
+
+
+def gon(value: float | None) -> str:
+    """An angle in gon between 0 and 400, without the unit."""
+    if value is None:
+        return ABSENT
+    text = f"{value * GON_PER_RADIAN % 400.0:.5f}"
+    return "0.00000" if text == "400.00000" else text
+
+
+def metres(value: float | None) -> str:
+    """A coordinate to a tenth of a millimetre, without the unit."""
+    return fixed(value, 4)
+
+
+def fixed(value: float | None, decimals: int) -> str:
+    """A number with that many decimals; a dash when it is not defined; never a negative zero."""
+    if value is None or not math.isfinite(value):
+        return ABSENT
+    text = f"{value:.{decimals}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def significant(value: float | None, digits: int = 6) -> str:
+    """A number with that many significant digits, for quantities whose size varies (sigma0, steps)."""
+    return ABSENT if value is None or not math.isfinite(value) else f"{value:.{digits}g}"

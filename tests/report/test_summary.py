@@ -1,0 +1,71 @@
+from obseq.report import summary
+from obseq.report.summary import MOST_POINTS, WIDTH
+
+
+def line_with(text: str, *words: str) -> str:
+    found = [line for line in text.splitlines() if all(word in line for word in words)]
+    assert len(found) == 1, f"{len(found)} lines with {words} in\n{text}"
+    return found[0]
+
+
+def test_counts_and_sigma0(record) -> None:
+    text = summary(record)
+    assert line_with(text, "  observations ").split() == "observations 3 1 Dist, 2 Hz; 1 not used".split()
+    assert line_with(text, "redundancy").split() == ["redundancy", "4"]
+    assert line_with(text, "each iteration").split()[-2:] == ["120.5", "1.25"]
+    assert line_with(text, "of the solution").endswith("1.25  accepted")
+    assert "between 0.348 and 1.669 is expected" in text
+
+
+def test_the_worst_residual_is_the_first_of_its_table(record) -> None:
+    lines = summary(record).splitlines()
+    start = next(k for k, line in enumerate(lines) if line.startswith("Largest normalised residuals"))
+    assert lines[start + 2].split() == "Hz A C site.obs:2 26.62000 gon 1.000 mgon -3.100 mgon -3.10".split()
+
+
+def test_coordinates_in_both_systems(record) -> None:
+    text = summary(record)
+    assert line_with(text, "B", "  100.0000").split() == "B 100.0000 50.0000 0.0000 4.00 2.00 1.00".split()
+    assert line_with(text, "B", "650100.0000").split() == "B 650100.0000 6860050.0000 35.0000".split()
+
+
+def test_one_table_when_the_frame_is_the_system_of_the_points(record) -> None:
+    text = summary(record | {"points_crs": record["frame"]})
+    assert "650100.0000" not in text
+
+
+def test_angular_systems_have_more_decimals(record) -> None:
+    record["points"][1] |= {"crs_x": 2.3488, "crs_y": 48.8534}
+    assert "  2.348800000       48.853400000" in summary(record | {"points_crs_unit": "degree"})
+
+
+def test_precisions_in_the_input_system_when_known(record) -> None:
+    record["points"][1] |= {"crs_sx": 0.0031, "crs_sy": 0.0022, "crs_sz": 0.0013}
+    assert line_with(summary(record), "B", "650100.0000").split()[-3:] == ["3.10", "2.20", "1.30"]
+
+
+def test_a_large_network_fits_on_a_screen_and_shows_its_worst_points(record) -> None:
+    first = record["points"][0]
+    record["points"] = [first | {"name": f"P{k}", "sx": 0.001 * k} for k in range(500)]
+    record["iterations"] = record["iterations"] * 20
+    lines = summary(record, ["out/adjustment.json"]).splitlines()
+    assert len(lines) < 50
+    assert max(len(line) for line in lines) <= WIDTH + 10
+    assert f"  and {500 - MOST_POINTS} more points, all with better precisions; the files have them" in lines
+    assert sum(line.startswith("  P499 ") for line in lines) == 2
+
+
+def test_a_solution_that_did_not_converge_cannot_be_overlooked(record) -> None:
+    assert "NOT CONVERGED after 2 iterations" in summary(record | {"converged": False})
+
+
+def test_no_redundancy_is_said(record) -> None:
+    text = summary(record | {"redundancy": 0, "sigma0": None})
+    assert "not tested" in text
+    assert "nothing checks it" in text
+
+
+def test_time_and_files(record) -> None:
+    text = summary(record, ["a.json", "a.html"])
+    assert "Seconds: read 0.25, adjust 1.50; 1.75 in all" in text
+    assert "Written: a.json, a.html" in text
