@@ -1,1 +1,1 @@
-"""Placeholder."""
+"""From formulas to kernels: the stages are listed in `compiler.py`, the files written in `files.py`."""

@@ -1,5 +1,48 @@
-"""Observation equations: written once, generated as kernels, adjusted by least squares."""
+"""Observation equations: written once, generated as kernels, adjusted by least squares.
+
+Names are loaded when they are first used: `import obseq` itself imports next to nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from obseq.errors import CrsError, FormulaError, InputError, ObseqError, SingularSystemError
 
-__all__ = ["CrsError", "FormulaError", "InputError", "ObseqError", "SingularSystemError"]
+if TYPE_CHECKING:
+    from obseq import crs, survey
+    from obseq.kernels import Calculator, calculator, formula_names
+    from obseq.leastsquares import LeastSquares
+
+__all__ = [
+    "Calculator",
+    "CrsError",
+    "FormulaError",
+    "InputError",
+    "LeastSquares",
+    "ObseqError",
+    "SingularSystemError",
+    "calculator",
+    "crs",
+    "formula_names",
+    "survey",
+]
+
+_HOMES = {
+    "Calculator": "obseq.kernels",
+    "calculator": "obseq.kernels",
+    "formula_names": "obseq.kernels",
+    "LeastSquares": "obseq.leastsquares",
+}
+_ROOMS = ("crs", "survey")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    if name in _ROOMS:
+        return importlib.import_module(f"obseq.{name}")
+    raise AttributeError(f"module 'obseq' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,136 @@
+"""The stages of gencode: formula -> graph and derivatives -> kernels -> module text."""
+
+import hashlib
+from dataclasses import dataclass
+
+from obseq.codegen.counting import operations
+from obseq.codegen.differentiate import Jacobian, jacobians
+from obseq.codegen.graph import Graph
+from obseq.codegen.printing import Printer, Store
+from obseq.codegen.translate import translate
+from obseq.formulas.base import Formula
+
+GENERATOR_VERSION = "1"
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A formula with the graph of its residuals and of its Jacobian.
+
+    Attributes:
+        formula: The formula.
+        graph: The graph of everything.
+        residuals: Nodes of the residuals.
+        jacobian: Nodes of the Jacobian, a row per residual.
+        digest: Hash of the mathematics.
+    """
+
+    formula: Formula
+    graph: Graph
+    residuals: list[int]
+    jacobian: Jacobian
+    digest: str
+
+    @property
+    def outputs(self) -> list[int]:
+        """All nodes computed by the kernel of values and derivatives."""
+        return [*self.residuals, *(node for row in self.jacobian for node in row)]
+
+    def constant_entries(self) -> list[tuple[int, int, float]]:
+        """(residual, unknown, value) of the entries of the Jacobian that never change."""
+        return [
+            (i, j, value)
+            for i, row in enumerate(self.jacobian)
+            for j, node in enumerate(row)
+            if (value := self.graph.constant_value(node)) is not None
+        ]
+
+
+@dataclass(frozen=True)
+class KernelText:
+    """The text of one kernel: its name, its documentation, the body of its lane loop, what it calls."""
+
+    name: str
+    doc: str
+    rows_name: str
+    lines: list[str]
+    functions: set[str]
+
+
+def derive(formula: Formula) -> Derived:
+    """The graph of a formula and its derivatives, in the cheaper of forward and reverse mode."""
+    graph, residuals = translate(formula)
+    digest = mathematics_hash(formula, graph, residuals)
+    candidates = jacobians(graph, residuals, formula.unknowns, formula.name)
+    cheapest = min(candidates, key=lambda rows: operations(graph, [node for row in rows for node in row]))
+    return Derived(formula, graph, residuals, cheapest, digest)
+
+
+def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> str:
+    """Hash of names, residual expressions and generator version: comments and layout do not count."""
+    order = graph.reachable(residuals)
+    position = {node: k for k, node in enumerate(order)}
+    content = [GENERATOR_VERSION, formula.name, formula.unknowns, formula.observations]
+    content += [
+        (node.operator, tuple(position[operand] for operand in node.operands), node.value)
+        for node in (graph.nodes[number] for number in order)
+    ]
+    content.append([position[residual] for residual in residuals])
+    return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
+
+
+def value_kernel(derived: Derived) -> KernelText:
+    """The kernel that computes the residuals alone."""
+    n_inputs = len(derived.formula.unknowns) + len(derived.formula.observations)
+    stores = [Store(node, n_inputs + k) for k, node in enumerate(derived.residuals)]
+    doc = f"Rows of each tile: {_rows_text(derived, False)}; one lane per observation."
+    return _kernel(derived, "value", doc, "VALUE_ROWS", stores)
+
+
+def jacobian_kernel(derived: Derived) -> KernelText:
+    """The kernel that computes residuals and Jacobian; constant entries of the Jacobian are not stored."""
+    formula, graph = derived.formula, derived.graph
+    first = len(formula.unknowns) + len(formula.observations)
+    stores = [Store(node, first + k, "residuals") for k, node in enumerate(derived.residuals)]
+    first += len(derived.residuals)
+    for i, row in enumerate(derived.jacobian):
+        stores += [
+            Store(node, first + i * len(row) + j, "derivatives")
+            for j, node in enumerate(row)
+            if graph.constant_value(node) is None
+        ]
+    doc = f"Rows of each tile: {_rows_text(derived, True)}; one lane per observation."
+    return _kernel(derived, "value_and_jacobian", doc, "ROWS", stores)
+
+
+def _kernel(derived: Derived, name: str, doc: str, rows_name: str, stores: list[Store]) -> KernelText:
+    names = (*derived.formula.unknowns, *derived.formula.observations)
+    printer = Printer(derived.graph, stores, {scalar: row for row, scalar in enumerate(names)})
+    return KernelText(name, doc, rows_name, printer.print() or ["pass"], printer.functions)
+
+
+def _rows_text(derived: Derived, with_jacobian: bool) -> str:
+    formula = derived.formula
+    parts, first = [], 0
+    sizes = [("unknowns", len(formula.unknowns)), ("observations", len(formula.observations))]
+    sizes.append(("residuals", len(derived.residuals)))
+    if with_jacobian:
+        sizes.append(("Jacobian", len(derived.residuals) * len(formula.unknowns)))
+    for label, size in sizes:
+        if size:
+            parts.append(f"{label} {first}" if size == 1 else f"{label} {first}-{first + size - 1}")
+        first += size
+    return ", ".join(parts)
+
+
+def residual_names(derived: Derived) -> tuple[str, ...]:
+    """Names of the residuals: of the measured values when they match one to one, else numbered."""
+    measured, count = derived.formula.measured, len(derived.residuals)
+    if len(measured) == count:
+        return measured
+    return ("residual",) if count == 1 else tuple(f"residual_{k}" for k in range(count))
+
+
+def operation_counts(derived: Derived) -> tuple[int, int]:
+    """Operations of the value kernel and of the kernel with derivatives."""
+    return operations(derived.graph, derived.residuals), operations(derived.graph, derived.outputs)

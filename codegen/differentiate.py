@@ -1,0 +1,108 @@
+"""Derivatives of a graph: reverse mode residual by residual, and forward mode unknown by unknown."""
+
+from obseq.codegen.graph import INPUT, Graph
+from obseq.codegen.operators import OPERATORS
+from obseq.errors import FormulaError
+
+Jacobian = list[list[int]]
+"""One row per residual, one node per unknown; structural zeros are the constant 0."""
+
+
+def jacobians(
+    graph: Graph, residuals: list[int], unknowns: tuple[str, ...], formula: str
+) -> tuple[Jacobian, Jacobian]:
+    """The derivatives of the residuals with respect to the unknowns, in reverse and in forward mode.
+
+    Both are nodes of the same graph, and the same mathematics; the caller keeps the cheaper one.
+
+    Args:
+        graph: The graph of the residuals; it grows.
+        residuals: Their nodes.
+        unknowns: Names of the unknowns.
+        formula: Name of the formula, for messages.
+
+    Raises:
+        FormulaError: An operator on the way has no derivative.
+    """
+    derivatives = _Derivatives(graph, formula, [graph.input(name) for name in unknowns])
+    return [derivatives.reverse(residual) for residual in residuals], derivatives.forward(residuals)
+
+
+class _Derivatives:
+    """The partial derivatives of every operation that depends on an unknown, computed once."""
+
+    def __init__(self, graph: Graph, formula: str, inputs: list[int]) -> None:
+        self.graph = graph
+        self.formula = formula
+        self.inputs = inputs
+        self.active = set(inputs)
+        for node in range(len(graph.nodes)):
+            if self.active.intersection(graph.nodes[node].operands):
+                self.active.add(node)
+        self._partials: dict[int, tuple[int, ...]] = {}
+
+    def partials(self, node: int) -> tuple[int, ...]:
+        if node not in self._partials:
+            operator, operands, _ = self.graph.nodes[node]
+            rule = OPERATORS[operator].partials
+            if rule is None:
+                raise FormulaError(f"{self.formula}: the operator {operator} has no derivative")
+            self._partials[node] = rule(self.graph, node, operands)
+        return self._partials[node]
+
+    def reverse(self, residual: int) -> list[int]:
+        """The gradient of one residual, by adjoints from the residual down to the unknowns."""
+        graph, zero = self.graph, self.graph.constant(0.0)
+        adjoints = {residual: graph.constant(1.0)}
+        for node in reversed(graph.reachable([residual])):
+            if node not in adjoints or node not in self.active or graph.nodes[node].operator == INPUT:
+                continue
+            adjoint = adjoints.pop(node)
+            for operand, contribution in self._contributions(node, adjoint):
+                adjoints[operand] = graph.add(adjoints.get(operand, zero), contribution)
+        return [adjoints.get(unknown, zero) for unknown in self.inputs]
+
+    def _contributions(self, node: int, adjoint: int) -> list[tuple[int, int]]:
+        graph = self.graph
+        operator, operands, _ = graph.nodes[node]
+        if operator == "mul" and operands[0] == operands[1]:
+            return [(operands[0], graph.mul(adjoint, graph.mul(graph.constant(2.0), operands[0])))]
+        return [
+            (operand, graph.mul(adjoint, partial))
+            for operand, partial in zip(operands, self.partials(node), strict=True)
+            if operand in self.active
+        ]
+
+    def forward(self, residuals: list[int]) -> Jacobian:
+        """The Jacobian column by column, by tangents from each unknown up to the residuals."""
+        order = [node for node in self.graph.reachable(residuals) if node in self.active]
+        columns = [self._tangents(unknown, order) for unknown in self.inputs]
+        zero = self.graph.constant(0.0)
+        return [[column.get(residual, zero) for column in columns] for residual in residuals]
+
+    def _tangents(self, unknown: int, order: list[int]) -> dict[int, int]:
+        graph = self.graph
+        tangents = {unknown: graph.constant(1.0)}
+        for node in order:
+            if graph.nodes[node].operator == INPUT:
+                continue
+            for operand, contribution in self._changes(node, tangents):
+                tangents[node] = (
+                    graph.add(tangents[node], contribution) if node in tangents else contribution
+                )
+        return tangents
+
+    def _changes(self, node: int, tangents: dict[int, int]) -> list[tuple[int, int]]:
+        graph = self.graph
+        operator, operands, _ = graph.nodes[node]
+        if operator == "mul" and operands[0] == operands[1] and operands[0] in tangents:
+            (x, _) = operands
+            return [(x, graph.mul(graph.mul(graph.constant(2.0), x), tangents[x]))]
+        moving = [operand in tangents for operand in operands]
+        if not any(moving):
+            return []
+        return [
+            (operand, graph.mul(partial, tangents[operand]))
+            for operand, partial, moves in zip(operands, self.partials(node), moving, strict=True)
+            if moves
+        ]

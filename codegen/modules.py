@@ -1,0 +1,191 @@
+"""Texts of the files that gencode writes: one module per formula, the index, the report."""
+
+import ast
+import hashlib
+import inspect
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from obseq.codegen.compiler import (
+    Derived,
+    KernelText,
+    derive,
+    jacobian_kernel,
+    operation_counts,
+    residual_names,
+    value_kernel,
+)
+from obseq.formulas.base import Formula
+
+WIDTH = 110
+FROM_MATH = frozenset({"sqrt", "exp", "log"})
+TEMPLATES = Path(__file__).parent / "templates"
+PENDING = "pending"
+
+
+@dataclass(frozen=True)
+class Module:
+    """A generated module: the formula's name, the module's name, its text, and its line of the report."""
+
+    name: str
+    module: str
+    text: str
+    report: dict[str, object]
+
+
+def module_name(formula_name: str) -> str:
+    """The snake case of a formula's name: `TopoHz` gives `topo_hz`, `Dist3D` gives `dist3d`."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z0-9])(?=[A-Z][a-z])", "_", formula_name)
+    return re.sub("_+", "_", spaced).lower()
+
+
+def render_module(formula: Formula) -> Module:
+    """The module of one formula."""
+    derived = derive(formula)
+    kernels = [value_kernel(derived), jacobian_kernel(derived)]
+    pending = _template("module.py.jinja").render(_context(derived, kernels))
+    text = pending.replace(f"text sha256:{PENDING}", f"text sha256:{text_hash(pending)}", 1)
+    return Module(formula.name, module_name(formula.name), text, _report(derived))
+
+
+def render_index(modules: Iterable[tuple[str, str]]) -> str:
+    """The index: (formula name, module name) of everything generated."""
+    return _template("index.py.jinja").render(modules=sorted(modules))
+
+
+def render_report(rows: Iterable[dict[str, object]]) -> str:
+    """The report of operations, one line per formula."""
+    return _template("report.md.jinja").render(rows=sorted(rows, key=lambda row: str(row["name"])))
+
+
+def text_hash(text: str) -> str:
+    """Hash of a module's text, whatever its own text hash says."""
+    blank = re.sub(r"text sha256:\w+", f"text sha256:{PENDING}", text, count=1)
+    return hashlib.sha256(blank.encode()).hexdigest()[:16]
+
+
+def functions_hash() -> str:
+    """Hash of the code that kernels call or rely on, without its comments and docstrings."""
+    import obseq.kernels.layout as layout
+
+    home = Path(inspect.getfile(layout)).parent
+    content = [_code_only((home / name).read_text("utf-8")) for name in ("functions.py", "layout.py")]
+    return hashlib.sha256("\n".join(content).encode()).hexdigest()[:16]
+
+
+def _code_only(source: str) -> str:
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [s for s in body if not _is_docstring(s)] or [ast.Pass()]  # type: ignore[attr-defined]
+    return ast.dump(tree)
+
+
+def _is_docstring(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+
+
+def _template(name: str) -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    return environment.get_template(name)
+
+
+def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
+    formula = derived.formula
+    called = sorted(set().union(*(kernel.functions for kernel in kernels)))
+    n_inputs, n_residuals = len(formula.unknowns) + len(formula.observations), len(derived.residuals)
+    return {
+        "origin": f"{type(formula).__module__}.{type(formula).__qualname__}",
+        "formula_hash": derived.digest,
+        "text_hash": PENDING,
+        "functions_hash": functions_hash(),
+        "doc": _documentation(formula),
+        "mathematics": [name for name in called if name in FROM_MATH],
+        "functions": [name for name in called if name not in FROM_MATH],
+        "name": formula.name,
+        "unknowns": _tuple([_quoted(name) for name in formula.unknowns]),
+        "observations": _tuple([_quoted(name) for name in formula.observations]),
+        "residuals": _tuple([_quoted(name) for name in residual_names(derived)]),
+        "blocks": _tuple(_blocks(formula), one_per_line=True),
+        "measured": _tuple([str(formula.observations.index(name)) for name in formula.measured]),
+        "typical": _typical(formula),
+        "constants": _tuple([f"({i}, {j}, {value!r})" for i, j, value in derived.constant_entries()]),
+        "operations": _tuple([str(count) for count in operation_counts(derived)]),
+        "value_rows": n_inputs + n_residuals,
+        "rows": n_inputs + n_residuals * (1 + len(formula.unknowns)),
+        "kernels": kernels,
+    }
+
+
+def _documentation(formula: Formula) -> str:
+    """The formula's own words, one-line when they are."""
+    doc = inspect.cleandoc(type(formula).__doc__ or formula.name)
+    return doc + "\n" if "\n" in doc else doc
+
+
+def _blocks(formula: Formula) -> list[str]:
+    texts, start = [], 0
+    for name, atom in formula.atoms:
+        text = f'Block("{name}", "{atom.kind}", {start}, {len(atom.scalars)}'
+        if atom.context:
+            first = formula.observations.index(atom.context[0])
+            text += f", context=({first}, {first + len(atom.context)})"
+        text += ", transposed=True)" if atom.transposed else ")"
+        texts.append(text)
+        start += len(atom.scalars)
+    return texts
+
+
+def _typical(formula: Formula) -> str:
+    """The typical values as a dictionary of scalar names to (centre, half width)."""
+    scalars = {argument.name: argument.scalars for argument in formula.arguments}
+    scalars |= {name: atom.scalars for name, atom in formula.atoms}
+    typical = {
+        scalar: interval
+        for name, interval in formula.typical.items()
+        for scalar in scalars.get(name, (name,))
+    }
+    items = [f'"{name}": {interval!r}' for name, interval in typical.items()]
+    return "{" + _tuple(items)[1:-1].rstrip(",") + "}" if len(items) == 1 else "{" + _tuple(items)[1:-1] + "}"
+
+
+def _quoted(name: str) -> str:
+    return f'"{name}"'
+
+
+def _tuple(items: Sequence[str], one_per_line: bool = False) -> str:
+    """A tuple as the formatter would lay it out: on one line when it fits, else one item per line."""
+    if len(items) == 1 and not one_per_line:
+        return f"({items[0]},)"
+    line = f"({', '.join(items)})"
+    if (len(line) <= WIDTH - 25 and not one_per_line) or not items:
+        return line
+    return "(\n" + "".join(f"    {item},\n" for item in items) + ")"
+
+
+def _report(derived: Derived) -> dict[str, object]:
+    formula = derived.formula
+    value_operations, all_operations = operation_counts(derived)
+    entries = [derived.graph.constant_value(node) for row in derived.jacobian for node in row]
+    return {
+        "name": formula.name,
+        "unknowns": len(formula.unknowns),
+        "observations": len(formula.observations),
+        "residuals": len(derived.residuals),
+        "value_operations": value_operations,
+        "operations": all_operations,
+        "jacobian": len(entries),
+        "zeros": sum(value == 0.0 for value in entries),
+    }

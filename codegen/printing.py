@@ -1,0 +1,125 @@
+"""From a graph to the Python lines of a kernel: loads, named intermediate values, stores."""
+
+import keyword
+from collections import Counter
+from dataclasses import dataclass, field
+
+from obseq.codegen.graph import CONSTANT, INPUT, Graph
+from obseq.codegen.operators import OPERATORS
+
+LONGEST_EXPRESSION = 80
+"""Characters beyond which an expression is cut, and its parts get names of their own."""
+
+SUM, PRODUCT, SIGN, ATOM = range(4)
+PRECEDENCE = {"add": SUM, "sub": SUM, "mul": PRODUCT, "rcp": PRODUCT, "neg": SIGN}
+RESERVED = frozenset(
+    {*keyword.kwlist, *OPERATORS, "tiles", "n_tiles", "tile", "at", "lane", "k", "range", "LANES", "STRIDE"}
+)
+
+
+@dataclass(frozen=True)
+class Store:
+    """An output of a kernel: the node, the row of the tile where it goes, what it is (for a comment)."""
+
+    node: int
+    row: int
+    comment: str = ""
+
+
+@dataclass
+class Printer:
+    """Prints the operations that some stores need, every shared node as one assignment."""
+
+    graph: Graph
+    stores: list[Store]
+    row_of_input: dict[str, int]
+    lines: list[str] = field(default_factory=list)
+    functions: set[str] = field(default_factory=set)
+    _text: dict[int, str] = field(default_factory=dict)
+    _taken: set[str] = field(default_factory=lambda: set(RESERVED))
+    _uses: Counter[int] = field(default_factory=Counter)
+    _temporaries: int = 0
+
+    def print(self) -> list[str]:
+        """The lines of the lane loop's body: loads of the inputs used, operations, stores."""
+        outputs = [store.node for store in self.stores]
+        nodes = self.graph.reachable(outputs)
+        self._uses.update(operand for node in nodes for operand in self.graph.nodes[node].operands)
+        self._uses.update(outputs)
+        self._load(nodes)
+        comment = ""
+        for store in self.stores:
+            if store.comment != comment:
+                comment = store.comment
+                self.lines.append(f"# {comment}")
+            self.lines.append(f"{_place(store.row)} = {self._expression(store.node)[0]}")
+        return self.lines
+
+    def _load(self, nodes: list[int]) -> None:
+        """One line per input used, in the order of the rows; these names come first, so they stay as they are."""
+        inputs = [node for node in nodes if self.graph.nodes[node].operator == INPUT]
+        for node in sorted(inputs, key=lambda n: self.row_of_input[str(self.graph.nodes[n].value)]):
+            name = str(self.graph.nodes[node].value)
+            self._text[node] = self._free_name(name)
+            self.lines.append(f"{self._text[node]} = {_place(self.row_of_input[name])}")
+
+    def _free_name(self, wanted: str) -> str:
+        while wanted in self._taken:
+            wanted += "_"
+        self._taken.add(wanted)
+        return wanted
+
+    def _temporary(self) -> str:
+        self._temporaries += 1
+        return self._free_name(f"t{self._temporaries}")
+
+    def _assign(self, node: int, expression: str) -> str:
+        name = self.graph.names.get(node)
+        self._text[node] = self._free_name(name) if name else self._temporary()
+        self.lines.append(f"{self._text[node]} = {expression}")
+        return self._text[node]
+
+    def _expression(self, node: int) -> tuple[str, int]:
+        """(text, precedence) of a node; a shared or named node is assigned on the way."""
+        if node in self._text:
+            return self._text[node], ATOM
+        operator, operands, value = self.graph.nodes[node]
+        if operator == CONSTANT:
+            return repr(float(value)), ATOM if float(value) >= 0 else SIGN
+        text, precedence = self._operation(operator, operands)
+        if self._uses[node] > 1 or node in self.graph.names:
+            return self._assign(node, text), ATOM
+        return text, precedence
+
+    def _operation(self, operator: str, operands: tuple[int, ...]) -> tuple[str, int]:
+        if operator == "mul" and (quotient := self._quotient(operands)):
+            return quotient, PRODUCT
+        if OPERATORS[operator].function:
+            self.functions.add(OPERATORS[operator].function)
+        precedence = PRECEDENCE.get(operator, ATOM)
+        parts = [self._expression(operand) for operand in operands]
+        texts = []
+        for position, (operand, (text, inner)) in enumerate(zip(operands, parts, strict=True)):
+            if len(text) > LONGEST_EXPRESSION // len(operands):
+                text, inner = self._assign(operand, text), ATOM
+            tight = inner < precedence or (inner == precedence and position > 0) or inner == SIGN
+            texts.append(f"({text})" if tight and precedence != ATOM else text)
+        return OPERATORS[operator].symbol.format(*texts), precedence
+
+    def _quotient(self, operands: tuple[int, ...]) -> str:
+        """The product a (1/b) as a / b when nothing else uses 1/b; empty when it is not one."""
+        for numerator, inverse in (operands, operands[::-1]):
+            node = self.graph.nodes[inverse]
+            if node.operator == "rcp" and self._uses[inverse] == 1 and inverse not in self._text:
+                (top, outer), (bottom, inner) = self._expression(numerator), self._expression(node.operands[0])
+                if len(top) > LONGEST_EXPRESSION // 2:
+                    top, outer = self._assign(numerator, top), ATOM
+                if len(bottom) > LONGEST_EXPRESSION // 2:
+                    bottom, inner = self._assign(node.operands[0], bottom), ATOM
+                top = f"({top})" if outer in (SUM, SIGN) else top
+                return f"{top} / {bottom}" if inner == ATOM else f"{top} / ({bottom})"
+        return ""
+
+
+def _place(row: int) -> str:
+    return "tiles[at]" if row == 0 else f"tiles[at + {row} * STRIDE]"

@@ -1,0 +1,91 @@
+"""From the sympy expressions of a formula to its expression graph."""
+
+import sympy
+
+from obseq.codegen.graph import Graph
+from obseq.errors import FormulaError
+from obseq.formulas import functions
+from obseq.formulas.base import Formula
+
+FUNCTIONS: dict[type[sympy.Basic], str] = {
+    functions.Sqrt: "sqrt",
+    functions.WrapAngle: "wrap_angle",
+    sympy.sin: "sin",
+    sympy.cos: "cos",
+    sympy.exp: "exp",
+    sympy.log: "log",
+    sympy.asin: "asin",
+    sympy.atan2: "atan2",
+}
+"""What a sympy function becomes in the graph; anything else is refused."""
+
+
+def translate(formula: Formula) -> tuple[Graph, list[int]]:
+    """The graph of a formula and the node of each of its residuals.
+
+    Raises:
+        FormulaError: An expression has no counterpart in the kernels.
+    """
+    translator = _Translator(formula.name, Graph(), {})
+    return translator.graph, [translator.visit(expression) for expression in formula.expressions()]
+
+
+class _Translator:
+    """Translates expressions, each once: `memory` is keyed by identity, since sympy's equality walks trees."""
+
+    def __init__(self, formula: str, graph: Graph, memory: dict[int, tuple[sympy.Basic, int]]) -> None:
+        self.formula = formula
+        self.graph = graph
+        self.memory = memory
+
+    def visit(self, expression: sympy.Basic) -> int:
+        if id(expression) not in self.memory:
+            self.memory[id(expression)] = (expression, self._translate(expression))
+        return self.memory[id(expression)][1]
+
+    def _translate(self, expression: sympy.Basic) -> int:
+        graph = self.graph
+        if isinstance(expression, sympy.Symbol):
+            return graph.input(expression.name)
+        if isinstance(expression, sympy.Number | sympy.NumberSymbol):
+            return graph.constant(float(expression))
+        if isinstance(expression, sympy.Add):
+            return self._fold(graph.add, expression.args)
+        if isinstance(expression, sympy.Mul):
+            return self._fold(graph.mul, expression.args)
+        if isinstance(expression, sympy.Pow):
+            return self._power(*expression.args)
+        if isinstance(expression, functions.Named):
+            return self._name(*expression.args)
+        if type(expression) in FUNCTIONS:
+            return graph.apply(FUNCTIONS[type(expression)], *(self.visit(a) for a in expression.args))
+        raise self._refusal(expression)
+
+    def _fold(self, operation, arguments):  # type: ignore[no-untyped-def]
+        result = self.visit(arguments[0])
+        for argument in arguments[1:]:
+            result = operation(result, self.visit(argument))
+        return result
+
+    def _power(self, base: sympy.Basic, exponent: sympy.Basic) -> int:
+        node = self.visit(base)
+        if isinstance(exponent, sympy.Integer):
+            return self.graph.power(node, int(exponent))
+        if exponent == sympy.Rational(1, 2):
+            return self.graph.apply("sqrt", node)
+        if exponent == -sympy.Rational(1, 2):
+            return self.graph.rcp(self.graph.apply("sqrt", node))
+        if base == sympy.E:
+            return self.graph.apply("exp", self.visit(exponent))
+        raise self._refusal(sympy.Pow(base, exponent, evaluate=False))
+
+    def _name(self, name: sympy.Basic, expression: sympy.Basic) -> int:
+        node = self.visit(expression)
+        self.graph.names.setdefault(node, str(name))
+        return node
+
+    def _refusal(self, expression: sympy.Basic) -> FormulaError:
+        return FormulaError(
+            f"{self.formula}: the generator has no kernel for {type(expression).__name__} in {expression!s}; "
+            f"write it with obseq.formulas.functions, or add an operator to obseq.codegen.operators"
+        )

@@ -1,0 +1,168 @@
+"""What a formula is: a class whose `residual` method declares, by its signature, unknowns and observations."""
+
+import functools
+import inspect
+import re
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import sympy
+
+from obseq.errors import FormulaError
+from obseq.formulas.blocks import Atom, Declaration, Matrix3, Point2, Point3
+from obseq.formulas.functions import Scalar
+
+IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of `residual`: its name, whether it is adjusted, and what it is made of."""
+
+    name: str
+    is_unknown: bool
+    declaration: Declaration
+
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """Names of its scalars, without its context."""
+        return tuple(name for atom in self.declaration.atoms for name in atom.scalars)
+
+    @property
+    def context(self) -> tuple[str, ...]:
+        """Names of its context values."""
+        return tuple(name for atom in self.declaration.atoms for name in atom.context)
+
+
+class Formula:
+    """Base of all formulas. A subclass writes `residual`; a family is a frozen dataclass with parameters.
+
+    Attributes:
+        observation_order: Arguments in the order of their observed or context scalars, when MMVII's order is
+            not "context of the unknown blocks first, then the observations".
+        typical: Where the equation lives, for random checks: name of a scalar, an atomic block or an argument
+            to (centre, half width).
+        source: Where the equation comes from.
+    """
+
+    observation_order: ClassVar[tuple[str, ...]] = ()
+    typical: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    source: ClassVar[str] = ""
+    residual: Any
+
+    @property
+    def name(self) -> str:
+        """The registered name, MMVII's."""
+        return type(self).__name__
+
+    @functools.cached_property
+    def arguments(self) -> tuple[Argument, ...]:
+        """The arguments of `residual`, in the order of its signature."""
+        hints = typing.get_type_hints(type(self).residual, include_extras=True)
+        parameters = list(inspect.signature(type(self).residual).parameters.values())[1:]
+        return tuple(
+            Argument(
+                parameter.name,
+                parameter.kind is not inspect.Parameter.KEYWORD_ONLY,
+                _declare(parameter.name, hints[parameter.name], self),
+            )
+            for parameter in parameters
+        )
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the unknowns, in order."""
+        return tuple(name for argument in self.arguments if argument.is_unknown for name in argument.scalars)
+
+    @property
+    def observations(self) -> tuple[str, ...]:
+        """Names of the observations, context of the unknown blocks included, in order."""
+        return tuple(name for names in self._observed().values() for name in names)
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Names of the observations that are not the context of an unknown block."""
+        return tuple(
+            name for argument in self.arguments if not argument.is_unknown for name in argument.scalars
+        )
+
+    @property
+    def atoms(self) -> tuple[tuple[str, Atom], ...]:
+        """The atomic unknown blocks, each with its name: the argument, and its part when it has several."""
+        return tuple(
+            (f"{argument.name}.{atom.part}" if len(argument.declaration.atoms) > 1 else argument.name, atom)
+            for argument in self.arguments
+            if argument.is_unknown
+            for atom in argument.declaration.atoms
+        )
+
+    def _observed(self) -> dict[str, tuple[str, ...]]:
+        observed = {
+            argument.name: argument.context if argument.is_unknown else argument.scalars
+            for argument in self.arguments
+        }
+        observed = {name: names for name, names in observed.items() if names}
+        if not self.observation_order:
+            return observed
+        if set(self.observation_order) != set(observed):
+            raise FormulaError(f"{self.name}: observation_order must name exactly {sorted(observed)}")
+        return {name: observed[name] for name in self.observation_order}
+
+    def evaluate(self, unknowns: Sequence[Scalar], observations: Sequence[Scalar]) -> tuple[Scalar, ...]:
+        """The residuals, read on whatever is given: floats, mpmath numbers or sympy symbols."""
+        values = dict(zip(self.unknowns, unknowns, strict=True))
+        values |= zip(self.observations, observations, strict=True)
+        positional, keyword = [], {}
+        for argument in self.arguments:
+            built = argument.declaration.build(
+                [values[name] for name in argument.scalars], [values[name] for name in argument.context]
+            )
+            if argument.is_unknown:
+                positional.append(built)
+            else:
+                keyword[argument.name] = built
+        return _flatten(self.residual(*positional, **keyword))
+
+    def expressions(self) -> tuple[sympy.Expr, ...]:
+        """The residuals as unevaluated sympy expressions of the named unknowns and observations."""
+        self.check_names()
+        with sympy.evaluate(False):
+            return tuple(
+                sympy.sympify(residual)
+                for residual in self.evaluate(
+                    [sympy.Symbol(name, real=True) for name in self.unknowns],
+                    [sympy.Symbol(name, real=True) for name in self.observations],
+                )
+            )
+
+    def check_names(self) -> None:
+        """Raises FormulaError when a scalar name is repeated or is not an identifier."""
+        seen: set[str] = set()
+        for name in (*self.unknowns, *self.observations):
+            if not IDENTIFIER.fullmatch(name):
+                raise FormulaError(f"{self.name}: the scalar name {name!r} is not an identifier")
+            if name in seen:
+                raise FormulaError(f"{self.name}: the scalar name {name!r} is declared twice")
+            seen.add(name)
+
+
+def _declare(argument: str, annotation: Any, formula: Formula) -> Declaration:
+    """The declaration of one argument from its annotation: a block type, with labels when it is Annotated."""
+    block, labels = annotation, [argument]
+    if typing.get_origin(annotation) is typing.Annotated:
+        block, *labels = typing.get_args(annotation)
+    if not hasattr(block, "declare"):
+        raise FormulaError(f"{formula.name}: the argument {argument!r} is not annotated with a block type")
+    declaration: Declaration = block.declare(labels, formula)
+    return declaration
+
+
+def _flatten(residual: Any) -> tuple[Scalar, ...]:
+    """The scalars of a residual written as a scalar, a point, a matrix, or a sequence of these."""
+    if isinstance(residual, Point2 | Point3 | Matrix3):
+        return tuple(residual)
+    if isinstance(residual, tuple | list):
+        return tuple(scalar for part in residual for scalar in _flatten(part))
+    return (residual,)

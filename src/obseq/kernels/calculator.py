@@ -1,0 +1,134 @@
+"""A formula evaluated on plain arrays: values, and values with derivatives."""
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from obseq.errors import FormulaError, InputError
+from obseq.kernels.layout import STRIDE
+from obseq.kernels.loading import Kernel, load
+
+Array = NDArray[np.float64]
+SCRATCH_DOUBLES = 1 << 16
+"""Size of the scratch tiles of an evaluation: half a mebibyte, which stays in the second-level cache."""
+
+
+class Calculator:
+    """Evaluates one formula on batches of arguments.
+
+    Attributes:
+        name: Name of the formula.
+        unknowns: Names of the unknowns, in order.
+        observations: Names of the observations, in order.
+        residuals: Names of the residuals, in order.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.kernel = kernel
+        self.name = kernel.name
+        self.unknowns = kernel.unknowns
+        self.observations = kernel.observations
+        self.residuals = kernel.residuals
+
+    def __repr__(self) -> str:
+        return (
+            f"<Calculator {self.name}: {len(self.unknowns)} unknowns, "
+            f"{len(self.observations)} observations, {len(self.residuals)} residuals>"
+        )
+
+    def values(self, unknowns: ArrayLike, observations: ArrayLike) -> Array:
+        """The residuals.
+
+        Args:
+            unknowns: (n, n_unknowns) float64.
+            observations: (n, n_observations) float64, context of the unknown blocks included.
+
+        Returns:
+            (n, n_residuals) float64; a row where the formula is undefined is not finite.
+
+        Raises:
+            FormulaError: An array has the wrong shape or is not made of real numbers.
+        """
+        u, o = self._arguments(unknowns, observations)
+        return self._evaluate(self.kernel.value_address, self.kernel.value_rows, (), u, o)
+
+    def values_and_jacobian(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[Array, Array]:
+        """The residuals and their derivatives with respect to the unknowns.
+
+        Args:
+            unknowns: (n, n_unknowns) float64.
+            observations: (n, n_observations) float64, context of the unknown blocks included.
+
+        Returns:
+            (n, n_residuals) and (n, n_residuals, n_unknowns) float64.
+
+        Raises:
+            FormulaError: An array has the wrong shape or is not made of real numbers.
+        """
+        u, o = self._arguments(unknowns, observations)
+        kernel, m = self.kernel, len(self.residuals)
+        both = self._evaluate(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows, u, o)
+        values, derivatives = np.split(both, [m], axis=1)
+        shape = (len(u), m, len(self.unknowns))
+        return np.ascontiguousarray(values), np.ascontiguousarray(derivatives).reshape(shape)
+
+    def check_finite(self, values: ArrayLike) -> None:
+        """Raises InputError naming the first rows whose values are not finite.
+
+        Args:
+            values: (n, ...) results of this calculator.
+        """
+        array = np.asarray(values)
+        bad = np.flatnonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1))
+        if bad.size:
+            rows = ", ".join(map(str, bad[:5])) + (", ..." if bad.size > 5 else "")
+            raise InputError(f"{self.name}: not finite in {bad.size} of {len(array)} rows: {rows}")
+
+    def _arguments(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[Array, Array]:
+        u = self._array("unknowns", unknowns, self.unknowns)
+        o = self._array("observations", observations, self.observations)
+        if len(u) != len(o):
+            raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(o)} rows of observations")
+        return u, o
+
+    def _array(self, argument: str, given: ArrayLike, names: tuple[str, ...]) -> Array:
+        array = np.asarray(given)
+        if array.dtype.kind not in "fiu" and array.size:
+            raise FormulaError(f"{self.name}: {argument} must be real numbers, not {array.dtype}")
+        if array.ndim != 2 or array.shape[1] != len(names):
+            raise FormulaError(
+                f"{self.name}: {argument} must have the shape (n, {len(names)}), one column for each of "
+                f"{', '.join(names) or 'no name'}; it has {array.shape}"
+            )
+        return np.ascontiguousarray(array, dtype=np.float64)
+
+    def _evaluate(
+        self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: Array, o: Array
+    ) -> Array:
+        tiles = _tiles()
+        first = self.kernel.first_result
+        results = np.empty((len(u), rows - first))
+        n_tiles = max(1, min(SCRATCH_DOUBLES // (rows * STRIDE), -(-len(u) // 32)))
+        scratch = tiles.aligned_tiles(rows, n_tiles, constants)
+        if results.size:
+            tiles.evaluate(address, scratch, rows, u, o, first, results)
+        return results
+
+
+@functools.cache
+def _tiles() -> Any:
+    """The compiled drivers, imported when they are first needed."""
+    import obseq.kernels.tiles as tiles
+
+    return tiles
+
+
+def calculator(name: str) -> Calculator:
+    """The calculator of a generated formula.
+
+    Raises:
+        FormulaError: No generated formula has that name; the message gives close ones.
+    """
+    return Calculator(load(name))

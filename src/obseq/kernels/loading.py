@@ -1,0 +1,118 @@
+"""Loading a generated module: its description at once, its compiled kernels when they are first asked for."""
+
+import difflib
+import functools
+import importlib
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from obseq.errors import FormulaError
+from obseq.kernels.layout import Block
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A generated formula: names, blocks, tile layout, and the addresses of its compiled kernels.
+
+    Attributes:
+        name: Name of the formula.
+        unknowns: Names of the unknowns.
+        observations: Names of the observations, context of the unknown blocks included.
+        residuals: Names of the residuals.
+        blocks: Atomic unknown blocks, contiguous, in the order of the unknowns.
+        measured: Indices of the observations that are not context: what is given per observation.
+        typical: (centre, half width) of scalars for random checks.
+        constant_jacobian: (residual, unknown, value) of the entries that kernels do not write.
+        value_rows: Rows of a tile of the value kernel.
+        rows: Rows of a tile of the kernel with derivatives.
+        module: The generated module.
+    """
+
+    name: str
+    unknowns: tuple[str, ...]
+    observations: tuple[str, ...]
+    residuals: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    measured: tuple[int, ...]
+    typical: dict[str, tuple[float, float]]
+    constant_jacobian: tuple[tuple[int, int, float], ...]
+    value_rows: int
+    rows: int
+    module: ModuleType
+
+    @property
+    def first_result(self) -> int:
+        """Row of the first residual in a tile."""
+        return len(self.unknowns) + len(self.observations)
+
+    @property
+    def constant_rows(self) -> tuple[tuple[int, float], ...]:
+        """(row of a tile, value) of the constant entries of the Jacobian."""
+        first = self.first_result + len(self.residuals)
+        return tuple((first + i * len(self.unknowns) + j, value) for i, j, value in self.constant_jacobian)
+
+    @property
+    def value_address(self) -> int:
+        """Address of the compiled value kernel; compiled or read from numba's cache at the first call."""
+        return int(_compiled(self.module, "value").address)
+
+    @property
+    def value_and_jacobian_address(self) -> int:
+        """Address of the compiled kernel of values and derivatives."""
+        return int(_compiled(self.module, "value_and_jacobian").address)
+
+
+def formula_names() -> tuple[str, ...]:
+    """Names of all generated formulas, sorted."""
+    return tuple(sorted(_modules()))
+
+
+@functools.cache
+def load(name: str) -> Kernel:
+    """The generated formula of that name; nothing is compiled yet.
+
+    Raises:
+        FormulaError: No generated formula has that name; the message gives close ones.
+    """
+    if name not in _modules():
+        near = ", ".join(difflib.get_close_matches(name, _modules(), n=4, cutoff=0.5)) or "none"
+        raise FormulaError(
+            f"no generated formula is named {name!r}; nearest names: {near}. "
+            f"If {name} is in the registry of obseq.formulas, generate it with: gencode {name}"
+        )
+    return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
+
+
+def describe(module: ModuleType) -> Kernel:
+    """The kernel that a generated module describes."""
+    return Kernel(
+        name=module.NAME,
+        unknowns=module.UNKNOWNS,
+        observations=module.OBSERVATIONS,
+        residuals=module.RESIDUALS,
+        blocks=module.BLOCKS,
+        measured=module.MEASURED,
+        typical=module.TYPICAL,
+        constant_jacobian=module.CONSTANT_JACOBIAN,
+        value_rows=module.VALUE_ROWS,
+        rows=module.ROWS,
+        module=module,
+    )
+
+
+@functools.cache
+def _modules() -> dict[str, str]:
+    modules: dict[str, str] = importlib.import_module("obseq.generated.index").MODULES
+    return modules
+
+
+@functools.cache
+def _compiled(module: ModuleType, function: str) -> Any:
+    """The compiled kernel; kept alive for the life of the process, so that its address stays valid."""
+    from numba import cfunc
+
+    compile_kernel = cfunc(
+        "void(CPointer(float64), int64)", cache=True, error_model="numpy", fastmath={"contract"}
+    )
+    return compile_kernel(getattr(module, function))
