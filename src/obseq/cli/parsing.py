@@ -1,0 +1,55 @@
+"""What the subcommands share when they declare their arguments."""
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import TypeAlias
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Run = Callable[[argparse.Namespace], int]
+
+
+def add_command(
+    commands: Commands, name: str, run: Run, purpose: str, more: str = "", example: str | None = None
+) -> argparse.ArgumentParser:
+    """Add a subcommand.
+
+    Args:
+        commands: Where it is added.
+        name: What the user types.
+        run: What it does; returns the exit code.
+        purpose: Its line in the list of commands, and the beginning of its help.
+        more: The rest of the description.
+        example: What ends its help.
+    """
+    command: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=purpose,
+        description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}",
+        epilog=example,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def positive_number(text: str) -> float:
+    """A finite number above zero."""
+    value = _number(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above zero")
+    return value
+
+
+def positive_integer(text: str) -> int:
+    """A whole number above zero."""
+    if not (text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number above zero")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

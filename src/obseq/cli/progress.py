@@ -1,0 +1,57 @@
+"""A line on the terminal that says what is being done, once it has lasted long enough to wonder."""
+
+import shutil
+import sys
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+PATIENCE = 2.0
+"""Seconds of silence before the line appears."""
+
+PERIOD = 0.5
+ERASE = "\r\x1b[K"
+
+
+class Progress:
+    """What is being done and for how long, on standard error; silent when that is not a terminal.
+
+    Example:
+        >>> with Progress("reading") as progress:
+        ...     progress("adjusting: iteration 1")
+    """
+
+    def __init__(self, message: str) -> None:
+        self._message = message
+        self._start = time.monotonic()
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True)
+
+    def __call__(self, message: str) -> None:
+        """Say what is being done now."""
+        self._message = message
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._done.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _show(self) -> None:
+        if self._done.wait(PATIENCE):
+            return
+        while True:
+            line = f"{self._message} ... {time.monotonic() - self._start:.0f} s"
+            sys.stderr.write(ERASE + line[: shutil.get_terminal_size().columns - 1])
+            sys.stderr.flush()
+            if self._done.wait(PERIOD):
+                break
+        sys.stderr.write(ERASE)
+        sys.stderr.flush()

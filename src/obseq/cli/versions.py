@@ -1,0 +1,46 @@
+"""`obseq versions`: what to say when reporting a problem."""
+
+import argparse
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from importlib import metadata
+
+from obseq.cli.parsing import Commands, add_command
+
+PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "pyproj", "pymetis", "sympy", "jinja2")
+
+
+def register(commands: Commands) -> None:
+    """Add the command to the parser."""
+    add_command(commands, "versions", run, "show the versions of obseq and of what it uses, for bug reports")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print one line per component."""
+    for name, version in components():
+        print(f"{name:<12} {version}")
+    return 0
+
+
+def components() -> Iterator[tuple[str, str]]:
+    """Name and version of everything that matters."""
+    import pyproj
+
+    yield "obseq", _version("obseq")
+    yield "python", sys.version.split()[0]
+    yield (
+        "system",
+        f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} processors",
+    )
+    for package in PACKAGES:
+        yield package, _version(package)
+    yield "PROJ", f"{pyproj.proj_version_str}, data in {pyproj.datadir.get_data_dir()}"
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
