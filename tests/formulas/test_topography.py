@@ -1,0 +1,85 @@
+"""The survey formulas, each on numbers that a person can follow."""
+
+import math
+
+import pytest
+
+from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
+
+IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+QUARTER_LEFT = (0, -1, 0, 1, 0, 0, 0, 0, 1)
+"""Instrument to frame: the instrument's x is the frame's y, its y the frame's -x (a quarter turn to the left)."""
+STATION = (100.0, 200.0, 10.0, 0.0, 0.0, 0.0)
+
+
+def residual(formula, target, observations, matrix=IDENTITY, station=STATION):
+    """The only residual of a station formula."""
+    (value,) = formula.evaluate((*station, *target), (*matrix, *observations))
+    return value
+
+
+def test_hz_of_a_target_due_east_is_a_quarter_turn():
+    # From (100, 200) to (105, 200): due east, 90 degrees clockwise from y.
+    assert residual(TopoHz(), (105, 200, 10), [0.0]) == pytest.approx(math.pi / 2, abs=1e-15)
+
+
+def test_hz_counts_clockwise_from_y():
+    # 3 m east, 4 m north: the angle from north, clockwise, has tangent 3/4.
+    assert residual(TopoHz(), (103, 204, 50), [0.5]) == pytest.approx(math.atan2(3, 4) - 0.5, abs=1e-15)
+
+
+def test_hz_reads_the_instrument_axes():
+    # The instrument's y axis points to the frame's -x (west): a target due north is a quarter turn to its right.
+    assert residual(TopoHz(), (100, 205, 10), [0.0], QUARTER_LEFT) == pytest.approx(math.pi / 2, abs=1e-15)
+
+
+def test_hz_wraps_differences_above_half_a_turn():
+    # Computed -0.1, observed 2 pi - 0.2: they differ by 0.1, not by almost a turn.
+    target = (100 + math.sin(-0.1), 200 + math.cos(-0.1), 10)
+    assert residual(TopoHz(), target, [2 * math.pi - 0.2]) == pytest.approx(0.1, abs=1e-14)
+    # MMVII leaves a computed 3 and an observed -3 at 6; they are 2 pi - 6 apart.
+    target = (100 + math.sin(3.0), 200 + math.cos(3.0), 10)
+    assert residual(TopoHz(), target, [-3.0]) == pytest.approx(6 - 2 * math.pi, abs=1e-14)
+
+
+def test_small_rotation_about_z_decreases_the_direction():
+    # W turns the aimed vectors counter-clockwise: with W_z = 1e-6 the reading loses 1e-6 rad.
+    station = (*STATION[:5], 1e-6)
+    turned = residual(TopoHz(), (103, 204, 10), [0.0], station=station)
+    assert turned - residual(TopoHz(), (103, 204, 10), [0.0]) == pytest.approx(-1e-6, abs=1e-15)
+
+
+def test_zenith_angle_is_a_right_angle_at_the_horizon_and_small_overhead():
+    assert residual(TopoZen(), (103, 204, 10), [0.0, 0.0]) == pytest.approx(math.pi / 2, abs=1e-15)
+    # 5 m away horizontally, 12 m up: tangent of the zenith angle 5/12.
+    assert residual(TopoZen(), (103, 204, 22), [0.0, 0.0]) == pytest.approx(math.atan2(5, 12), abs=1e-15)
+
+
+def test_refraction_is_taken_off_the_computed_zenith_angle():
+    assert residual(TopoZen(), (103, 204, 22), [1e-5, 0.0]) == pytest.approx(math.atan2(5, 12) - 1e-5, abs=1e-15)
+
+
+def test_distance_of_the_3_4_12_box_is_13():
+    (value,) = TopoDist().evaluate((1, 1, 1, 4, 5, 13), [12.5])
+    assert value == pytest.approx(0.5, abs=1e-15)
+
+
+@pytest.mark.parametrize(("formula", "component"), [(TopoDX(), 5.0), (TopoDY(), -3.0), (TopoDZ(), 7.0)])
+def test_local_components(formula, component):
+    # Target 3 m east, 5 m north, 7 m up; instrument turned to the left: its right is north, its front is west.
+    assert residual(formula, (103, 205, 17), [1.0], QUARTER_LEFT) == pytest.approx(component - 1.0, abs=1e-14)
+
+
+def test_height_difference_on_the_equator():
+    # At (a, 0, 0) the ellipsoid normal is x: 2 m further along x is 2 m higher. Frame = geocentric.
+    a, e2 = 6378137.0, 0.00669438
+    points = (a + 1.0, 0.0, 0.0, a + 3.0, 0.0, 0.0)
+    (value,) = TopoDH().evaluate(points, (*IDENTITY, 0, 0, 0, a, e2, 1.5))
+    assert value == pytest.approx(0.5, abs=1e-8)
+
+
+def test_height_difference_grows_with_the_square_of_the_distance():
+    # 1 km along the tangent at the equator, towards east (a circle of radius a): 1000^2 / (2 a) = 0.0784 m higher.
+    a, e2 = 6378137.0, 0.00669438
+    (value,) = TopoDH().evaluate((a, 0, 0, a, 1000.0, 0), (*IDENTITY, 0, 0, 0, a, e2, 0.0))
+    assert value == pytest.approx(math.hypot(a, 1000.0) - a, abs=1e-8)
