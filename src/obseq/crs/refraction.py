@@ -48,8 +48,7 @@ def horizontal_distance(
         targets: (n, 3).
         names: names of the origins, for messages.
     """
-    alpha, rho, height = _arc(system, origins, targets, names)
-    return alpha * (rho + height)
+    return _distance_and_radius(system, origins, targets, names)[0]
 
 
 def refraction_correction(
@@ -63,18 +62,20 @@ def refraction_correction(
 
     It is how much too high the target seems: true zenith angle = measured + correction.
     """
-    alpha, rho, height = _arc(system, origins, targets, names)
-    return coefficient * alpha * (rho + height) / (2.0 * rho)
+    distance, rho = _distance_and_radius(system, origins, targets, names)
+    return coefficient * distance / (2.0 * rho)
 
 
-def _arc(
+def _distance_and_radius(
     system: CoordinateSystem, origins: npt.ArrayLike, targets: npt.ArrayLike, names: Sequence[str] | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angle at the centre of the Earth (n,), and rho and ellipsoidal height (n,) of the origins."""
+) -> tuple[FloatArray, FloatArray]:
+    """D (n,), and rho (n,) of the origins."""
     start = system.to_geocentric(origins, names)
     sight = system.to_geocentric(targets) - start
     # start x target = start x sight, without the cancellation
     sine = np.linalg.norm(np.cross(start, sight), axis=-1)
     cosine = np.sum(start * (start + sight), axis=-1)
     place = geodetic_from_geocentric(start, names)
-    return np.arctan2(sine, cosine), curvature_radius(place[..., 1]), place[..., 2]
+    rho = curvature_radius(place[..., 1])
+    distance: FloatArray = np.arctan2(sine, cosine) * (rho + place[..., 2])
+    return distance, rho
