@@ -1,6 +1,6 @@
 """Coordinate systems that PROJ defines, each with the one operation that leads to geocentric WGS 84.
 
-pyproj is imported when it is first needed. None of this turns the network on, or does without a grid silently.
+pyproj is imported when first needed. Nothing here turns the network on, or silently does without a grid.
 """
 
 import warnings
