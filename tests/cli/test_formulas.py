@@ -1,0 +1,48 @@
+import subprocess
+import sys
+
+import pytest
+
+import obseq
+from obseq.cli.main import main
+
+
+def test_every_formula_is_listed_with_its_meaning(capsys) -> None:
+    assert main(["formulas"]) == 0
+    rows = [line.split(maxsplit=3) for line in capsys.readouterr().out.splitlines()]
+    assert [row[0] for row in rows[1:]] == list(obseq.formula_names())
+    assert ["TopoHz", "9", "1"] in [row[:3] for row in rows]
+    assert all(len(row) == 4 for row in rows[1:])
+
+
+def test_one_formula_is_shown_in_full(capsys) -> None:
+    assert main(["formulas", "TopoHz"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("TopoHz: Horizontal direction of a target")
+    assert "station.rotation     Rotation   Wi_x, Wi_y, Wi_z" in text
+    assert "observations\n  val\n" in text
+    assert "return angle_difference(atan2(sight.x, sight.y), hz)" in text
+    assert "source: MMVII Formulas_Topo.h" in text
+
+
+@pytest.mark.parametrize("name", obseq.formula_names())
+def test_the_equation_of_every_formula_is_found(name, capsys) -> None:
+    assert main(["formulas", name]) == 0
+    text = capsys.readouterr().out
+    assert "  def residual(" in text
+    assert "source: " in text
+
+
+def test_an_unknown_name_gives_close_ones(capsys) -> None:
+    assert main(["formulas", "TopoHs"]) == 2
+    assert "TopoHz" in capsys.readouterr().err
+
+
+def test_equations_are_shown_without_sympy() -> None:
+    script = (
+        "import sys\nsys.modules['sympy'] = None\n"
+        "from obseq.cli.main import main\nsys.exit(main(['formulas', 'TopoZen']))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "atan2(horizontal, sight.z)" in done.stdout

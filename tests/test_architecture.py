@@ -1,0 +1,136 @@
+"""The shape of the project: what imports what, what `import obseq` loads, and what is in the repository."""
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = {
+    "formulas": ROOT / "formulas",
+    "codegen": ROOT / "codegen",
+    "generated": ROOT / "generated",
+} | {
+    path.name: path for path in (ROOT / "src" / "obseq").iterdir() if path.is_dir() and not path.is_symlink()
+}
+
+ARROWS = {
+    "errors": set(),
+    "geometry": set(),
+    "crs": set(),
+    "report": set(),
+    "formulas": set(),
+    "codegen": {
+        "formulas",
+        "kernels",
+    },  # kernels: the layout and the functions that generated text is made for
+    "generated": {"kernels"},  # the same
+    "kernels": {"generated"},
+    "leastsquares": {"kernels", "geometry"},
+    "survey": {"leastsquares", "kernels", "geometry", "crs"},
+    "cli": {"report", "survey", "leastsquares", "kernels", "crs"},
+}
+FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
+FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "src", "tests", "tools"}
+LARGEST_FILE = 1_500_000
+
+
+def modules_of(room: str) -> list[Path]:
+    return sorted(ROOMS[room].rglob("*.py"))
+
+
+def imports_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and full name of everything a module imports, wherever in the module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: import by the installed name"
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def tracked_files() -> list[Path]:
+    if not (ROOT / ".git").exists():
+        pytest.skip("this copy of the project is not a git repository")
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    return [ROOT / name for name in listed.split("\0") if name]
+
+
+def test_every_room_has_its_arrows() -> None:
+    assert ROOMS.keys() - {"__pycache__"} == ARROWS.keys() - {"errors"}
+
+
+@pytest.mark.parametrize("room", sorted(ARROWS.keys() - {"errors"}))
+def test_dependencies_point_one_way(room: str) -> None:
+    allowed = ARROWS[room] | {room, "errors"}
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {room} may not import {name}"
+        for path in modules_of(room)
+        for line, name in imports_of(path)
+        if name.startswith("obseq.")
+        and name.split(".")[1] not in allowed
+        and not name.split(".")[1][0].isupper()
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("room", ["codegen", "generated"])
+def test_what_generation_takes_from_the_kernels_is_their_layout_and_functions(room: str) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in modules_of(room)
+        for line, name in imports_of(path)
+        if name.startswith("obseq.kernels.") and not any(name.startswith(allowed) for allowed in FROM_KERNELS)
+    ]
+    assert wrong == []
+
+
+def test_folders_are_imported_by_their_installed_names() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: import obseq.{name}"
+        for path in tracked_files()
+        if path.suffix == ".py"
+        for line, name in imports_of(path)
+        if name.split(".")[0] in ("formulas", "codegen", "generated")
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("package", ["sympy", "jinja2", "numba", "llvmlite", "scipy", "pyproj"])
+def test_import_obseq_loads_nothing_heavy(package: str, loaded_by_obseq: set[str]) -> None:
+    assert package not in loaded_by_obseq
+
+
+def test_the_run_time_never_loads_sympy() -> None:
+    script = (
+        "import sys\nsys.modules['sympy'] = sys.modules['jinja2'] = None\n"
+        "import obseq, obseq.survey, obseq.crs, obseq.leastsquares, obseq.kernels, obseq.report\n"
+        "obseq.calculator('TopoHz')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def loaded_by_obseq() -> set[str]:
+    script = "import json, sys, obseq; json.dump(sorted(sys.modules), sys.stdout)"
+    listed = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    return set(json.loads(listed))
+
+
+def test_the_top_level_is_as_designed() -> None:
+    found = {
+        path.relative_to(ROOT).parts[0] for path in tracked_files() if len(path.relative_to(ROOT).parts) > 1
+    }
+    assert found == FOLDERS
+
+
+def test_no_large_file_is_tracked() -> None:
+    large = [path.name for path in tracked_files() if path.is_file() and path.stat().st_size > LARGEST_FILE]
+    assert large == []

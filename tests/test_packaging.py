@@ -1,0 +1,191 @@
+"""The installed package: what is in the wheel, and that it works where nothing else of the project is."""
+
+import importlib.metadata
+import json
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parents[1]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = SETTINGS["tool"]["setuptools"]["packages"]
+FOLDERS = SETTINGS["tool"]["setuptools"]["package-dir"]
+LEVELS = ("run", "test", "dev")
+IGNORED = shutil.ignore_patterns("__pycache__", ".*", "build", "dist", "*.egg-info", "obseq-demo")
+
+
+def folder_of(package: str) -> Path:
+    """Where a package of the map lies: its own entry, or inside that of its nearest listed ancestor."""
+    if package in FOLDERS:
+        return ROOT / FOLDERS[package]
+    parent, _, name = package.rpartition(".")
+    return folder_of(parent) / name
+
+
+def pins(level: str) -> dict[str, str]:
+    """Name and version of everything that a level installs."""
+    found = {}
+    for line in (ROOT / "requirements" / f"{level}.txt").read_text(encoding="utf-8").splitlines():
+        if line.startswith("-r "):
+            found |= pins(line.removeprefix("-r ").removesuffix(".txt"))
+        elif not line.startswith("#"):
+            name, version = re.fullmatch(r"([\w.-]+)==(\S+)(?: ; .*)?", line).groups()
+            found[name] = version
+    return found
+
+
+def test_every_folder_of_modules_is_a_listed_package() -> None:
+    own = [ROOT / folder for folder in ("formulas", "codegen", "generated", "src/obseq")]
+    on_disk = {
+        path.parent for folder in own for path in folder.rglob("*.py") if not _is_behind_a_link(path, folder)
+    }
+    assert {folder_of(package) for package in PACKAGES} == on_disk
+
+
+def _is_behind_a_link(path: Path, folder: Path) -> bool:
+    return any(parent.is_symlink() for parent in path.parents if folder in parent.parents)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_pins_are_what_pyproject_asks_for(level: str) -> None:
+    project = SETTINGS["project"]
+    texts = project["dependencies"] + SETTINGS["build-system"]["requires"]
+    for extra in LEVELS[1 : LEVELS.index(level) + 1]:
+        texts = texts + project["optional-dependencies"][extra] + project["optional-dependencies"]["gencode"]
+    versions = pins(level)
+    for requirement in (Requirement(text) for text in texts if not text.startswith("obseq[")):
+        version = versions[canonicalize_name(requirement.name)]
+        assert requirement.specifier.contains(version), f"{requirement} is pinned to {version}"
+
+
+@pytest.mark.parametrize("level", ["run", "test"])
+def test_pins_are_complete(level: str) -> None:
+    """What the pinned packages need is pinned too, at a version they accept."""
+    versions = pins(level)
+    for name in versions:
+        for text in importlib.metadata.requires(name) or []:
+            needed = Requirement(text)
+            if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                assert needed.specifier.contains(versions[canonicalize_name(needed.name)]), (
+                    f"{name}: {needed}"
+                )
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project as a clone has it: building leaves nothing in the real one, and finds nothing old there."""
+    target = tmp_path_factory.mktemp("clone") / "obseq"
+    shutil.copytree(ROOT, target, ignore=IGNORED, symlinks=True)
+    for link in (target / "src" / "obseq").iterdir():
+        if link.is_symlink():
+            link.unlink()
+    return target
+
+
+@pytest.fixture(scope="module")
+def built(copy: Path) -> Path:
+    """The folder of the sdist, and of the wheel that was made from that sdist."""
+    return build(copy)
+
+
+def build(project: Path) -> Path:
+    command = [sys.executable, "-m", "build", "--no-isolation", str(project)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return project / "dist"
+
+
+def files_in(dist: Path) -> set[str]:
+    (wheel,) = dist.glob("*.whl")
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+def install(folder: Path, *what: str) -> Path:
+    """A new environment with `what` and the packages of this one, obseq excepted; its folder of commands."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    site = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder), "platbase": str(folder)}))
+    (site / "borrowed.pth").write_text(f"{sysconfig.get_path('purelib')}\n", encoding="utf-8")
+    options = ["--no-deps", "--no-index", "--no-build-isolation", "--quiet"]
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        str(folder / "bin" / "python"),
+        "install",
+        *options,
+        *what,
+    ]
+    done = subprocess.run(pip, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "bin"
+
+
+def run(*command: str | Path, where: Path) -> str:
+    done = subprocess.run(
+        [str(part) for part in command], cwd=where, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_file_of_the_packages(built: Path) -> None:
+    expected = {
+        f"{package.replace('.', '/')}/{path.name}"
+        for package in PACKAGES
+        for path in folder_of(package).iterdir()
+        if path.is_file()
+    }
+    data = {"obseq/codegen/templates": "codegen/templates", "obseq/survey/data": "src/obseq/survey/data"}
+    expected |= {
+        f"{inside}/{path.name}" for inside, folder in data.items() for path in (ROOT / folder).iterdir()
+    }
+    assert files_in(built) == expected
+
+
+@pytest.mark.slow
+def test_links_for_type_checkers_change_nothing_in_the_wheel(copy: Path, built: Path) -> None:
+    files = files_in(built)
+    linked = copy.parent / "linked"
+    shutil.copytree(copy, linked, ignore=IGNORED)
+    run(sys.executable, "tools/links.py", where=linked)
+    run(sys.executable, "tools/links.py", where=linked)
+    assert (linked / "src" / "obseq" / "formulas" / "base.py").is_file()
+    assert files_in(build(linked)) == files
+
+
+@pytest.mark.slow
+def test_the_installed_wheel_works_by_itself(built: Path, tmp_path: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    commands = install(tmp_path / "environment", str(wheel))
+    place = run(commands / "python", "-c", "import obseq; print(obseq.__file__)", where=tmp_path)
+    assert place.startswith(str(tmp_path))
+    assert "TopoHz" in run(commands / "obseq", "formulas", where=tmp_path)
+    assert "1.7655" in run(commands / "obseq", "demo", "--out", "results", where=tmp_path)
+    result = json.loads((tmp_path / "results" / "adjustment.json").read_text(encoding="utf-8"))
+    assert result["sigma0"] == pytest.approx(1.7655, abs=5e-4)
+    assert [point["name"] for point in result["points"]] == ["PtA", "PtB", "PtC", "PtD"]
+
+
+@pytest.mark.slow
+def test_an_editable_install_reads_the_folders_of_the_project(copy: Path, tmp_path: Path) -> None:
+    commands = install(tmp_path / "environment", "-e", str(copy))
+    for package in PACKAGES:
+        script = f"import {package} as p; print(p.__file__)"
+        inside = folder_of(package).relative_to(ROOT)
+        assert run(commands / "python", "-c", script, where=tmp_path).strip() == str(
+            copy / inside / "__init__.py"
+        )
+    (copy / "generated" / "newly_written.py").write_text("NAME = 'new'\n", encoding="utf-8")
+    run(commands / "python", "-c", "import obseq.generated.newly_written", where=tmp_path)
+    assert "generated" in run(commands / "gencode", "--help", where=tmp_path)
