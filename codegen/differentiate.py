@@ -86,23 +86,22 @@ class _Derivatives:
         for node in order:
             if graph.nodes[node].operator == INPUT:
                 continue
-            for operand, contribution in self._changes(node, tangents):
-                tangents[node] = (
-                    graph.add(tangents[node], contribution) if node in tangents else contribution
-                )
+            for contribution in self._changes(node, tangents):
+                tangents[node] = graph.add(tangents[node], contribution) if node in tangents else contribution
         return tangents
 
-    def _changes(self, node: int, tangents: dict[int, int]) -> list[tuple[int, int]]:
+    def _changes(self, node: int, tangents: dict[int, int]) -> list[int]:
+        """What each moving operand adds to the tangent of a node."""
         graph = self.graph
         operator, operands, _ = graph.nodes[node]
         if operator == "mul" and operands[0] == operands[1] and operands[0] in tangents:
             (x, _) = operands
-            return [(x, graph.mul(graph.mul(graph.constant(2.0), x), tangents[x]))]
+            return [graph.mul(graph.mul(graph.constant(2.0), x), tangents[x])]
         moving = [operand in tangents for operand in operands]
         if not any(moving):
             return []
         return [
-            (operand, graph.mul(partial, tangents[operand]))
+            graph.mul(partial, tangents[operand])
             for operand, partial, moves in zip(operands, self.partials(node), moving, strict=True)
             if moves
         ]

@@ -1,4 +1,4 @@
-"""What gencode does to the folder of generated modules: write what changed, delete orphans, or only compare."""
+"""What gencode does to the folder of generated modules: writes what changed, deletes orphans, or compares."""
 
 import difflib
 import os
@@ -17,7 +17,7 @@ KEPT = frozenset({"__init__.py"})
 
 @dataclass(frozen=True)
 class Change:
-    """A file that is not what it should be: its path, its text (None: absent), the text due (None: orphan)."""
+    """A file that is not what it should be: path, present text (None: absent), text due (None: orphan)."""
 
     path: Path
     present: str | None

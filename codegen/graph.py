@@ -17,7 +17,7 @@ COMMUTATIVE = frozenset({"add", "mul"})
 
 
 class Node(NamedTuple):
-    """One operation: its operator, its operands (node numbers), and the value of a constant or name of an input."""
+    """One operation: operator, operands (node numbers), value of a constant or name of an input."""
 
     operator: str
     operands: tuple[int, ...] = ()

@@ -1,5 +1,7 @@
 """From the sympy expressions of a formula to its expression graph."""
 
+from collections.abc import Callable
+
 import sympy
 
 from obseq.codegen.graph import Graph
@@ -31,7 +33,7 @@ def translate(formula: Formula) -> tuple[Graph, list[int]]:
 
 
 class _Translator:
-    """Translates expressions, each once: `memory` is keyed by identity, since sympy's equality walks trees."""
+    """Translates each expression once; `memory` is keyed by identity, since sympy's equality walks trees."""
 
     def __init__(self, formula: str, graph: Graph, memory: dict[int, tuple[sympy.Basic, int]]) -> None:
         self.formula = formula
@@ -61,7 +63,7 @@ class _Translator:
             return graph.apply(FUNCTIONS[type(expression)], *(self.visit(a) for a in expression.args))
         raise self._refusal(expression)
 
-    def _fold(self, operation, arguments):  # type: ignore[no-untyped-def]
+    def _fold(self, operation: Callable[[int, int], int], arguments: tuple[sympy.Basic, ...]) -> int:
         result = self.visit(arguments[0])
         for argument in arguments[1:]:
             result = operation(result, self.visit(argument))

@@ -1,4 +1,4 @@
-"""What a formula is: a class whose `residual` method declares, by its signature, unknowns and observations."""
+"""What a formula is: a class whose `residual` declares, by its signature, unknowns and observations."""
 
 import functools
 import inspect

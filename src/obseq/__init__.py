@@ -10,7 +10,8 @@ from obseq.errors import CrsError, FormulaError, InputError, ObseqError, Singula
 
 if TYPE_CHECKING:
     from obseq import crs, survey
-    from obseq.kernels import Calculator, calculator, formula_names
+    from obseq.kernels.calculator import Calculator, calculator
+    from obseq.kernels.loading import formula_names
     from obseq.leastsquares import LeastSquares
 
 __all__ = [

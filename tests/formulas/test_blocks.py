@@ -7,7 +7,16 @@ import pytest
 
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import WORLD_TO_LOCAL, Length, Matrix3, Point3, Pose, Rotation, Vector, matrix_names
+from obseq.formulas.blocks import (
+    WORLD_TO_LOCAL,
+    Length,
+    Matrix3,
+    Point3,
+    Pose,
+    Rotation,
+    Vector,
+    matrix_names,
+)
 
 
 def random_rotation(seed):

@@ -8,7 +8,7 @@ from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, 
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
 QUARTER_LEFT = (0, -1, 0, 1, 0, 0, 0, 0, 1)
-"""Instrument to frame: the instrument's x is the frame's y, its y the frame's -x (a quarter turn to the left)."""
+"""Instrument to frame: its x is the frame's y, its y the frame's -x (a quarter turn to the left)."""
 STATION = (100.0, 200.0, 10.0, 0.0, 0.0, 0.0)
 
 
@@ -29,7 +29,7 @@ def test_hz_counts_clockwise_from_y():
 
 
 def test_hz_reads_the_instrument_axes():
-    # The instrument's y axis points to the frame's -x (west): a target due north is a quarter turn to its right.
+    # The instrument's y axis points west: a target due north is a quarter turn to its right.
     assert residual(TopoHz(), (100, 205, 10), [0.0], QUARTER_LEFT) == pytest.approx(math.pi / 2, abs=1e-15)
 
 
@@ -56,7 +56,9 @@ def test_zenith_angle_is_a_right_angle_at_the_horizon_and_small_overhead():
 
 
 def test_refraction_is_taken_off_the_computed_zenith_angle():
-    assert residual(TopoZen(), (103, 204, 22), [1e-5, 0.0]) == pytest.approx(math.atan2(5, 12) - 1e-5, abs=1e-15)
+    assert residual(TopoZen(), (103, 204, 22), [1e-5, 0.0]) == pytest.approx(
+        math.atan2(5, 12) - 1e-5, abs=1e-15
+    )
 
 
 def test_distance_of_the_3_4_12_box_is_13():
@@ -66,7 +68,7 @@ def test_distance_of_the_3_4_12_box_is_13():
 
 @pytest.mark.parametrize(("formula", "component"), [(TopoDX(), 5.0), (TopoDY(), -3.0), (TopoDZ(), 7.0)])
 def test_local_components(formula, component):
-    # Target 3 m east, 5 m north, 7 m up; instrument turned to the left: its right is north, its front is west.
+    # Target 3 m east, 5 m north, 7 m up; instrument turned left: its right is north, its front west.
     assert residual(formula, (103, 205, 17), [1.0], QUARTER_LEFT) == pytest.approx(component - 1.0, abs=1e-14)
 
 
@@ -79,7 +81,7 @@ def test_height_difference_on_the_equator():
 
 
 def test_height_difference_grows_with_the_square_of_the_distance():
-    # 1 km along the tangent at the equator, towards east (a circle of radius a): 1000^2 / (2 a) = 0.0784 m higher.
+    # 1 km along the tangent at the equator (a circle of radius a): 1000^2 / (2 a) = 0.0784 m higher.
     a, e2 = 6378137.0, 0.00669438
     (value,) = TopoDH().evaluate((a, 0, 0, a, 1000.0, 0), (*IDENTITY, 0, 0, 0, a, e2, 0.0))
     assert value == pytest.approx(math.hypot(a, 1000.0) - a, abs=1e-8)

@@ -84,6 +84,11 @@ class ProjSystem(CoordinateSystem):
         return Kind.PROJ
 
     @property
+    def is_geographic(self) -> bool:
+        """Whether the first two coordinates are longitude and latitude."""
+        return bool(_crs_of(self.definition).is_geographic)
+
+    @property
     def operation(self) -> Operation:
         """The transformation to geocentric coordinates, with its accuracy.
 

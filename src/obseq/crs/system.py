@@ -46,6 +46,11 @@ class CoordinateSystem(ABC):
         return self.kind is not Kind.PROJ
 
     @property
+    def is_geographic(self) -> bool:
+        """Whether the first two coordinates are longitude and latitude, in degrees for most systems."""
+        return False
+
+    @property
     def is_complete(self) -> bool:
         """False for a bare `RTL`, whose origin is still to be chosen."""
         return True

@@ -1,0 +1,253 @@
+"""A survey network, from its files to its adjustment."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq import crs
+from obseq.errors import InputError
+from obseq.survey.adjustment import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.cor_file import read_cor
+from obseq.survey.frame import Frame, frame_of
+from obseq.survey.initial import InitialValues, initial_values
+from obseq.survey.model import automatic_fix, join
+from obseq.survey.obs_file import read_obs
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares import LeastSquaresResult
+    from obseq.survey.equations import Equations
+    from obseq.survey.model import FieldBook, Points
+
+    FloatArray = NDArray[np.float64]
+
+Progress = Callable[[str], None]
+MAX_ITERATIONS = 25
+LISTED = 8
+"""Names given in a message before it says how many more there are."""
+
+
+class Stopwatch:
+    """Seconds spent in each phase of the work."""
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.seconds: dict[str, float] = {}
+        self.progress = progress or (lambda _: None)
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Adds the time of a block to a phase, and announces it."""
+        self.progress(name)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Points and observations to adjust.
+
+    Attributes:
+        points: All points that a file gives or an active observation names; coordinates in the frame.
+        book: The observations, numbered like the points.
+        frame: The computation frame.
+        points_crs: The coordinate system of the point files, and of the results.
+        phases: Seconds spent reading.
+
+    Example:
+        >>> from obseq.survey import Network
+        >>> network = Network.read("survey.obs", "points.cor", frame="RTL*2.4*48.8*0*EPSG:4326")
+        >>> adjustment = network.adjust()
+        >>> adjustment.sigma0, adjustment.points.coordinates
+    """
+
+    points: Points
+    book: FieldBook
+    frame: Frame
+    points_crs: crs.CoordinateSystem
+    phases: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def read(
+        cls,
+        observation_files: str | Path | Sequence[str | Path],
+        point_files: str | Path | Sequence[str | Path],
+        frame: str | None = None,
+        points_crs: str | None = None,
+        point_sigma: float | None = None,
+        encoding: str = "utf-8",
+    ) -> Network:
+        """Reads OBS and COR files.
+
+        Args:
+            observation_files: OBS files; each starts afresh, their observations are put together.
+            point_files: COR files.
+            frame: Definition of the computation frame; without it a Local system. A bare `RTL` takes its
+                origin from the mean of the points.
+            points_crs: Definition of the system of the points; without it the frame.
+            point_sigma: Sigma (m) of known points whose line gives none.
+            encoding: Encoding of names in the files.
+
+        Raises:
+            InputError: A file or a definition is wrong; the message says where and what to do.
+        """
+        watch = Stopwatch()
+        with watch.phase("read"):
+            book = read_obs(observation_files, encoding)
+            points = read_cor(point_files, point_sigma, encoding)
+        with watch.phase("coordinate systems"):
+            computation, given = frame_of(frame, points_crs, points.coordinates, points.names)
+            placed = np.isfinite(points.coordinates).all(axis=1)
+            coordinates = np.full_like(points.coordinates, np.nan)
+            names = [name for name, has in zip(points.names, placed, strict=True) if has]
+            coordinates[placed] = crs.Transformer(given, computation.system).forward(
+                points.coordinates[placed], names
+            )
+        points, book = join(replace(points, coordinates=coordinates), book)
+        return cls(points, book, computation, given, watch.seconds)
+
+    def initial_values(self) -> InitialValues:
+        """Coordinates of all points and orientations of all stations, from the known points and observations.
+
+        Raises:
+            InputError: Some points or stations cannot be placed; the message lists them with the reasons.
+        """
+        self.frame.require_vertical(self.book, automatic_fix(self.book))
+        return initial_values(
+            self.points, self.book, self.frame.vertical if self.frame.has_vertical else None
+        )
+
+    def adjust(
+        self,
+        max_iterations: int = MAX_ITERATIONS,
+        tolerance: float | None = None,
+        progress: Progress | None = None,
+    ) -> Adjustment:
+        """Adjusts the network by least squares.
+
+        Args:
+            max_iterations: The iterations end at this number when they have not converged before.
+            tolerance: Convergence: largest step in units of the precision of the unknowns; the default is
+                that of `LeastSquares.solve`.
+            progress: Receives what is being done.
+
+        Raises:
+            InputError: Something in the input makes the adjustment impossible.
+            SingularSystemError: The observations do not determine some unknowns, which the message names.
+        """
+        from obseq.survey.equations import Equations
+
+        watch = Stopwatch(progress)
+        with watch.phase("initial values"):
+            self.check_counts()
+            initial = self.initial_values()
+        with watch.phase("equations"):
+            equations = Equations(
+                self.frame,
+                self.points,
+                self.book,
+                automatic_fix(self.book),
+                initial.coordinates,
+                initial.rotations,
+            )
+        with watch.phase("iterations and covariances"):
+            solution = self._solve(equations, max_iterations, tolerance, watch)
+        with watch.phase("results"):
+            adjustment = self._adjustment(equations, solution)
+        return replace(adjustment, phases=self.phases | watch.seconds)
+
+    def check_counts(self) -> None:
+        """Raises InputError naming the points that have fewer observations than free coordinates."""
+        observations, n = self.book.observations, len(self.points)
+        count = np.zeros(n, np.int64)
+        for ends in (observations.from_points, observations.to_points):
+            used = ends[observations.active]
+            count += np.bincount(used, minlength=n)[:n]
+        free = self.points.is_free.sum(axis=1)
+        lacking = np.flatnonzero(count < free)
+        if lacking.size:
+            listed = ", ".join(f"{self.points.names[row]} ({count[row]})" for row in lacking[:LISTED])
+            more = f" and {lacking.size - LISTED} more" if lacking.size > LISTED else ""
+            raise InputError(
+                f"{lacking.size} points have fewer active observations than unknown coordinates: "
+                f"{listed}{more}. "
+                f"Observe them more (the number is in brackets), or remove them from the point file"
+            )
+
+    def _solve(
+        self, equations: Equations, max_iterations: int, tolerance: float | None, watch: Stopwatch
+    ) -> LeastSquaresResult:
+        options = {} if tolerance is None else {"tolerance": tolerance}
+        return equations.system.solve(
+            max_iterations=max_iterations,
+            covariance=True,
+            before_iteration=equations.follow,
+            sigma0_groups=[batch.group for _, batch in equations.batches.values()],
+            progress=watch.progress,
+            **options,
+        )
+
+    def _adjustment(self, equations: Equations, solution: LeastSquaresResult) -> Adjustment:
+        is_estimated = solution.variance_factor is not None
+        coordinates = solution.values(equations.points)
+        residuals = np.full(len(self.book.observations), np.nan)
+        for rows, batch in equations.batches.values():
+            residuals[rows] = solution.residuals(batch)[:, 0]
+        return Adjustment(
+            solution=solution,
+            points=self._adjusted_points(
+                coordinates, solution.covariance(equations.points, not is_estimated)
+            ),
+            stations=self._adjusted_stations(equations, solution, coordinates),
+            book=self.book,
+            residuals=residuals,
+            frame=self.frame.system.definition,
+            points_crs=self.points_crs.definition,
+            points_crs_unit="degree" if self.points_crs.is_geographic else "m",
+            precision="a posteriori" if is_estimated else "a priori",
+            warnings=self.book.warnings,
+            phases={},
+        )
+
+    def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
+        names = self.points.names
+        given = crs.Transformer(self.frame.system, self.points_crs).forward(coordinates, names)
+        axes = self._result_axes(coordinates)
+        turned = axes @ covariances @ axes.transpose(0, 2, 1)
+        precisions = np.sqrt(np.diagonal(turned, axis1=1, axis2=2))
+        return AdjustedPoints(names, coordinates, covariances, given, precisions)
+
+    def _result_axes(self, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) derivatives of the result coordinates (m) with respect to those of the frame."""
+        if self.points_crs.is_geographic:
+            return self.frame.vertical(coordinates)
+        transformer = crs.Transformer(self.frame.system, self.points_crs)
+        if transformer.is_identity:
+            return np.broadcast_to(np.eye(3), (len(coordinates), 3, 3))
+        steps = np.eye(3)
+        columns = [
+            (transformer.forward(coordinates + step) - transformer.forward(coordinates - step)) / 2.0
+            for step in steps
+        ]
+        return np.stack(columns, axis=2)
+
+    def _adjusted_stations(
+        self, equations: Equations, solution: LeastSquaresResult, coordinates: FloatArray
+    ) -> AdjustedStations:
+        rotations = equations.instrument_rotations(solution.values(equations.stations), coordinates)
+        return AdjustedStations(
+            origins=tuple(self.points.names[origin] for origin in self.book.stations.origins),
+            orientations=automatic_fix(self.book),
+            g0=np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]),
+            rotations=rotations,
+        )
