@@ -116,7 +116,7 @@ REGULAR = {
     "disconnected": blocks(chain(20), survey(12), dense(9), np.array([[3.0]]), chain(3)),
 }
 
-SOLVERS = ("dense", "superlu")
+SOLVERS = ("dense", "supernodal", "superlu")
 
 
 @pytest.fixture(params=REGULAR)

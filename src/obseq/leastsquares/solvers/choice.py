@@ -39,6 +39,14 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto") -> Solver:
         from obseq.leastsquares.solvers.dense import DenseCholesky
 
         return DenseCholesky()
+    if name == "supernodal":
+        from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
+
+        return SupernodalCholesky()
+    if name == "pardiso":
+        from obseq.leastsquares.solvers.pardiso import Pardiso
+
+        return Pardiso()
     if name == "superlu":
         from obseq.leastsquares.solvers.superlu import SuperLU
 

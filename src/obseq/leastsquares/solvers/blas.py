@@ -1,0 +1,102 @@
+"""SciPy's compiled BLAS and LAPACK, called from numba by address."""
+
+from __future__ import annotations
+
+import ctypes
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from scipy.linalg import cython_blas, cython_lapack
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+ROUTINES = (
+    (cython_lapack, "dpotrf"),
+    (cython_lapack, "dpotri"),
+    (cython_blas, "dtrsm"),
+    (cython_blas, "dsyrk"),
+    (cython_blas, "dsymm"),
+    (cython_blas, "dgemm"),
+)
+POTRF, POTRI, TRSM, SYRK, SYMM, GEMM = range(len(ROUTINES))
+
+
+@lru_cache(maxsize=1)
+def routine_addresses() -> NDArray[np.int64]:
+    """Addresses of the routines, in the order of `ROUTINES`; they differ from one process to the next."""
+    return np.array([_address(module, name) for module, name in ROUTINES], dtype=np.int64)
+
+
+def _address(module: Any, name: str) -> int:
+    """Address of a routine whose integers have 32 bits, as all of SciPy's have."""
+    capsule = module.__pyx_capi__[name]
+    capsule_name = ctypes.pythonapi.PyCapsule_GetName
+    capsule_name.restype, capsule_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    signature = capsule_name(capsule)
+    if b"int *" not in signature:
+        raise ImportError(f"SciPy's {name} has the unexpected signature {signature.decode()}")
+    return int(pointer(capsule, signature))
+
+
+@intrinsic
+def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
+    """Calls the Fortran routine at `address`: uint8, int32 and float64 go by reference, int64 are addresses."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointers = []
+        for position, kind in enumerate(signature.args[1].types):
+            value = builder.extract_value(values[1], position)
+            if kind == types.int64:
+                pointers.append(builder.inttoptr(value, cgutils.voidptr_t))
+            else:
+                slot = cgutils.alloca_once_value(builder, value)
+                pointers.append(builder.bitcast(slot, cgutils.voidptr_t))
+        function_type = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * len(pointers))
+        builder.call(builder.inttoptr(values[0], function_type.as_pointer()), pointers)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, arguments), generate
+
+
+@lru_cache(maxsize=1)
+def _thread_functions() -> tuple[Callable[[], int], Callable[[int], None]] | None:
+    """The functions of SciPy's own OpenBLAS that get and set its number of threads; None if it has another."""
+    import scipy
+
+    folder = Path(scipy.__file__).parent
+    for place in (folder.parent / "scipy.libs", folder / ".dylibs", folder / ".libs"):
+        for library in sorted(place.glob("libscipy_openblas*")):
+            loaded = ctypes.CDLL(str(library))
+            return loaded.scipy_openblas_get_num_threads, loaded.scipy_openblas_set_num_threads
+    return None
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keeps SciPy's OpenBLAS at one thread: its threads cost more than they bring on small blocks.
+
+    Where SciPy is built on another library (a distribution's, Apple's) that library's setting holds.
+    """
+    functions = _thread_functions()
+    if functions is None:
+        yield
+        return
+    get, put = functions
+    before = get()
+    put(1)
+    try:
+        yield
+    finally:
+        put(before)

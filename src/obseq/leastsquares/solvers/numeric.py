@@ -1,0 +1,274 @@
+"""Multifrontal Cholesky factorisation and triangular solution, one supernode after the other.
+
+A panel holds the columns of a supernode in all rows of its front, column-major. The update matrix of a
+supernode (its rows below, squared, lower triangle) lies in the workspace until its parent has added it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import njit
+
+from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, fortran
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+
+LOWER, RIGHT, LEFT = np.uint8(ord("L")), np.uint8(ord("R")), np.uint8(ord("L"))
+TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))
+ONE, ZERO, MINUS = np.float64(1.0), np.float64(0.0), np.float64(-1.0)
+
+SMALL_WIDTH = 4
+SMALL_FRONT = 24
+"""Fronts of so few columns and rows are treated by plain loops: a call of BLAS costs more."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def factor_nodes(
+    nodes: Array,
+    start: Array,
+    children_at: Array,
+    children: Array,
+    below_at: Array,
+    relative: Array,
+    panel_at: Array,
+    entry_at: Array,
+    entry: Array,
+    target: Array,
+    update_at: Array,
+    values: Array,
+    panels: Array,
+    workspace: Array,
+    scratch: Array,
+    pivots: Array,
+    tolerance: float,
+    addresses: Array,
+) -> None:
+    """Factors the supernodes `nodes`, children first.
+
+    Args:
+        nodes: the supernodes, ascending.
+        start, ..., target: the structure, see `Symbolic`.
+        update_at: (m,) where the update matrix of each supernode lies in the workspace.
+        values: entries of the matrix.
+        panels: the factor, filled.
+        workspace: update matrices.
+        scratch: room for the square of the widest supernode.
+        pivots: (n,) pivots divided by the diagonal entries, filled.
+        tolerance: a relative pivot that is not above it has vanished and is replaced.
+        addresses: of the BLAS and LAPACK routines.
+    """
+    for s in nodes:
+        width = start[s + 1] - start[s]
+        below = below_at[s + 1] - below_at[s]
+        front = width + below
+        panel, update = panel_at[s], update_at[s]
+        for k in range(panel, panel_at[s + 1]):
+            panels[k] = 0.0
+        for e in range(entry_at[s], entry_at[s + 1]):
+            panels[panel + target[e]] = values[entry[e]]
+        for j in range(width):
+            pivots[start[s] + j] = panels[panel + j * (front + 1)]
+        for c in children[children_at[s] : children_at[s + 1]]:
+            add_to_panel(
+                relative[below_at[c] : below_at[c + 1]], workspace, update_at[c], panels, panel, width, front
+            )
+        if width <= SMALL_WIDTH and front <= SMALL_FRONT:
+            factor_columns(panels, panel, width, front, front, pivots, start[s], tolerance)
+            if below > 0:
+                update_small(panels, panel, width, front, workspace, update)
+        else:
+            factor_panel(panels, panel, width, front, scratch, pivots, start[s], tolerance, addresses)
+            if below > 0:
+                update_large(panels, panel, width, front, workspace, update, addresses)
+        for c in children[children_at[s] : children_at[s + 1]]:
+            add_to_update(
+                relative[below_at[c] : below_at[c + 1]], workspace, update_at[c], update, width, below
+            )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_to_panel(
+    relative: Array, workspace: Array, child: int, panels: Array, panel: int, width: int, front: int
+) -> None:
+    """Adds the columns of a child's update matrix that are columns of the supernode."""
+    order = len(relative)
+    for j in range(order):
+        if relative[j] >= width:
+            break
+        to, source = panel + relative[j] * front, child + j * order
+        for i in range(j, order):
+            panels[to + relative[i]] += workspace[source + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_to_update(relative: Array, workspace: Array, child: int, update: int, width: int, below: int) -> None:
+    """Adds the columns of a child's update matrix that are rows below of the supernode."""
+    order = len(relative)
+    for j in range(order - 1, -1, -1):
+        if relative[j] < width:
+            break
+        to, source = update + (relative[j] - width) * below - width, child + j * order
+        for i in range(j, order):
+            workspace[to + relative[i]] += workspace[source + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def factor_columns(
+    panels: Array,
+    panel: int,
+    width: int,
+    front: int,
+    rows: int,
+    pivots: Array,
+    first: int,
+    tolerance: float,
+) -> None:
+    """Factors the first `rows` rows of a panel in place, by columns; replaces the pivots that vanish.
+
+    `pivots[first:]` holds the diagonal entries of the matrix and receives the relative pivots.
+    """
+    for j in range(width):
+        column = panel + j * front
+        diagonal, pivot = pivots[first + j], panels[column + j]
+        relative = pivot / diagonal if diagonal > 0.0 else min(diagonal, 0.0)
+        pivots[first + j] = relative
+        if relative > tolerance:
+            root = np.sqrt(pivot)
+            inverse = 1.0 / root
+        else:
+            root = np.sqrt(diagonal) if diagonal > 0.0 else 1.0
+            inverse = 0.0
+        panels[column + j] = root
+        for i in range(j + 1, rows):
+            panels[column + i] *= inverse
+        for k in range(j + 1, width):
+            factor = panels[column + k]
+            other = panel + k * front
+            for i in range(k, rows):
+                panels[other + i] -= factor * panels[column + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def update_small(panels: Array, panel: int, width: int, front: int, workspace: Array, update: int) -> None:
+    """Update matrix of a small front: minus the rows below times their transpose."""
+    below = front - width
+    for k in range(below):
+        to = update + k * below
+        factor = panels[panel + width + k]
+        for i in range(k, below):
+            workspace[to + i] = -factor * panels[panel + width + i]
+        for j in range(1, width):
+            column = panel + j * front + width
+            factor = panels[column + k]
+            for i in range(k, below):
+                workspace[to + i] -= factor * panels[column + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def factor_panel(
+    panels: Array,
+    panel: int,
+    width: int,
+    front: int,
+    scratch: Array,
+    pivots: Array,
+    first: int,
+    tolerance: float,
+    addresses: Array,
+) -> None:
+    """Factors a panel by LAPACK; by columns where a pivot vanishes."""
+    base = np.int64(panels.ctypes.data) + 8 * panel
+    for j in range(width):
+        for i in range(j, width):
+            scratch[i + j * width] = panels[panel + j * front + i]
+    status = np.zeros(1, np.int32)
+    wide, tall = np.int32(width), np.int32(front)
+    fortran(addresses[POTRF], (LOWER, wide, base, tall, np.int64(status.ctypes.data)))
+    regular = status[0] == 0
+    for j in range(width):
+        root, diagonal = panels[panel + j * (front + 1)], pivots[first + j]
+        regular = regular and root * root > tolerance * diagonal
+    if regular:
+        for j in range(width):
+            pivots[first + j] = panels[panel + j * (front + 1)] ** 2 / pivots[first + j]
+    else:
+        for j in range(width):
+            for i in range(j, width):
+                panels[panel + j * front + i] = scratch[i + j * width]
+        factor_columns(panels, panel, width, front, width, pivots, first, tolerance)
+    if front > width:
+        rest = np.int32(front - width)
+        below = base + 8 * width
+        fortran(
+            addresses[TRSM],
+            (RIGHT, LOWER, TRANSPOSED, NOT_UNIT, rest, wide, ONE, base, tall, below, tall),
+        )
+        if not regular:
+            for j in range(width):
+                if not pivots[first + j] > tolerance:
+                    panels[panel + j * front + width : panel + (j + 1) * front] = 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def update_large(
+    panels: Array, panel: int, width: int, front: int, workspace: Array, update: int, addresses: Array
+) -> None:
+    """Update matrix of a front by BLAS."""
+    below = np.int32(front - width)
+    source = np.int64(panels.ctypes.data) + 8 * (panel + width)
+    result = np.int64(workspace.ctypes.data) + 8 * update
+    fortran(
+        addresses[SYRK],
+        (LOWER, PLAIN, below, np.int32(width), MINUS, source, np.int32(front), ZERO, result, below),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_forward(
+    start: Array, below_at: Array, rows: Array, panel_at: Array, panels: Array, x: Array, scratch: Array
+) -> None:
+    """Solves L y = x in place for each row of x (k, n), unknowns in the order of elimination."""
+    for s in range(len(start) - 1):
+        first, width = start[s], start[s + 1] - start[s]
+        below = rows[below_at[s] : below_at[s + 1]]
+        front = width + len(below)
+        for right in range(len(x)):
+            for i in range(len(below)):
+                scratch[i] = 0.0
+            for j in range(width):
+                column = panel_at[s] + j * front
+                y = x[right, first + j] / panels[column + j]
+                x[right, first + j] = y
+                for i in range(j + 1, width):
+                    x[right, first + i] -= y * panels[column + i]
+                for i in range(len(below)):
+                    scratch[i] += y * panels[column + width + i]
+            for i in range(len(below)):
+                x[right, below[i]] -= scratch[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def solve_backward(
+    start: Array, below_at: Array, rows: Array, panel_at: Array, panels: Array, x: Array, scratch: Array
+) -> None:
+    """Solves L' y = x in place for each row of x (k, n), unknowns in the order of elimination."""
+    for s in range(len(start) - 2, -1, -1):
+        first, width = start[s], start[s + 1] - start[s]
+        below = rows[below_at[s] : below_at[s + 1]]
+        front = width + len(below)
+        for right in range(len(x)):
+            for i in range(len(below)):
+                scratch[i] = x[right, below[i]]
+            for j in range(width - 1, -1, -1):
+                column = panel_at[s] + j * front
+                y = x[right, first + j]
+                for i in range(j + 1, width):
+                    y -= panels[column + i] * x[right, first + i]
+                for i in range(len(below)):
+                    y -= panels[column + width + i] * scratch[i]
+                x[right, first + j] = y / panels[column + j]

@@ -1,0 +1,161 @@
+"""Intel MKL PARDISO, when pypardiso is installed and it is asked for by name."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import ObseqError
+from obseq.leastsquares.solvers.base import (
+    PIVOT_TOLERANCE,
+    BaseSolver,
+    inverse_by_columns,
+    relative_pivots,
+    replacement_pivots,
+)
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SolverUnavailableError
+
+if TYPE_CHECKING:
+    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
+
+ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
+POSITIVE_DEFINITE = 2
+NOT_POSITIVE_DEFINITE = -4
+
+USER_SETTINGS, METIS = (0, 1), (1, 2)
+COUNT_ENTRIES, COUNT_OPERATIONS = (17, -1), (18, -1)
+FROM_ZERO, KEEP_DIAGONAL = (34, 1), (55, 1)
+ENTRIES, OPERATIONS, STOPPED_AT, MEMORY = 17, 18, 29, 16
+"""Positions in PARDISO's `iparm`, counted from 0; pairs are settings (position, value)."""
+
+
+class Pardiso(BaseSolver):
+    """MKL's PARDISO for positive definite matrices, with the phases called one by one.
+
+    The lower triangle by columns is its upper triangle by rows, so nothing is copied. It has no selected
+    inverse: ours solves for every column of the identity.
+    """
+
+    name = "pardiso"
+
+    def __init__(self, *, pivot_tolerance: float = PIVOT_TOLERANCE) -> None:
+        super().__init__(pivot_tolerance=pivot_tolerance)
+        try:
+            from pypardiso import PyPardisoSolver
+        except ImportError as error:
+            raise SolverUnavailableError(self.name, "pypardiso") from error
+        self._library = PyPardisoSolver().libmkl
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._settings = np.zeros(64, dtype=np.int32)
+        for position, value in (
+            USER_SETTINGS, METIS, COUNT_ENTRIES, COUNT_OPERATIONS, FROM_ZERO, KEEP_DIAGONAL
+        ):  # fmt: skip
+            self._settings[position] = value
+        weakref.finalize(self, _release, self._library, self._handle, self._settings)
+
+    def _analyse(self, pattern: SymmetricPattern) -> None:
+        _release(self._library, self._handle, self._settings)
+        self._indptr = pattern.indptr.astype(np.int32)
+        self._indices = pattern.indices.astype(np.int32)
+        self._values = np.ones(pattern.nnz)
+        self._run(ANALYSIS)
+
+    def _factor(self, values: FloatArray) -> Defect:
+        """PARDISO stops at a negative pivot: replaces one after the other, starting again each time."""
+        self._values = values.copy()
+        starts = self._indptr[:-1]
+        diagonal = values[starts]
+        found: dict[int, float] = {int(j): 0.0 for j in np.flatnonzero(diagonal <= 0.0)}
+        self._values[starts[list(found)]] += replacement_pivots(diagonal[list(found)])
+        while vanishing := self._vanishing(diagonal):
+            for unknown, pivot in vanishing.items():
+                found.setdefault(unknown, pivot)
+                self._values[starts[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
+        indices: IntArray = np.array(sorted(found), dtype=np.int64)
+        return Defect(indices, np.array([found[int(j)] for j in indices]))
+
+    def _vanishing(self, diagonal: FloatArray) -> dict[int, float]:
+        """Factors; the unknowns whose pivots vanish, with their relative pivots."""
+        if self._run(FACTORISATION) == NOT_POSITIVE_DEFINITE:
+            return {int(self._settings[STOPPED_AT]) - 1: 0.0}
+        pivots, unused = np.empty(len(diagonal)), np.empty(len(diagonal))
+        status = ctypes.c_int32(0)
+        one = ctypes.byref(ctypes.c_int32(1))
+        self._library.pardiso_getdiag(
+            _pointer(self._handle), _pointer(pivots), _pointer(unused), one, ctypes.byref(status)
+        )
+        relative = relative_pivots(pivots, replacement_pivots(diagonal))
+        return {int(j): float(relative[j]) for j in np.flatnonzero(~(relative > self._pivot_tolerance))}
+
+    def _run(self, phase: int, rhs: FloatArray | None = None) -> int:
+        """Runs one phase; returns PARDISO's status, having raised if it is none that we know to treat."""
+        rhs = np.zeros((len(self._indptr) - 1, 1)) if rhs is None else rhs
+        self._result = np.empty_like(rhs, order="F")
+        status = _call(
+            self._library, self._handle, self._settings, phase,
+            self._values, self._indptr, self._indices, np.asfortranarray(rhs), self._result,
+        )  # fmt: skip
+        if status not in (0, NOT_POSITIVE_DEFINITE):
+            raise ObseqError(f"MKL PARDISO failed in phase {phase} with its error {status}")
+        return status
+
+    def _solve(self, rhs: FloatArray) -> FloatArray:
+        self._run(SOLUTION, rhs)
+        return self._result
+
+    def _selected_inverse(self) -> FloatArray:
+        return inverse_by_columns(self._pattern, self._solve)
+
+    @property
+    def statistics(self) -> SolverStatistics:
+        """Size and cost of the factorisation."""
+        self.defect()
+        return SolverStatistics(
+            solver=self.name,
+            ordering="metis",
+            n=self._pattern.n,
+            nnz_pattern=self._pattern.nnz,
+            nnz_factor=int(self._settings[ENTRIES]),
+            flops=1e6 * float(self._settings[OPERATIONS]),
+            memory=1024 * int(self._settings[MEMORY]),
+        )
+
+
+def _pointer(array: Any) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _call(
+    library: Any,
+    handle: IntArray,
+    settings: Any,
+    phase: int,
+    values: FloatArray,
+    indptr: Any,
+    indices: Any,
+    rhs: FloatArray,
+    result: FloatArray,
+) -> int:
+    """Calls PARDISO; returns its status."""
+    integers = [ctypes.byref(ctypes.c_int32(i)) for i in (1, 1, POSITIVE_DEFINITE, phase, len(indptr) - 1)]
+    columns = ctypes.byref(ctypes.c_int32(rhs.shape[1]))
+    no_order, silent, status = _pointer(settings), ctypes.byref(ctypes.c_int32(0)), ctypes.c_int32(0)
+    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 16)(("pardiso", library))
+    arguments = (
+        _pointer(handle), *integers, _pointer(values), _pointer(indptr), _pointer(indices), no_order,
+        columns, _pointer(settings), silent, _pointer(rhs), _pointer(result), ctypes.byref(status),
+    )  # fmt: skip
+    function(*[ctypes.cast(argument, ctypes.c_void_p) for argument in arguments])
+    return status.value
+
+
+def _release(library: Any, handle: IntArray, settings: Any) -> None:
+    """Gives back PARDISO's memory, if it took any."""
+    if not handle.any():
+        return
+    nothing, no_rows, empty = np.zeros((1, 1)), np.zeros(1, dtype=np.int32), np.zeros((1, 1))
+    _call(library, handle, settings, RELEASE, nothing, no_rows, no_rows, empty, empty)
+    handle[:] = 0
