@@ -29,7 +29,8 @@ FORMULAS = {
     ObservationType.DY: "TopoDY",
     ObservationType.DZ: "TopoDZ",
 }
-FROZEN_TURNS = {Orientation.FIX: ("x", "y", "z"), Orientation.VERT: ("x", "y"), Orientation.BASC: ()}
+FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
+"""Components of the small rotation (right, front, up) that an orientation keeps."""
 POINTS = "points"
 """The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""
 
@@ -79,15 +80,15 @@ class Equations:
         self._constrain(points)
         for status, components in FROZEN_TURNS.items():
             ids = self.stations[orientations == status]
-            if components and ids.size:
+            if ids.size:
                 self.system.freeze(ids, components)
         self.batches = self._add_observations(coordinates)
 
     def _constrain(self, points: Points) -> None:
-        for component, name in enumerate("xyz"):
+        for component in range(3):
             held = self.points[points.is_held[:, component]]
             if held.size:
-                self.system.freeze(held, (name,))
+                self.system.freeze(held, (component,))
         sigmas = np.where(points.is_free | points.is_held, np.inf, points.sigmas)
         given = np.isfinite(sigmas).any(axis=1)
         if given.any():

@@ -23,7 +23,7 @@ from obseq.survey.obs_file import read_obs
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.survey.equations import Equations
     from obseq.survey.model import FieldBook, Points
 
@@ -33,6 +33,11 @@ Progress = Callable[[str], None]
 MAX_ITERATIONS = 25
 LISTED = 8
 """Names given in a message before it says how many more there are."""
+
+
+def _described(step: Iteration) -> str:
+    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
+    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
 
 
 class Stopwatch:
@@ -193,7 +198,7 @@ class Network:
             covariance=True,
             before_iteration=equations.follow,
             sigma0_groups=[batch.group for _, batch in equations.batches.values()],
-            progress=watch.progress,
+            progress=lambda step: watch.progress(_described(step)),
             **options,
         )
 
