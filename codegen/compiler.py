@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, jacobians
 from obseq.codegen.graph import Graph
-from obseq.codegen.printing import Printer, Store
+from obseq.codegen.printing import Printer, Store, row_place
 from obseq.codegen.translate import translate
 from obseq.formulas.base import Formula
 
@@ -82,7 +82,7 @@ def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> st
 def value_kernel(derived: Derived) -> KernelText:
     """The kernel that computes the residuals alone."""
     n_inputs = len(derived.formula.unknowns) + len(derived.formula.observations)
-    stores = [Store(node, n_inputs + k) for k, node in enumerate(derived.residuals)]
+    stores = [Store(node, row_place(n_inputs + k)) for k, node in enumerate(derived.residuals)]
     doc = f"Rows of each tile: {_rows_text(derived, False)}; one lane per observation."
     return _kernel(derived, "value", doc, "VALUE_ROWS", stores)
 
@@ -91,11 +91,11 @@ def jacobian_kernel(derived: Derived) -> KernelText:
     """The kernel that computes residuals and Jacobian; constant entries of the Jacobian are not stored."""
     formula, graph = derived.formula, derived.graph
     first = len(formula.unknowns) + len(formula.observations)
-    stores = [Store(node, first + k, "residuals") for k, node in enumerate(derived.residuals)]
+    stores = [Store(node, row_place(first + k), "residuals") for k, node in enumerate(derived.residuals)]
     first += len(derived.residuals)
     for i, row in enumerate(derived.jacobian):
         stores += [
-            Store(node, first + i * len(row) + j, "derivatives")
+            Store(node, row_place(first + i * len(row) + j), "derivatives")
             for j, node in enumerate(row)
             if graph.constant_value(node) is None
         ]
@@ -105,7 +105,7 @@ def jacobian_kernel(derived: Derived) -> KernelText:
 
 def _kernel(derived: Derived, name: str, doc: str, rows_name: str, stores: list[Store]) -> KernelText:
     names = (*derived.formula.unknowns, *derived.formula.observations)
-    printer = Printer(derived.graph, stores, {scalar: row for row, scalar in enumerate(names)})
+    printer = Printer(derived.graph, stores, {scalar: row_place(row) for row, scalar in enumerate(names)})
     return KernelText(name, doc, rows_name, printer.print() or ["pass"], printer.functions)
 
 

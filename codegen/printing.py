@@ -12,36 +12,69 @@ LONGEST_EXPRESSION = 80
 
 SUM, PRODUCT, SIGN, ATOM = range(4)
 PRECEDENCE = {"add": SUM, "sub": SUM, "mul": PRODUCT, "rcp": PRODUCT, "neg": SIGN}
-RESERVED = frozenset(
-    {*keyword.kwlist, *OPERATORS, "tiles", "n_tiles", "tile", "at", "lane", "k", "range", "LANES", "STRIDE"}
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a language writes what a kernel is made of.
+
+    Attributes:
+        definition: Text that gives a name to an expression.
+        store: Text that puts an expression in a place.
+        comment: Text of a comment.
+        reserved: Words that no name may take.
+    """
+
+    definition: str
+    store: str
+    comment: str
+    reserved: frozenset[str]
+
+
+PYTHON = Dialect(
+    "{} = {}",
+    "{} = {}",
+    "# {}",
+    frozenset({*keyword.kwlist, "tiles", "n_tiles", "tile", "at", "lane", "k", "range", "LANES", "STRIDE"}),
 )
 
 
 @dataclass(frozen=True)
 class Store:
-    """An output of a kernel: the node, the row of the tile where it goes, what it is (for a comment)."""
+    """An output of a kernel: the node, the place where it goes, what it is (for a comment)."""
 
     node: int
-    row: int
+    place: str
     comment: str = ""
 
 
 @dataclass
 class Printer:
-    """Prints the operations that some stores need, every shared node as one assignment."""
+    """Prints the operations that some stores need, every shared node as one assignment.
+
+    Attributes:
+        graph: The graph.
+        stores: The outputs.
+        places: Name of every input, and the place that it is read from, in the order of the loads.
+        dialect: The language.
+        lines: The lines printed.
+        functions: The functions that they call.
+    """
 
     graph: Graph
     stores: list[Store]
-    row_of_input: dict[str, int]
+    places: dict[str, str]
+    dialect: Dialect = PYTHON
     lines: list[str] = field(default_factory=list)
     functions: set[str] = field(default_factory=set)
     _text: dict[int, str] = field(default_factory=dict)
-    _taken: set[str] = field(default_factory=lambda: set(RESERVED))
+    _taken: set[str] = field(default_factory=lambda: set(OPERATORS))
     _uses: Counter[int] = field(default_factory=Counter)
     _temporaries: int = 0
 
     def print(self) -> list[str]:
         """The lines of the lane loop's body: loads of the inputs used, operations, stores."""
+        self._taken |= self.dialect.reserved
         outputs = [store.node for store in self.stores]
         nodes = self.graph.reachable(outputs)
         self._uses.update(operand for node in nodes for operand in self.graph.nodes[node].operands)
@@ -51,17 +84,17 @@ class Printer:
         for store in self.stores:
             if store.comment != comment:
                 comment = store.comment
-                self.lines.append(f"# {comment}")
-            self.lines.append(f"{_place(store.row)} = {self._expression(store.node)[0]}")
+                self.lines.append(self.dialect.comment.format(comment))
+            self.lines.append(self.dialect.store.format(store.place, self._expression(store.node)[0]))
         return self.lines
 
     def _load(self, nodes: list[int]) -> None:
-        """One line per input used, in the order of the rows; these names come first, so they stay as they are."""
-        inputs = [node for node in nodes if self.graph.nodes[node].operator == INPUT]
-        for node in sorted(inputs, key=lambda n: self.row_of_input[str(self.graph.nodes[n].value)]):
-            name = str(self.graph.nodes[node].value)
-            self._text[node] = self._free_name(name)
-            self.lines.append(f"{self._text[node]} = {_place(self.row_of_input[name])}")
+        """One line per input used, in the order of the places; these names come first, so they stay as they are."""
+        inputs = {str(self.graph.nodes[n].value): n for n in nodes if self.graph.nodes[n].operator == INPUT}
+        for name, place in self.places.items():
+            if name in inputs:
+                text = self._text[inputs[name]] = self._free_name(name)
+                self.lines.append(self.dialect.definition.format(text, place))
 
     def _free_name(self, wanted: str) -> str:
         while wanted in self._taken:
@@ -76,7 +109,7 @@ class Printer:
     def _assign(self, node: int, expression: str) -> str:
         name = self.graph.names.get(node)
         self._text[node] = self._free_name(name) if name else self._temporary()
-        self.lines.append(f"{self._text[node]} = {expression}")
+        self.lines.append(self.dialect.definition.format(self._text[node], expression))
         return self._text[node]
 
     def _expression(self, node: int) -> tuple[str, int]:
@@ -111,7 +144,10 @@ class Printer:
         for numerator, inverse in (operands, operands[::-1]):
             node = self.graph.nodes[inverse]
             if node.operator == "rcp" and self._uses[inverse] == 1 and inverse not in self._text:
-                (top, outer), (bottom, inner) = self._expression(numerator), self._expression(node.operands[0])
+                (top, outer), (bottom, inner) = (
+                    self._expression(numerator),
+                    self._expression(node.operands[0]),
+                )
                 if len(top) > LONGEST_EXPRESSION // 2:
                     top, outer = self._assign(numerator, top), ATOM
                 if len(bottom) > LONGEST_EXPRESSION // 2:
@@ -121,5 +157,6 @@ class Printer:
         return ""
 
 
-def _place(row: int) -> str:
+def row_place(row: int) -> str:
+    """Where the scalar of a row lies, for the lane of the loop."""
     return "tiles[at]" if row == 0 else f"tiles[at + {row} * STRIDE]"
