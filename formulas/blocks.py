@@ -12,7 +12,7 @@ After a solution `R0` becomes `R0 exp(-[w]x)` and `w` returns to 0.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, overload
 
 from obseq.formulas.functions import Scalar, let, sqrt
 
@@ -55,16 +55,20 @@ class Declaration:
 
 
 def component_names(labels: Sequence[str], suffixes: Sequence[str]) -> tuple[str, ...]:
-    """Names of components: one label is a prefix, as many labels as components are the names themselves."""
+    """Names of components: one label is a prefix, as many labels as components are the names themselves.
+
+    A label with `{}` is a pattern: `"p_{}_0"` gives `p_x_0`, `p_y_0`; the prefix `"p"` is short for `"p_{}"`.
+    """
     if len(labels) == len(suffixes) and len(labels) > 1:
         return tuple(labels)
     (prefix,) = labels
-    return tuple(f"{prefix}_{suffix}" for suffix in suffixes)
+    pattern = prefix if "{}" in prefix else f"{prefix}_{{}}"
+    return tuple(pattern.format(suffix) for suffix in suffixes)
 
 
 def matrix_names(prefix: str, columns: int = 3, rows: int = 3) -> tuple[str, ...]:
-    """Names `prefix_column_row` of a matrix, row by row, as MMVII writes them."""
-    return tuple(f"{prefix}_{column}_{row}" for row in range(rows) for column in range(columns))
+    """Names `prefix_column_row` of a matrix, row by row, as MMVII writes them; or those of a pattern."""
+    return component_names((prefix,), [f"{column}_{row}" for row in range(rows) for column in range(columns)])
 
 
 class Number:
@@ -145,6 +149,22 @@ class Point2:
     def with_names(self, name: str) -> "Point2":
         """The same point, its components named for the generated code."""
         return Point2(let(f"{name}_x", self.x), let(f"{name}_y", self.y))
+
+
+class Points2:
+    """Several points of the plane, each an atomic block; the formula receives a tuple of `Point2`."""
+
+    @classmethod
+    def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
+        """Points named by patterns of x and y (`"x_P{}"`), as many as the attribute (third label) says."""
+        x, y, number = labels
+        count = getattr(formula, number)
+        atoms = (Atom("Point2", (x.format(k), y.format(k)), part=str(k)) for k in range(count))
+
+        def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> tuple[Point2, ...]:
+            return tuple(Point2(*scalars[2 * k : 2 * k + 2]) for k in range(count))
+
+        return Declaration(tuple(atoms), build)
 
 
 @dataclass(frozen=True)
@@ -235,9 +255,17 @@ class Matrix3:
         (a, b, c), (d, e, f) = self.rows, other.rows
         return Matrix3((a - d, b - e, c - f))
 
-    def __matmul__(self, vector: Point3) -> Point3:
+    @overload
+    def __matmul__(self, other: Point3) -> Point3: ...
+
+    @overload
+    def __matmul__(self, other: "Matrix3") -> "Matrix3": ...
+
+    def __matmul__(self, other: "Point3 | Matrix3") -> "Point3 | Matrix3":
+        if isinstance(other, Matrix3):
+            return Matrix3.from_columns(*(self @ column for column in other.columns()))
         a, b, c = self.rows
-        return Point3(a.dot(vector), b.dot(vector), c.dot(vector))
+        return Point3(a.dot(other), b.dot(other), c.dot(other))
 
 
 @dataclass(frozen=True)
@@ -286,9 +314,21 @@ class InverseRotation:
 
     rotation: Rotation
 
-    def __matmul__(self, vector: Point3) -> Point3:
-        turned = self.rotation.current.T @ vector
-        return turned + self.rotation.small.cross(turned)
+    @overload
+    def __matmul__(self, other: Point3) -> Point3: ...
+
+    @overload
+    def __matmul__(self, other: Rotation) -> Matrix3: ...
+
+    def __matmul__(self, other: Point3 | Rotation) -> Point3 | Matrix3:
+        """A vector in the local frame; or the matrix of another rotation relative to this one."""
+        if isinstance(other, Rotation):
+            current = self.rotation.current.T @ other.current
+            return Matrix3.from_columns(*map(self._turn, Rotation(current, other.small).matrix().columns()))
+        return self._turn(self.rotation.current.T @ other)
+
+    def _turn(self, vector: Point3) -> Point3:
+        return vector + self.rotation.small.cross(vector)
 
     def matrix(self) -> Matrix3:
         """The matrix (I + [w]x) R0^T."""
@@ -343,7 +383,9 @@ class Direction:
         """Two unknowns (first label) and nine context values `PNorm`, `DirU`, `DirV` (suffix: second label)."""
         tangent, suffix = labels
         context = tuple(
-            name for prefix in ("PNorm", "DirU", "DirV") for name in component_names((prefix + suffix,), "xyz")
+            name
+            for prefix in ("PNorm", "DirU", "DirV")
+            for name in component_names((prefix + suffix,), "xyz")
         )
 
         def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Point3:
