@@ -13,6 +13,7 @@ die() {
 }
 
 supported='import sys; sys.exit(sys.version_info < (3, 11))'
+find_all='from importlib.util import find_spec as f; [f(n).origin for n in ("obseq", "numpy", "scipy", "numba", "pyproj")]'
 
 find_python() {
     if [ -n "${PYTHON:-}" ]; then
@@ -39,15 +40,25 @@ usable() {
     "$venv/bin/python" -c "$supported" >/dev/null 2>&1 && "$venv/bin/python" -m pip --version >/dev/null 2>&1
 }
 
-# A stamp reads "LEVEL FINGERPRINT"; each level contains the ones before it.
-ready() {
+# A stamp reads "LEVEL CHECKSUM PLACE"; each level contains the ones before it.
+stamped() {
     [ -f "$venv/obseq-stamp" ] || return 1
     read -r level print <"$venv/obseq-stamp" || return 1
     [ "$print" = "$(fingerprint)" ] || return 1
     case "$1:$level" in
-        run:* | test:test | test:dev | dev:dev) "$venv/bin/python" -c 'import obseq' >/dev/null 2>&1 ;;
+        run:* | test:test | test:dev | dev:dev) ;;
         *) return 1 ;;
     esac
+}
+
+# An environment with a stamp where something is missing was damaged.
+damaged() {
+    [ -f "$venv/obseq-stamp" ] && ! "$venv/bin/python" -c "$find_all" >/dev/null 2>&1
+}
+
+# Scripts of an environment that was moved name the old place.
+moved() {
+    [ -f "$venv/obseq-stamp" ] && read -r _ _ place <"$venv/obseq-stamp" && [ "$place" != "$root" ]
 }
 
 make_environment() {
@@ -63,14 +74,9 @@ install() {
         "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
 }
 
-# The place is part of the fingerprint: scripts of an environment that was moved name the old place.
-moved() {
-    [ -f "$venv/obseq-stamp" ] && ! grep -qF " $root" "$venv/obseq-stamp"
-}
-
 prepare() {
-    ready "$1" && return
-    if moved || ! usable; then
+    stamped "$1" && ! damaged && return
+    if moved || damaged || ! usable; then
         make_environment
     fi
     rm -f "$venv/obseq-stamp"
