@@ -1,6 +1,7 @@
 """Survey networks: points, observations, stations, files and initial values."""
 
 from obseq.survey.cor_file import read_cor, write_cor
+from obseq.survey.initial import InitialValues, initial_values
 from obseq.survey.model import (
     FieldBook,
     Observations,
@@ -17,12 +18,14 @@ from obseq.survey.obs_file import read_obs, write_obs
 
 __all__ = [
     "FieldBook",
+    "InitialValues",
     "ObservationType",
     "Observations",
     "Orientation",
     "Points",
     "Stations",
     "automatic_fix",
+    "initial_values",
     "join",
     "make_points",
     "merge_points",

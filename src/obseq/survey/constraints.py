@@ -1,0 +1,309 @@
+"""What the observations say about one point once its neighbours are known: misfits, geometry, refinement."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.closed_forms import Space, wrap
+from obseq.survey.model import Orientation
+from obseq.survey.placement_state import Matrix, State, minus, plus, times, transposed_times
+from obseq.survey.sights import direction
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.survey.model import FloatArray
+    from obseq.survey.sights import Graph, Sight
+
+_ITERATIONS = 4
+_LOSS_SCALE = 0.005
+"""Relative misfit (rad, or metres per metre) beyond which a constraint speaks against a position."""
+
+
+class Kind(enum.IntEnum):
+    """What is constrained; `..._AT` was measured at the point, the others at the known point."""
+
+    AZIMUTH = 0
+    ZENITH = 1
+    DISTANCE = 2
+    LEVEL = 3
+    READING_AT = 4
+    ZENITH_AT = 5
+    HORIZONTAL = 6
+    HORIZONTAL_AT = 7
+    RISE = 8
+    RISE_AT = 9
+
+
+ANGLES = frozenset((Kind.AZIMUTH, Kind.ZENITH, Kind.READING_AT, Kind.ZENITH_AT))
+
+
+@dataclass(slots=True)
+class Constraint:
+    """One constraint between the point looked for and a known point `other`.
+
+    `value` is in metres or radians; for LEVEL it is the height of the point. Readings (READING_AT) of one
+    `station` share one unknown G0, unless `g0` is known.
+    """
+
+    kind: Kind
+    other: int
+    value: float
+    rows: tuple[int, ...]
+    station: int = -1
+    g0: float | None = None
+
+
+def collect(
+    state: State, graph: Graph, point: int, stations: frozenset[int] | None = None
+) -> list[Constraint]:
+    """All constraints that known points put on a point, in a fixed order.
+
+    Args:
+        state: known points and oriented stations.
+        graph: the observations.
+        point: the point looked for.
+        stations: the only stations that may be used; all when left out.
+    """
+    found: list[Constraint] = []
+    for number in graph.sights_to[point]:
+        sight = graph.sights[number]
+        if state.verticals[sight.origin] is not None and (stations is None or sight.station in stations):
+            _add_sight_to(state, graph, sight, found)
+    for station in graph.stations_at[point]:
+        if graph.orientations[station] == Orientation.BASC or (stations and station not in stations):
+            continue
+        for number in graph.sights_from[station]:
+            sight = graph.sights[number]
+            if state.verticals[sight.target] is not None:
+                _add_sight_at(state, graph, sight, found)
+    for other, distance, row in graph.distances[point]:
+        if state.is_placed(other):
+            found.append(Constraint(Kind.DISTANCE, other, distance, (row,)))
+    for other, difference, row in graph.height_differences[point]:
+        height = state.heights[other]
+        if height is not None:
+            found.append(Constraint(Kind.LEVEL, other, height + difference, (row,)))
+    return found
+
+
+def _add_sight_to(state: State, graph: Graph, sight: Sight, found: list[Constraint]) -> None:
+    """Measures made at a known point."""
+    if graph.orientations[sight.station] == Orientation.BASC:
+        _add_free_sight(state, sight, found)
+        return
+    g0, reading = state.g0[sight.station], sight.reading()
+    if g0 is not None and reading is not None:
+        found.append(Constraint(Kind.AZIMUTH, sight.origin, wrap(g0 + reading[0]), reading[1]))
+    _add_lengths(state, sight, sight.origin, (Kind.ZENITH, Kind.HORIZONTAL, Kind.RISE), found)
+
+
+def _add_sight_at(state: State, graph: Graph, sight: Sight, found: list[Constraint]) -> None:
+    """Measures made at the point itself."""
+    reading = sight.reading()
+    if reading is not None:
+        g0 = 0.0 if graph.orientations[sight.station] == Orientation.FIX else None
+        found.append(Constraint(Kind.READING_AT, sight.target, *reading, sight.station, g0))
+    _add_lengths(state, sight, sight.target, (Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT), found)
+
+
+def _add_lengths(
+    state: State, sight: Sight, other: int, kinds: tuple[Kind, Kind, Kind], found: list[Constraint]
+) -> None:
+    """Zenith angle, DX with DY, and DZ of a plumb instrument."""
+    if sight.zenith is not None and state.is_placed(other):
+        found.append(Constraint(kinds[0], other, sight.zenith[0], (sight.zenith[1],)))
+    if sight.dx is not None and sight.dy is not None:
+        length = math.hypot(sight.dx[0], sight.dy[0])
+        found.append(Constraint(kinds[1], other, length, (sight.dx[1], sight.dy[1])))
+    if sight.dz is not None and state.is_placed(other):
+        found.append(Constraint(kinds[2], other, sight.dz[0], (sight.dz[1],)))
+
+
+def _add_free_sight(state: State, sight: Sight, found: list[Constraint]) -> None:
+    """Measures of an oriented #BASC station, turned into azimuth, zenith angle and lengths at its origin."""
+    rotation, vector = state.rotations[sight.station], free_direction(sight)
+    if rotation is None or vector is None or not state.is_placed(sight.origin):
+        return
+    (local, rows), is_complete = vector
+    east, north, up = times(state.vertical_of(sight.origin), times(rotation, local))
+    flat = math.hypot(east, north)
+    found.append(Constraint(Kind.AZIMUTH, sight.origin, math.atan2(east, north), rows))
+    if is_complete:
+        found.append(Constraint(Kind.HORIZONTAL, sight.origin, flat, rows))
+        found.append(Constraint(Kind.RISE, sight.origin, up, rows))
+    else:
+        found.append(Constraint(Kind.ZENITH, sight.origin, math.atan2(flat, up), rows))
+
+
+def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] | None:
+    """Vector of a sight in the instrument with its rows, and whether its length is real (else 1)."""
+    vector = sight.vector()
+    if vector is not None:
+        return vector, True
+    if sight.hz is None or sight.zenith is None:
+        return None
+    return (direction(sight.hz[0], sight.zenith[0]), (sight.hz[1], sight.zenith[1])), False
+
+
+def misfit(state: State, constraint: Constraint, position: Space, vertical: Matrix, g0: float) -> float:
+    """Computed - observed (rad or m) of one constraint; `vertical` and `g0` are those at the position."""
+    kind, other, value = constraint.kind, constraint.other, constraint.value
+    if kind == Kind.LEVEL:
+        return state.height_of(position, vertical) - value
+    offset = minus(position, state.known(other))
+    if kind == Kind.DISTANCE:
+        return math.hypot(*offset) - value
+    if kind in (Kind.READING_AT, Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT):
+        east, north, up = times(vertical, (-offset[0], -offset[1], -offset[2]))
+    else:
+        east, north, up = times(state.vertical_of(other), offset)
+    if kind == Kind.AZIMUTH:
+        return wrap(math.atan2(east, north) - value)
+    if kind == Kind.READING_AT:
+        return wrap(math.atan2(east, north) - g0 - value)
+    if kind in (Kind.ZENITH, Kind.ZENITH_AT):
+        return math.atan2(math.hypot(east, north), up) - value
+    return (up if kind in (Kind.RISE, Kind.RISE_AT) else math.hypot(east, north)) - value
+
+
+def scaled_misfit(
+    state: State, constraint: Constraint, position: Space, vertical: Matrix, g0: float
+) -> float:
+    """The misfit as an angle: lengths are divided by the distance to the known point."""
+    size = misfit(state, constraint, position, vertical, g0)
+    if constraint.kind in ANGLES:
+        return size
+    return size / _distance_to(state, constraint, position)
+
+
+def _distance_to(state: State, constraint: Constraint, position: Space) -> float:
+    """Distance to the known point; to the reference point when only the height of that point is known."""
+    other = state.positions[constraint.other]
+    if other is None:
+        other = state.known(state.reference or 0)
+    return max(math.hypot(*minus(position, other)), 1e-3)
+
+
+def station_g0s(
+    state: State, constraints: Sequence[Constraint], position: Space, vertical: Matrix
+) -> dict[int, float]:
+    """G0 of each station at the position: known, or from the first reading that no other contradicts."""
+    differences: dict[int, list[float]] = {}
+    for constraint in constraints:
+        if constraint.kind == Kind.READING_AT:
+            angle = misfit(state, constraint, position, vertical, 0.0)
+            known = constraint.g0
+            differences.setdefault(constraint.station, []).append(angle if known is None else known)
+    return {station: _central_angle(angles) for station, angles in differences.items()}
+
+
+def _central_angle(angles: list[float]) -> float:
+    """The angle of a list that is nearest to the others (a median on the circle)."""
+    if len(angles) <= 2:
+        return angles[0]
+    sample = angles[:9]
+    return min(sample, key=lambda angle: sum(abs(wrap(other - angle)) for other in sample))
+
+
+def disagreement(state: State, constraints: Sequence[Constraint], position: Space, vertical: Matrix) -> float:
+    """How many constraints speak against a position, counted softly; 0 for a perfect fit."""
+    g0s = station_g0s(state, constraints, position, vertical)
+    total = 0.0
+    for constraint in constraints:
+        g0 = g0s.get(constraint.station, 0.0)
+        size = abs(scaled_misfit(state, constraint, position, vertical, g0))
+        total += size / (size + _LOSS_SCALE)
+    return total
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A position made to fit its constraints, and the strength of their geometry.
+
+    The strength is the smallest singular value of the derivatives of the scaled misfits with respect to the
+    position (in units of the mean distance) and to the unknown G0s: about 1 for a right angle at equal
+    distances, 0 where the constraints do not determine the position.
+    """
+
+    position: Space
+    strength: float
+
+
+def refine(
+    state: State, constraints: Sequence[Constraint], start: Space, axes: tuple[int, ...] = (0, 1, 2)
+) -> Refined:
+    """Least squares on a few constraints from a good start.
+
+    Args:
+        state: known points.
+        constraints: those that determine the position.
+        start: position in the frame.
+        axes: what may move: east (0), north (1), up (2).
+    """
+    position, strength = start, 0.0
+    free_stations = sorted({c.station for c in constraints if c.kind == Kind.READING_AT and c.g0 is None})
+    length = _mean_distance(state, constraints, start)
+    for _ in range(_ITERATIONS):
+        vertical = state.vertical_at(position)
+        g0s = station_g0s(state, constraints, position, vertical)
+        jacobian, residuals = _linearised(
+            state, constraints, position, vertical, g0s, (axes, length, free_stations)
+        )
+        left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+        strength = float(singular[-1]) if jacobian.shape[0] >= jacobian.shape[1] else 0.0
+        if not strength > 1e-6:
+            return Refined(position, 0.0)
+        step = -(right.T @ ((left.T @ residuals) / singular))[: len(axes)]
+        if not np.abs(step).max() < 1.0:
+            return Refined(position, 0.0)
+        position = plus(position, _to_frame(vertical, axes, step.tolist(), length))
+        if np.abs(step).max() < 1e-10:
+            break
+    return Refined(position, strength)
+
+
+def _mean_distance(state: State, constraints: Sequence[Constraint], position: Space) -> float:
+    lengths = [_distance_to(state, constraint, position) for constraint in constraints]
+    return sum(lengths) / len(lengths)
+
+
+def _to_frame(vertical: Matrix, axes: tuple[int, ...], step: list[float], length: float) -> Space:
+    """A displacement given along some of east, north and up, in units of `length`."""
+    moved = dict(zip(axes, step, strict=True))
+    east, north, up = (moved.get(axis, 0.0) * length for axis in range(3))
+    return transposed_times(vertical, (east, north, up))
+
+
+def _linearised(
+    state: State,
+    constraints: Sequence[Constraint],
+    position: Space,
+    vertical: Matrix,
+    g0s: dict[int, float],
+    layout: tuple[tuple[int, ...], float, list[int]],
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (by differences) and values of the scaled misfits."""
+    axes, length, free_stations = layout
+    step = 1e-6
+    moved = [plus(position, _to_frame(vertical, (axis,), [step], length)) for axis in axes]
+    jacobian = np.zeros((len(constraints), len(axes) + len(free_stations)))
+    residuals = np.zeros(len(constraints))
+    for row, constraint in enumerate(constraints):
+        g0 = g0s.get(constraint.station, 0.0)
+        unit = 1.0 if constraint.kind in ANGLES else 1.0 / length
+        here = misfit(state, constraint, position, vertical, g0)
+        residuals[row] = here * unit
+        for column, there in enumerate(moved):
+            difference = misfit(state, constraint, there, vertical, g0) - here
+            if constraint.kind in ANGLES:
+                difference = wrap(difference)
+            jacobian[row, column] = difference * unit / step
+        if constraint.station in free_stations and constraint.kind == Kind.READING_AT:
+            jacobian[row, len(axes) + free_stations.index(constraint.station)] = -1.0
+    return jacobian, residuals
