@@ -22,7 +22,7 @@ from obseq.codegen.compiler import (
 from obseq.formulas.base import Formula
 
 WIDTH = 110
-FROM_MATH = frozenset({"sqrt", "exp", "log"})
+FROM_MATH = frozenset({"sqrt"})
 TEMPLATES = Path(__file__).parent / "templates"
 PENDING = "pending"
 

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.formulas import functions
+
 if TYPE_CHECKING:
     from obseq.codegen.graph import Graph
 
@@ -35,7 +37,9 @@ class Operator:
     function: str = ""
 
 
-def _call(name: str, value: Callable[..., float] | None, partials: Partials | None, arity: int = 1) -> Operator:
+def _call(
+    name: str, value: Callable[..., float] | None, partials: Partials | None, arity: int = 1
+) -> Operator:
     return Operator(f"{name}({', '.join(['{}'] * arity)})", value, partials, expensive=True, function=name)
 
 
@@ -59,6 +63,43 @@ def _asin_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, 
     return (g.rcp(g.apply("sqrt", g.mul(g.sub(one, x), g.add(one, x)))),)
 
 
+def _acos_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    return (g.neg(*_asin_partials(g, node, operands)),)
+
+
+def _tan_partials(g: "Graph", node: int, _: tuple[int, ...]) -> tuple[int, ...]:
+    return (g.add(g.constant(1.0), g.mul(node, node)),)
+
+
+def _atan_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    (x,) = operands
+    return (g.rcp(g.add(g.constant(1.0), g.mul(x, x))),)
+
+
+def _sinc_sqrt_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    return (g.apply("sinc_sqrt_slope", *operands),)
+
+
+def _cos_sqrt_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    return (g.mul(g.constant(-0.5), g.apply("sinc_sqrt", *operands)),)
+
+
+def _angle_ratio_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    s, z = operands
+    return g.apply("angle_ratio_slope", node, s, z), g.neg(g.rcp(g.add(s, g.mul(z, z))))
+
+
+def _axial_sum_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    s, z = operands
+    inverse = g.rcp(g.apply("sqrt", g.add(s, g.mul(z, z))))
+    return g.mul(g.constant(0.5), inverse), g.mul(node, inverse)
+
+
+def _normalised_ratio_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+    a, b = operands
+    return g.apply("normalised_ratio_slope", a, b), g.neg(g.apply("normalised_ratio_slope", b, a))
+
+
 OPERATORS: dict[str, Operator] = {
     "add": Operator("{} + {}", lambda a, b: a + b, lambda g, n, o: (g.constant(1.0), g.constant(1.0))),
     "sub": Operator("{} - {}", lambda a, b: a - b, lambda g, n, o: (g.constant(1.0), g.constant(-1.0))),
@@ -70,7 +111,20 @@ OPERATORS: dict[str, Operator] = {
     "cos": _call("cos", math.cos, lambda g, n, o: (g.neg(g.apply("sin", *o)),)),
     "exp": _call("exp", math.exp, lambda g, n, o: (n,)),
     "log": _call("log", math.log, lambda g, n, o: (g.rcp(o[0]),)),
+    "tan": _call("tan", math.tan, _tan_partials),
     "asin": _call("asin", math.asin, _asin_partials),
+    "acos": _call("acos", math.acos, _acos_partials),
+    "atan": _call("atan", math.atan, _atan_partials),
     "atan2": _call("atan2", math.atan2, _atan2_partials, arity=2),
     "wrap_angle": _call("wrap_angle", None, lambda g, n, o: (g.constant(1.0),)),
+    "sinc_sqrt": _call("sinc_sqrt", functions.sinc_sqrt, _sinc_sqrt_partials),
+    "sinc_sqrt_slope": _call("sinc_sqrt_slope", None, None),
+    "cos_sqrt": _call("cos_sqrt", functions.cos_sqrt, _cos_sqrt_partials),
+    "angle_ratio": _call("angle_ratio", functions.angle_ratio, _angle_ratio_partials, arity=2),
+    "angle_ratio_slope": _call("angle_ratio_slope", None, None, arity=3),
+    "axial_sum": _call("axial_sum", functions.axial_sum, _axial_sum_partials, arity=2),
+    "normalised_ratio": _call(
+        "normalised_ratio", functions.normalised_ratio, _normalised_ratio_partials, arity=2
+    ),
+    "normalised_ratio_slope": _call("normalised_ratio_slope", None, None, arity=2),
 }

@@ -12,11 +12,19 @@ from obseq.formulas.base import Formula
 FUNCTIONS: dict[type[sympy.Basic], str] = {
     functions.Sqrt: "sqrt",
     functions.WrapAngle: "wrap_angle",
+    functions.SincSqrt: "sinc_sqrt",
+    functions.CosSqrt: "cos_sqrt",
+    functions.AngleRatio: "angle_ratio",
+    functions.AxialSum: "axial_sum",
+    functions.NormalisedRatio: "normalised_ratio",
     sympy.sin: "sin",
     sympy.cos: "cos",
+    sympy.tan: "tan",
     sympy.exp: "exp",
     sympy.log: "log",
     sympy.asin: "asin",
+    sympy.acos: "acos",
+    sympy.atan: "atan",
     sympy.atan2: "atan2",
 }
 """What a sympy function becomes in the graph; anything else is refused."""
@@ -70,16 +78,17 @@ class _Translator:
         return result
 
     def _power(self, base: sympy.Basic, exponent: sympy.Basic) -> int:
-        node = self.visit(base)
-        if isinstance(exponent, sympy.Integer):
-            return self.graph.power(node, int(exponent))
-        if exponent == sympy.Rational(1, 2):
-            return self.graph.apply("sqrt", node)
-        if exponent == -sympy.Rational(1, 2):
-            return self.graph.rcp(self.graph.apply("sqrt", node))
+        """Repeated squares for whole exponents, a square root for halves, else exp(exponent log(base))."""
+        graph = self.graph
         if base == sympy.E:
-            return self.graph.apply("exp", self.visit(exponent))
-        raise self._refusal(sympy.Pow(base, exponent, evaluate=False))
+            return graph.apply("exp", self.visit(exponent))
+        node = self.visit(base)
+        if exponent.is_Number and (2 * float(exponent)).is_integer():
+            halves = int(2 * float(exponent))
+            if halves % 2:
+                return graph.power(graph.apply("sqrt", node), halves)
+            return graph.power(node, halves // 2)
+        return graph.apply("exp", graph.mul(self.visit(exponent), graph.apply("log", node)))
 
     def _name(self, name: sympy.Basic, expression: sympy.Basic) -> int:
         node = self.visit(expression)

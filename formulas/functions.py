@@ -27,12 +27,20 @@ class Sqrt(sympy.Function):
     """Square root, kept as one operation."""
 
 
-class Sinc(sympy.Function):
-    """Cardinal sine sin(x)/x."""
+class SincSqrt(sympy.Function):
+    """Cardinal sine of a square root, smooth at 0."""
 
 
-class AtanRatio(sympy.Function):
-    """Angle atan2(x, y) over x, smooth at x = 0 for y > 0."""
+class CosSqrt(sympy.Function):
+    """Cosine of a square root, smooth at 0."""
+
+
+class AngleRatio(sympy.Function):
+    """Angle from an axis over the distance to it, smooth on the axis."""
+
+
+class AxialSum(sympy.Function):
+    """Length of a vector plus its component along an axis."""
 
 
 class NormalisedRatio(sympy.Function):
@@ -63,6 +71,11 @@ def cos(x: Scalar) -> Scalar:
     return sympy.cos(x) if _is_symbolic(x) else _library(x).cos(x)
 
 
+def tan(x: Scalar) -> Scalar:
+    """Tangent of an angle in radians."""
+    return sympy.tan(x) if _is_symbolic(x) else _library(x).tan(x)
+
+
 def exp(x: Scalar) -> Scalar:
     """Exponential."""
     return sympy.exp(x) if _is_symbolic(x) else _library(x).exp(x)
@@ -73,9 +86,24 @@ def log(x: Scalar) -> Scalar:
     return sympy.log(x) if _is_symbolic(x) else _library(x).log(x)
 
 
+def power(base: Scalar, exponent: Scalar) -> Scalar:
+    """A positive base to any real exponent, known or unknown; `base**exponent` is the same."""
+    return exp(exponent * log(base))
+
+
 def asin(x: Scalar) -> Scalar:
     """Arc sine, in radians; its derivative is infinite at -1 and 1."""
     return sympy.asin(x) if _is_symbolic(x) else _library(x).asin(x)
+
+
+def acos(x: Scalar) -> Scalar:
+    """Arc cosine, in radians; its derivative is infinite at -1 and 1."""
+    return sympy.acos(x) if _is_symbolic(x) else _library(x).acos(x)
+
+
+def atan(x: Scalar) -> Scalar:
+    """Arc tangent, in radians."""
+    return sympy.atan(x) if _is_symbolic(x) else _library(x).atan(x)
 
 
 def atan2(y: Scalar, x: Scalar) -> Scalar:
@@ -102,29 +130,54 @@ def angle_difference(computed: Scalar, observed: Scalar) -> Scalar:
 
 def sinc(x: Scalar) -> Scalar:
     """Cardinal sine sin(x)/x, equal to 1 at 0 with all its derivatives exact there."""
-    if _is_symbolic(x):
-        return Sinc(x)
-    return _library(x).sin(x) / x if x != 0 else x * 0 + 1
+    return sinc_sqrt(x * x)
 
 
-def atan_ratio(x: Scalar, y: Scalar) -> Scalar:
-    """Angle atan2(x, y) divided by x: its limit 1/y at x = 0 when y > 0, non-finite there when y <= 0.
+def sinc_sqrt(s: Scalar) -> Scalar:
+    """sin(r)/r for r = sqrt(s): a smooth function of s >= 0, where r itself has no derivative at 0."""
+    if _is_symbolic(s):
+        return SincSqrt(s)
+    root = sqrt(s)
+    return sin(root) / root if s != 0 else s * 0 + 1
 
-    MMVII's AtanXsY_sX returns 1/y in a cone around x = 0 whatever the sign of y; here y < 0 is exact.
+
+def cos_sqrt(s: Scalar) -> Scalar:
+    """cos(r) for r = sqrt(s): a smooth function of s >= 0."""
+    return CosSqrt(s) if _is_symbolic(s) else cos(sqrt(s))
+
+
+def angle_ratio(s: Scalar, z: Scalar) -> Scalar:
+    """atan2(r, z)/r for r = sqrt(s): the angle from the z axis over the distance to it.
+
+    Smooth on the axis for z > 0, where it is 1/z; not a number on the backward axis (s = 0, z <= 0). MMVII's
+    AtanXsY_sX takes 1/z in the whole cone r <= 1e-4 |z|, backwards too; here the backward cone is exact.
     """
-    if _is_symbolic(x, y):
-        return AtanRatio(x, y)
-    return _library(x, y).atan2(x, y) / x if x != 0 else 1 / y
+    if _is_symbolic(s, z):
+        return AngleRatio(s, z)
+    root = sqrt(s)
+    if s != 0:
+        return atan2(root, z) / root
+    return 1 / z if z > 0 else z * math.nan
+
+
+def axial_sum(s: Scalar, z: Scalar) -> Scalar:
+    """sqrt(s + z^2) + z, where s >= 0 is a squared distance to the z axis; no digit is lost for z < 0."""
+    if _is_symbolic(s, z):
+        return AxialSum(s, z)
+    larger = sqrt(s + z * z) + abs(z)
+    return larger if z >= 0 else s / larger
 
 
 def normalised_ratio(first: Scalar, second: Scalar) -> Scalar:
-    """Contrast of two radiometries, negative ones taken as 0: a/b - 1 if a < b, 1 - b/a if a > b, 0 if equal."""
+    """Contrast (a - b)/max(a, b) of two radiometries, negative ones taken as 0; 0 when both are 0.
+
+    Its derivatives are continuous across a = b > 0. Those of a negative argument are 0, where MMVII's are
+    those of a positive one; at 0 they are those on the side of positive radiometries.
+    """
     if _is_symbolic(first, second):
         return NormalisedRatio(first, second)
     a, b = max(first, first * 0), max(second, second * 0)
-    if a == b:
-        return a * 0
-    return a / b - 1 if a < b else 1 - b / a
+    return (a - b) / max(a, b) if a != b else a * 0
 
 
 def let(name: str, value: Any) -> Any:
