@@ -101,6 +101,8 @@ class Graph:
             return self.add(a, opposite)
         if (opposite := self._negated(a)) is not None:
             return self.neg(self.add(opposite, b))
+        if Node("sub", (b, a)) in self._numbers:
+            return self.node("neg", self._numbers[Node("sub", (b, a))])
         return self.node("sub", a, b)
 
     def neg(self, a: int) -> int:
