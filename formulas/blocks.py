@@ -2,12 +2,12 @@
 
 A block in the signature of `residual` is annotated with its type, and with MMVII's names for its scalars:
 `station: Annotated[Pose, "Ci", "Wi", "mi"]`. Unknown blocks may also bring context: values of the current
-solution that are constant in the equation (the current matrix of a rotation, the tangent frame of a direction).
+solution that are constant in the equation (current matrix of a rotation, tangent frame of a direction).
 
 Small rotations (one convention for all formulas, MMVII's `cRot3dF`): a rotation from the local frame of an
-instrument or of a camera to the world is `R = R0 (I - [w]x)`, with `R0` its current matrix (context) and `w`
-the unknown, 0 whenever an adjustment evaluates it. Its inverse is taken as its transpose, `(I + [w]x) R0^T`.
-After a solution `R0` becomes `R0 exp(-[w]x)` and `w` returns to 0.
+instrument or of a camera to the world is `R = R0 (I - [w]x)`, with `R0` its current matrix (context) and
+`w` the unknown, 0 whenever an adjustment evaluates it. Its inverse is taken as its transpose,
+`(I + [w]x) R0^T`. After a solution `R0` becomes `R0 exp(-[w]x)` and `w` returns to 0.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ from typing import Any, Self, overload
 from obseq.formulas.functions import Scalar, let, sqrt
 
 WORLD_TO_LOCAL = "world to local"
-"""Marks a pose or rotation whose context matrix is the transpose of its rotation (MMVII pushes it by columns)."""
+"""Marks a pose or rotation whose context is its transposed matrix (MMVII pushes it by columns)."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def matrix_names(prefix: str, columns: int = 3, rows: int = 3) -> tuple[str, ...
     return component_names((prefix,), [f"{column}_{row}" for row in range(rows) for column in range(columns)])
 
 
-class Number:
+class Number(Scalar):  # type: ignore[misc]  # to the reader of a formula it is a scalar
     """A scalar without a unit."""
 
     unit = ""
@@ -107,12 +107,12 @@ class Radiometry(Number):
     unit = "grey level"
 
 
-class Vector:
+class Vector(tuple[Scalar, ...]):
     """Several scalars; their names are an attribute of the formula, given by its name: `"coefficients"`."""
 
     @classmethod
     def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
-        """Scalars named by an attribute of the formula, or by the labels themselves when there are several."""
+        """Scalars named by an attribute of the formula, or by the labels when there are several."""
         names = tuple(labels) if len(labels) > 1 else tuple(getattr(formula, labels[0]))
         return Declaration((Atom("Vector", names),) if names else (), lambda scalars, _: tuple(scalars))
 
@@ -282,7 +282,7 @@ class Rotation:
 
     @classmethod
     def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
-        """Three unknowns (first label) and nine context values (second label), `WORLD_TO_LOCAL` if transposed."""
+        """Three unknowns and nine context values (a label each), `WORLD_TO_LOCAL` if transposed."""
         small, matrix, *mark = labels
         transposed = mark == [WORLD_TO_LOCAL]
         atom = Atom(
@@ -344,7 +344,7 @@ class Pose:
 
     @classmethod
     def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
-        """Six unknowns (labels of centre and small rotation) and nine context values (label of the matrix)."""
+        """Six unknowns (labels of centre, small rotation) and nine context values (label of matrix)."""
         centre, *rotation = labels
         (turning,) = (declared := Rotation.declare(rotation, formula)).atoms
         atoms = (Atom("Point3", component_names((centre,), "xyz"), part="centre", unit="m"), turning)
@@ -372,7 +372,7 @@ class InversePose:
         return self.pose.rotation.inverse() @ (point - self.pose.centre)
 
 
-class Direction:
+class Direction(Point3):
     """A unit vector `N0 + du U + dv V`: its unknowns are the two tangent components, 0 in an adjustment.
 
     The argument of the formula is the vector itself, a `Point3`.
@@ -380,7 +380,7 @@ class Direction:
 
     @classmethod
     def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
-        """Two unknowns (first label) and nine context values `PNorm`, `DirU`, `DirV` (suffix: second label)."""
+        """Two unknowns (first label); nine context values `PNorm`, `DirU`, `DirV` (second: suffix)."""
         tangent, suffix = labels
         context = tuple(
             name
@@ -390,6 +390,7 @@ class Direction:
 
         def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Point3:
             normal, along_u, along_v = (Point3(*context[k : k + 3]) for k in (0, 3, 6))
-            return normal + scalars[0] * along_u + scalars[1] * along_v
+            moved: Point3 = normal + scalars[0] * along_u + scalars[1] * along_v
+            return moved
 
         return Declaration((Atom("Direction", component_names((tangent,), "xy"), context),), build)

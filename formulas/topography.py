@@ -44,10 +44,20 @@ class TopoZen(Formula):
     """
 
     source = TOPO
-    typical = {"station.centre": (0.0, 10.0), "target": (0.0, 10.0), "val": (1.5, 0.3), "ref_cor": (0.0, 1e-3)}
+    typical = {
+        "station.centre": (0.0, 10.0),
+        "target": (0.0, 10.0),
+        "val": (1.5, 0.3),
+        "ref_cor": (0.0, 1e-3),
+    }
 
     def residual(
-        self, station: Station, target: Target, *, refraction: Annotated[Angle, "ref_cor"], zenith: MeasuredAngle
+        self,
+        station: Station,
+        target: Target,
+        *,
+        refraction: Annotated[Angle, "ref_cor"],
+        zenith: MeasuredAngle,
     ) -> Scalar:
         """The zenith angle computed, corrected for refraction, minus the angle observed (rad)."""
         sight = let("sight", station.inverse() @ target)

@@ -1,8 +1,12 @@
-"""Shared fixtures: where the real data lie."""
+"""Shared fixtures: where the real data lie; and the same random examples in every run."""
 
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.load_profile("fixed")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
