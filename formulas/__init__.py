@@ -1,6 +1,27 @@
 """The equations: one class each, and the list of those that gencode writes."""
 
+from obseq.formulas import radiometry
 from obseq.formulas.base import Formula
+from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
+from obseq.formulas.image_deformation import DeformImAffinity, DeformImHomotethy, LGrad_DeformImHomotethy
+from obseq.formulas.lidar import (
+    EqLidarImCensus,
+    EqLidarImCensusPose,
+    EqLidarImCorrel,
+    EqLidarImCorrelPose,
+    EqLidarImPonct,
+    EqLidarImPonctPose,
+    EqLidarLidar,
+)
+from obseq.formulas.plane import (
+    Dist2DCons,
+    PropCovNwCD,
+    RatioDist2DCons,
+    SetPointNwCDFixed,
+    SetPointNwCDUnknown,
+    SumSquare,
+)
+from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
 from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
 
@@ -15,6 +36,30 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDY(),
     TopoDZ(),
     TopoDH(),
+    SumSquare(8),
+    Dist2DCons(),
+    RatioDist2DCons(),
+    PropCovNwCD(4),
+    SetPointNwCDUnknown(4),
+    SetPointNwCDFixed(4),
+    SetPointNwCDUnknown(3),
+    BlocRigid(),
+    BlocRigid_RE(),
+    VNormOrthog(),
+    ClinoInBlock(0, 3),
+    ClinoBloc(),
+    ClinoRot(),
+    EqLidarImPonct(),
+    EqLidarImPonctPose(),
+    EqLidarImCensus(),
+    EqLidarImCensusPose(),
+    EqLidarImCorrel(),
+    EqLidarImCorrelPose(),
+    EqLidarLidar(),
+    DeformImHomotethy(),
+    LGrad_DeformImHomotethy(),
+    DeformImAffinity(),
+    *radiometry.REGISTERED,
 )
 
 __all__ = ["REGISTRY", "Formula"]

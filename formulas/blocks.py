@@ -151,8 +151,10 @@ class Point2:
         return Point2(let(f"{name}_x", self.x), let(f"{name}_y", self.y))
 
 
-class Points2:
-    """Several points of the plane, each an atomic block; the formula receives a tuple of `Point2`."""
+class Points2(tuple[Point2, ...]):
+    """Several points of the plane, each an atomic block."""
+
+    __slots__ = ()
 
     @classmethod
     def declare(cls, labels: Sequence[str], formula: object) -> Declaration:
@@ -161,8 +163,8 @@ class Points2:
         count = getattr(formula, number)
         atoms = (Atom("Point2", (x.format(k), y.format(k)), part=str(k)) for k in range(count))
 
-        def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> tuple[Point2, ...]:
-            return tuple(Point2(*scalars[2 * k : 2 * k + 2]) for k in range(count))
+        def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Points2:
+            return cls(Point2(*scalars[2 * k : 2 * k + 2]) for k in range(count))
 
         return Declaration(tuple(atoms), build)
 
