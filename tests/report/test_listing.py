@@ -25,3 +25,7 @@ def test_iterations_are_numbered_from_one(record) -> None:
     lines = [line.split() for line in listing(record).splitlines()]
     assert ["1", "120.5", "2.5"] in lines
     assert ["2", "1.25", "0.001"] in lines
+
+
+def test_all_warnings_are_listed(record) -> None:
+    assert listing(record | {"warnings": [f"w{k}" for k in range(50)]}).count("Warning: w") == 50

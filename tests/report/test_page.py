@@ -63,3 +63,9 @@ def test_a_large_network_does_not_make_a_large_page(record) -> None:
 
 def test_an_empty_network_has_a_page(record) -> None:
     checked(page(record | {"points": [], "observations": [], "stations": []}))
+
+
+def test_warnings_are_on_the_page(record) -> None:
+    assert "<dt>warning</dt><dd >w &lt; 1</dd>" in page(record | {"warnings": ["w < 1"]}).replace(
+        ' class=""', " "
+    )

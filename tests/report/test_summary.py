@@ -69,3 +69,17 @@ def test_time_and_files(record) -> None:
     text = summary(record, ["a.json", "a.html"])
     assert "Seconds: read 0.25, adjust 1.50; 1.75 in all" in text
     assert "Written: a.json, a.html" in text
+
+
+def test_warnings_are_shown_and_counted(record) -> None:
+    text = summary(record | {"warnings": [f"w{k}" for k in range(5)]})
+    assert text.count("Warning: ") == 3
+    assert "and 2 more warnings" in text
+
+
+def test_it_says_how_precisions_are_scaled(record) -> None:
+    assert text_of_title(record | {"precision": "a priori"}).endswith("precisions a priori (mm)")
+
+
+def text_of_title(record) -> str:
+    return line_with(summary(record), "Coordinates in the computation frame")

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from obseq.cli.files import check_writable, write_all
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
@@ -76,12 +76,14 @@ def register(commands: Commands) -> None:
         "--obs", nargs="+", type=Path, required=True, metavar="FILE", help="observation files (OBS)"
     )
     files.add_argument("--cor", nargs="+", type=Path, required=True, metavar="FILE", help="point files (COR)")
+    files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
     systems = command.add_argument_group("coordinate systems")
     systems.add_argument(
         "--frame",
         metavar="SYSCO",
         help="system of the computation, for instance RTL*E*N*h*IGNF:LAMB93: axes along east, north and up "
-        "at that origin (without it: Local, where nothing is known of the Earth)",
+        "at that origin; RTL alone takes the mean of the points as origin (without --frame: Local, where "
+        "nothing is known of the Earth)",
     )
     systems.add_argument(
         "--points-crs",
@@ -96,7 +98,10 @@ def register(commands: Commands) -> None:
         help="sigma in metres of the known points whose line gives none (without it, they are an error)",
     )
     computation.add_argument(
-        "--iterations", type=positive_integer, metavar="N", help="largest number of iterations"
+        "--iterations",
+        type=positive_integer,
+        metavar="N",
+        help="stop at this number when not converged before",
     )
     add_result_arguments(command)
 
@@ -125,6 +130,7 @@ def results_of(arguments: argparse.Namespace) -> Results:
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     reading = {
+        "encoding": arguments.encoding,
         "frame": arguments.frame,
         "points_crs": arguments.points_crs,
         "point_sigma": arguments.point_sigma,
@@ -143,7 +149,7 @@ def adjust(request: Request) -> int:
 
         network = Network.read(request.observations, request.points, **request.reading)
         solution = network.adjust(progress=progress, **request.solving)
-        record: AdjustmentRecord = solution.to_dict()
+        record = cast("AdjustmentRecord", solution.to_dict())
         progress("writing")
         request.results.write(record)
     from obseq.report import summary

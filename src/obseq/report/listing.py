@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from obseq.report import rows
 from obseq.report.record import AdjustmentRecord
 from obseq.report.statistics import verdict
-from obseq.report.summary import how_it_ended, kinds
+from obseq.report.summary import how_it_ended, kinds, warnings
 from obseq.report.table import lines_of
 from obseq.report.units import significant
 
@@ -17,8 +17,9 @@ def listing(record: AdjustmentRecord) -> str:
         tables.append(rows.crs_table(record, record["points"]))
     tables.append(rows.station_table(record))
     tables.append(rows.observation_table("Observations, in the order of the files", record["observations"]))
-    sections = ("\n".join(lines_of(table)) for table in tables)
-    return "\n\n".join(("\n".join(_head(record)), *sections)) + "\n"
+    heads = ["\n".join(_head(record)), "\n".join(warnings(record, len(record.get("warnings", []))))]
+    sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
+    return "\n\n".join(section for section in sections if section) + "\n"
 
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:

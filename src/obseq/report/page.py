@@ -9,10 +9,11 @@ from obseq.report import rows
 from obseq.report.figure import network_figure
 from obseq.report.record import AdjustmentRecord
 from obseq.report.statistics import verdict, worst_first
-from obseq.report.summary import how_it_ended, kinds
+from obseq.report.summary import how_it_ended, kinds, warnings
 from obseq.report.units import significant
 
 MOST_ROWS = 2000
+MOST_WARNINGS = 20
 
 
 def page(record: AdjustmentRecord) -> str:
@@ -39,6 +40,7 @@ def _facts(record: AdjustmentRecord) -> str:
         ("sigma0 by iteration", ", ".join(significant(row["sigma0"]) for row in record["iterations"]), ""),
         ("sigma0", sigma0, "good" if test.is_accepted else "bad"),
         ("", test.explanation, ""),
+        *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
     ]
     cells = (f'<dt>{escape(name)}</dt><dd class="{style}">{escape(text)}</dd>' for name, text, style in items)
     return f"<dl>{''.join(cells)}</dl>"

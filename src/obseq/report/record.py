@@ -35,7 +35,7 @@ class PointRecord(TypedDict):
     crs_sx: NotRequired[float | None]
     crs_sy: NotRequired[float | None]
     crs_sz: NotRequired[float | None]
-    """Precisions along east, north and up at the point (m)."""
+    """Precisions (m): along the axes of that system when it is in metres, else east, north and up."""
 
 
 class StationRecord(TypedDict):
@@ -83,6 +83,8 @@ class AdjustmentRecord(TypedDict):
     iterations: list[IterationRecord]
     sigma0: float | None
     converged: bool
+    precision: NotRequired[str]
+    """"a posteriori": precisions are multiplied by the estimated sigma0; "a priori": they are not."""
     frame: str
     points_crs: str
     points_crs_unit: NotRequired[str]
@@ -90,6 +92,7 @@ class AdjustmentRecord(TypedDict):
     points: list[PointRecord]
     stations: list[StationRecord]
     observations: list[ObservationRecord]
+    warnings: NotRequired[list[str]]
     phases: NotRequired[list[PhaseRecord]]
 
 

@@ -28,32 +28,43 @@ def frame_table(record: AdjustmentRecord, points: list[PointRecord]) -> Table:
     rows = (
         (
             point["name"],
-            *(units.metres(point[axis]) for axis in ("x", "y", "z")),
-            *(units.millimetres(point[axis]) for axis in ("sx", "sy", "sz")),
+            *(units.metres(value) for value in (point["x"], point["y"], point["z"])),
+            *(units.millimetres(value) for value in (point["sx"], point["sy"], point["sz"])),
         )
         for point in points
     )
-    title = f"Coordinates in the computation frame {record['frame']} (m), precisions (mm)"
+    title = f"Coordinates in the computation frame {record['frame']} (m), {_precisions(record)}"
     return Table(title, ("point", "x", "y", "z", "sx", "sy", "sz"), tuple(rows))
 
 
 def crs_table(record: AdjustmentRecord, points: list[PointRecord]) -> Table:
     """Coordinates in the system of the point files, with precisions if the record has them."""
     is_angular = record.get("points_crs_unit") == "degree"
-    decimals = 9 if is_angular else 4
-    with_precisions = any(point.get("crs_sx") is not None for point in points)
-    rows = []
-    for point in points:
-        cells = [point["name"], units.fixed(point["crs_x"], decimals), units.fixed(point["crs_y"], decimals)]
-        cells.append(units.metres(point["crs_z"]))
-        if with_precisions:
-            precisions = (point.get("crs_sx"), point.get("crs_sy"), point.get("crs_sz"))
-            cells += [units.millimetres(value) for value in precisions]
-        rows.append(tuple(cells))
-    header = ("point", "x", "y", "z", *(("east", "north", "up") if with_precisions else ()))
     unit = "degrees, m" if is_angular else "m"
-    more = ", precisions (mm)" if with_precisions else ""
-    return Table(f"Coordinates in {record['points_crs']} ({unit}){more}", header, tuple(rows))
+    title = f"Coordinates in {record['points_crs']} ({unit})"
+    header: tuple[str, ...] = ("point", "x", "y", "z")
+    rows = [_crs_cells(point, 9 if is_angular else 4) for point in points]
+    if any(point.get("crs_sx") is not None for point in points):
+        title = f"{title}, {_precisions(record)}"
+        header += ("east", "north", "up") if is_angular else ("sx", "sy", "sz")
+        rows = [cells + _crs_precisions(point) for cells, point in zip(rows, points, strict=True)]
+    return Table(title, header, tuple(rows))
+
+
+def _crs_cells(point: PointRecord, decimals: int) -> tuple[str, ...]:
+    plan = (units.fixed(value, decimals) for value in (point["crs_x"], point["crs_y"]))
+    return (point["name"], *plan, units.metres(point["crs_z"]))
+
+
+def _crs_precisions(point: PointRecord) -> tuple[str, ...]:
+    values = (point.get("crs_sx"), point.get("crs_sy"), point.get("crs_sz"))
+    return tuple(units.millimetres(value) for value in values)
+
+
+def _precisions(record: AdjustmentRecord) -> str:
+    """How the precisions of the tables are to be read."""
+    kind = record.get("precision")
+    return f"precisions {kind} (mm)" if kind else "precisions (mm)"
 
 
 def station_table(record: AdjustmentRecord) -> Table:

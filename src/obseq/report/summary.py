@@ -12,6 +12,7 @@ from obseq.report.table import lines_of
 WIDTH = 100
 MOST_POINTS = 8
 MOST_ITERATIONS = 9
+MOST_WARNINGS = 3
 WORST = 5
 
 
@@ -22,8 +23,16 @@ def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
         record: The adjustment.
         written: Names of the files where the results were written.
     """
-    sections = (_counts(record), _fit(record), _worst(record), _coordinates(record), _end(record, written))
-    return "\n\n".join("\n".join(section) for section in sections) + "\n"
+    sections = (
+        _counts(record),
+        _fit(record),
+        _worst(record),
+        _coordinates(record),
+        warnings(record, MOST_WARNINGS),
+        _end(record, written),
+    )
+    texts = ("\n".join(section) for section in sections)
+    return "\n\n".join(text for text in texts if text) + "\n"
 
 
 def how_it_ended(record: AdjustmentRecord) -> str:
@@ -41,6 +50,14 @@ def kinds(record: AdjustmentRecord) -> str:
     unused = sum(not row["active"] for row in record["observations"])
     text = ", ".join(f"{count[kind]} {kind}" for kind in sorted(count))
     return f"{text}; {unused} not used" if unused else text
+
+
+def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
+    """What the user should know of the input, one line each, at most so many of them."""
+    found = record.get("warnings", [])
+    yield from (f"Warning: {text}" for text in found[:most])
+    if len(found) > most:
+        yield f"and {len(found) - most} more warnings; the listing and the JSON file have them"
 
 
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
