@@ -1,5 +1,6 @@
 """Survey networks: points, observations, stations, files and initial values."""
 
+from obseq.survey.adjustment import Adjustment
 from obseq.survey.cor_file import read_cor, write_cor
 from obseq.survey.initial import InitialValues, initial_values
 from obseq.survey.model import (
@@ -14,11 +15,14 @@ from obseq.survey.model import (
     make_points,
     merge_points,
 )
+from obseq.survey.network import Network
 from obseq.survey.obs_file import read_obs, write_obs
 
 __all__ = [
+    "Adjustment",
     "FieldBook",
     "InitialValues",
+    "Network",
     "ObservationType",
     "Observations",
     "Orientation",

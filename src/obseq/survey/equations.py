@@ -13,7 +13,7 @@ from obseq.survey.model import ObservationType, Orientation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from obseq.leastsquares import Batch
+    from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.survey.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
@@ -142,9 +142,13 @@ class Equations:
             rows, batch = self.batches[ObservationType.Zen]
             batch.observations = self._measured(ObservationType.Zen, rows, coordinates)
 
-    def instrument_rotations(self, rotations: FloatArray, coordinates: FloatArray) -> FloatArray:
-        """(m, 3, 3) rotations from the vertical to the instrument, from those of the solution."""
+    def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
+        """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""
+        if not self.stations.size:
+            return np.zeros((0, 3, 3))
+        coordinates = solution.values(self.points)
         verticals = self._frame.vertical(coordinates[self._book.stations.origins])
+        rotations = solution.values(self.stations)
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
 
 

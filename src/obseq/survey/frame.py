@@ -9,7 +9,6 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
-from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,17 +46,6 @@ class Frame:
         if self.has_vertical:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
-
-    def require_vertical(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
-        """Raises InputError at the first plumb station when the frame has no vertical."""
-        plumb = np.flatnonzero(orientations == Orientation.VERT)
-        if plumb.size and not self.has_vertical:
-            row = book.stations.observations(int(plumb[0]))[0]
-            raise InputError(
-                f"{book.label(row)}: a {Orientation.VERT.keyword} station needs a vertical, which "
-                f"{self.system.definition!r} does not define; declare the station {Orientation.FIX.keyword}, "
-                f"or {RTL_HINT}"
-            )
 
     def refraction(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) refraction corrections (rad) of some zenith angles, at the coordinates (n_points, 3) given."""

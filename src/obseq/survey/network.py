@@ -17,7 +17,7 @@ from obseq.survey.adjustment import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.cor_file import read_cor
 from obseq.survey.frame import Frame, frame_of
 from obseq.survey.initial import InitialValues, initial_values
-from obseq.survey.model import automatic_fix, join
+from obseq.survey.model import join
 from obseq.survey.obs_file import read_obs
 
 if TYPE_CHECKING:
@@ -127,10 +127,10 @@ class Network:
         Raises:
             InputError: Some points or stations cannot be placed; the message lists them with the reasons.
         """
-        self.frame.require_vertical(self.book, automatic_fix(self.book))
-        return initial_values(
-            self.points, self.book, self.frame.vertical if self.frame.has_vertical else None
-        )
+        vertical = self.frame.vertical if self.frame.has_vertical else None
+        initial = initial_values(self.points, self.book, vertical)
+        initial.require_complete()
+        return initial
 
     def adjust(
         self,
@@ -154,21 +154,21 @@ class Network:
 
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
-            self.check_counts()
             initial = self.initial_values()
+            self.check_counts()
         with watch.phase("equations"):
             equations = Equations(
                 self.frame,
                 self.points,
                 self.book,
-                automatic_fix(self.book),
+                initial.orientations,
                 initial.coordinates,
                 initial.rotations,
             )
         with watch.phase("iterations and covariances"):
             solution = self._solve(equations, max_iterations, tolerance, watch)
         with watch.phase("results"):
-            adjustment = self._adjustment(equations, solution)
+            adjustment = self._adjustment(equations, solution, initial.orientations)
         return replace(adjustment, phases=self.phases | watch.seconds)
 
     def check_counts(self) -> None:
@@ -202,7 +202,9 @@ class Network:
             **options,
         )
 
-    def _adjustment(self, equations: Equations, solution: LeastSquaresResult) -> Adjustment:
+    def _adjustment(
+        self, equations: Equations, solution: LeastSquaresResult, orientations: NDArray[np.int8]
+    ) -> Adjustment:
         is_estimated = solution.variance_factor is not None
         coordinates = solution.values(equations.points)
         residuals = np.full(len(self.book.observations), np.nan)
@@ -213,7 +215,7 @@ class Network:
             points=self._adjusted_points(
                 coordinates, solution.covariance(equations.points, not is_estimated)
             ),
-            stations=self._adjusted_stations(equations, solution, coordinates),
+            stations=self._adjusted_stations(equations.instrument_rotations(solution), orientations),
             book=self.book,
             residuals=residuals,
             frame=self.frame.system.definition,
@@ -246,13 +248,10 @@ class Network:
         ]
         return np.stack(columns, axis=2)
 
-    def _adjusted_stations(
-        self, equations: Equations, solution: LeastSquaresResult, coordinates: FloatArray
-    ) -> AdjustedStations:
-        rotations = equations.instrument_rotations(solution.values(equations.stations), coordinates)
+    def _adjusted_stations(self, rotations: FloatArray, orientations: NDArray[np.int8]) -> AdjustedStations:
         return AdjustedStations(
             origins=tuple(self.points.names[origin] for origin in self.book.stations.origins),
-            orientations=automatic_fix(self.book),
+            orientations=orientations,
             g0=np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]),
             rotations=rotations,
         )
