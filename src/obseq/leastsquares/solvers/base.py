@@ -58,7 +58,7 @@ class BaseSolver(ABC):
             SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
         """
         values = self._checked(values)
-        self._found = None
+        self._invalidate()
         defect = self._factor(values)
         diagonal = values[self._pattern.diagonal[defect.indices]]
         self._replaced = replacement_pivots(diagonal)
@@ -101,6 +101,10 @@ class BaseSolver(ABC):
             vectors = np.linalg.qr(self._solve(vectors))[0]
             start = vectors[defect.indices]
         return vectors
+
+    def _invalidate(self) -> None:
+        """Forgets the last factorisation."""
+        self._found = None
 
     @property
     @abstractmethod

@@ -27,8 +27,10 @@ ROUTINES = (
     (cython_blas, "dsyrk"),
     (cython_blas, "dsymm"),
     (cython_blas, "dgemm"),
+    (cython_blas, "dtrsv"),
+    (cython_blas, "dgemv"),
 )
-POTRF, POTRI, TRSM, SYRK, SYMM, GEMM = range(len(ROUTINES))
+POTRF, POTRI, TRSM, SYRK, SYMM, GEMM, TRSV, GEMV = range(len(ROUTINES))
 
 
 @lru_cache(maxsize=1)
@@ -52,7 +54,7 @@ def _address(module: Any, name: str) -> int:
 
 @intrinsic
 def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
-    """Calls the Fortran routine at `address`: uint8, int32 and float64 go by reference, int64 are addresses."""
+    """Calls a Fortran routine; uint8, int32 and float64 go by reference, int64 are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointers = []
@@ -72,7 +74,7 @@ def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
 
 @lru_cache(maxsize=1)
 def _thread_functions() -> tuple[Callable[[], int], Callable[[int], None]] | None:
-    """The functions of SciPy's own OpenBLAS that get and set its number of threads; None if it has another."""
+    """What gets and sets the number of threads of SciPy's own OpenBLAS; None if it has another BLAS."""
     import scipy
 
     folder = Path(scipy.__file__).parent

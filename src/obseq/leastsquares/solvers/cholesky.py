@@ -10,111 +10,241 @@ from obseq.errors import InputError
 from obseq.leastsquares.solvers.base import PIVOT_TOLERANCE, BaseSolver, defect_of
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
-from obseq.leastsquares.solvers.numeric import factor_nodes, solve_backward, solve_forward
+from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
 from obseq.leastsquares.solvers.ordering import resolve_ordering
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import SingularMatrixError, SolverStateError, SolverStatistics
+from obseq.leastsquares.solvers.schedule import plan, run_tasks
+from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
-from obseq.leastsquares.solvers.workspace import place_fronts, place_updates
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
+
+    Substitution = Callable[..., None]
 
 
 class SupernodalCholesky(BaseSolver):
     """Supernodal multifrontal Cholesky over SciPy's BLAS.
 
+    With `last`, these unknowns are eliminated last, together: `eliminate` stops before them, and gives the
+    system that remains for them (`schur_complement`, `reduce`); `expand` and `expand_inverse` go back down.
+
     Args:
         ordering: "auto", "metis", "minimum-degree" or "natural".
+        threads: subtrees of the elimination are shared among so many threads; the numbers do not change.
+        last: indices of unknowns to be eliminated last.
         pivot_tolerance: bound of the ratio pivot / diagonal entry under which a pivot has vanished.
     """
 
     name = "supernodal"
 
-    def __init__(self, *, ordering: str = "auto", pivot_tolerance: float = PIVOT_TOLERANCE) -> None:
+    def __init__(
+        self,
+        *,
+        ordering: str = "auto",
+        threads: int = 1,
+        last: ArrayLike = (),
+        pivot_tolerance: float = PIVOT_TOLERANCE,
+    ) -> None:
         super().__init__(pivot_tolerance=pivot_tolerance)
+        if threads < 1:
+            raise InputError(f"{threads} threads: at least one is needed")
         self._ordering = resolve_ordering(ordering)
+        self._threads = threads
+        self._last: IntArray = np.array(last, dtype=np.int64).reshape(-1)
+        if len(np.unique(self._last)) != len(self._last):
+            raise InputError("`last` names an unknown twice")
 
     def _analyse(self, pattern: SymmetricPattern) -> None:
-        structure = analyse_pattern(pattern, self._ordering, np.empty(0, dtype=np.int64))
+        if len(self._last) and not 0 <= self._last.min() <= self._last.max() < pattern.n:
+            raise InputError(f"`last` must be indices below {pattern.n}")
+        structure = analyse_pattern(pattern, self._ordering, np.sort(self._last))
         self._structure = structure
-        m = len(structure.parent)
-        self._update_at = np.zeros(m, dtype=np.int64)
-        self._nodes = np.arange(m)
-        room = place_updates(
-            self._nodes, structure.parent, structure.below, np.zeros(m, dtype=np.bool_), self._update_at, 0
-        )
-        self._front_at = np.zeros(m, dtype=np.int64)
-        self._front_room = place_fronts(self._nodes, structure.parent, structure.front, self._front_at, 0)
-        self._inverse_space = None
+        self._schedule = plan(structure, self._threads)
         self._panels = np.empty(structure.panel_at[-1])
-        self._workspace = np.empty(room)
-        self._scratch = np.empty(int(np.max(structure.width, initial=0)) ** 2)
+        self._workspace = np.empty(self._schedule.shared_room + self._threads * self._schedule.update_room)
+        self._scratch = np.empty((self._threads, int(np.max(structure.width, initial=0)) ** 2))
         self._pivots = np.empty(pattern.n)
+        self._schur = np.empty((0, 0))
 
     def _factor(self, values: FloatArray) -> Defect:
-        s = self._structure
-        with one_blas_thread():
+        stop = self._stop
+        self._factor_until(values, stop)
+        if stop < len(self._structure.parent):
+            self._factor_last()
+        return self._defect_before(self._pattern.n)
+
+    def _factor_until(self, values: FloatArray, stop: int) -> None:
+        """Factors the supernodes before `stop`, and assembles the others."""
+        schedule = self._schedule
+
+        def run(nodes: IntArray, worker: int) -> None:
             factor_nodes(
-                self._nodes,
-                s.start,
-                s.children_at,
-                s.children,
-                s.below_at,
-                s.relative,
-                s.panel_at,
-                s.entry_at,
-                s.entry,
-                s.target,
-                self._update_at,
+                nodes,
+                self._structure,
+                schedule.update_at,
+                schedule.is_shared,
+                schedule.shared_room + worker * schedule.update_room,
                 values,
                 self._panels,
                 self._workspace,
-                self._scratch,
+                self._scratch[worker],
                 self._pivots,
                 self._pivot_tolerance,
+                stop,
                 routine_addresses(),
             )
-        pivots = np.empty_like(self._pivots)
-        pivots[s.order] = self._pivots
+
+        with one_blas_thread():
+            run_tasks(schedule, run, self._threads, upwards=True)
+
+    def _defect_before(self, count: int) -> Defect:
+        """The vanishing pivots among the first `count` unknowns eliminated."""
+        pivots = np.ones(self._pattern.n)
+        pivots[self._structure.unknowns[:count]] = self._pivots[:count]
         return defect_of(pivots, self._pivot_tolerance)
 
-    def _solve(self, rhs: FloatArray) -> FloatArray:
-        s = self._structure
-        x = np.ascontiguousarray(rhs[s.order].T)
-        scratch = np.empty(int(np.max(s.below, initial=0)))
-        for sweep in (solve_forward, solve_backward):
-            sweep(s.start, s.below_at, s.rows, s.panel_at, self._panels, x, scratch)
-        solution = np.empty_like(rhs)
-        solution[s.order] = x.T
+    @property
+    def _stop(self) -> int:
+        """Number of supernodes before that of the unknowns to be eliminated last."""
+        return len(self._structure.parent) - (len(self._last) > 0)
+
+    def _factor_last(self) -> None:
+        size, s = len(self._last), self._structure
+        self._schur = self._last_block().copy()
+        factor_panel(
+            self._panels,
+            int(s.panel_at[-2]),
+            size,
+            size,
+            self._scratch[0],
+            self._pivots,
+            int(s.start[-2]),
+            self._pivot_tolerance,
+            routine_addresses(),
+        )
+
+    def _last_block(self) -> FloatArray:
+        """(k, k) view of the panel of the last unknowns, in the order of the elimination."""
+        size = len(self._last)
+        return self._panels[self._structure.panel_at[-2] :].reshape(size, size).T
+
+    def eliminate(self, values: FloatArray) -> None:
+        """Eliminates all unknowns but the last ones; the system that remains may be singular.
+
+        Args:
+            values: (nnz,) entries of the matrix, in the order of the pattern.
+
+        Raises:
+            SingularMatrixError: pivots of the unknowns eliminated vanish.
+        """
+        values = self._checked(values)
+        if not len(self._last):
+            raise SolverStateError("eliminate: name the unknowns to be kept, SupernodalCholesky(last=...)")
+        self._invalidate()
+        self._factor_until(values, self._stop)
+        defect = self._defect_before(self._pattern.n - len(self._last))
+        if defect.dimension:
+            raise SingularMatrixError(defect.indices, defect.pivots)
+        self._schur = self._last_block().copy()
+
+    def schur_complement(self) -> FloatArray:
+        """(k, k) matrix of the system that remains for the unknowns `last`, in their order."""
+        if not self._schur.size:
+            raise SolverStateError("schur_complement: call eliminate(values) first")
+        lower = np.tril(self._schur)
+        place = self._last_places
+        return (lower + np.tril(lower, -1).T)[np.ix_(place, place)]
+
+    @property
+    def _last_places(self) -> IntArray:
+        """(k,) places of the unknowns `last` among themselves in the elimination, which takes them ascending."""
+        return np.argsort(np.argsort(self._last))
+
+    def reduce(self, rhs: ArrayLike) -> FloatArray:
+        """Right-hand side (k,) or (k, m) of the system that remains, from that of all unknowns."""
+        right, x = self._permuted(rhs)
+        self._sweep(substitute_forward, x, self._stop)
+        return x[:, -len(self._last) :].T[self._last_places].reshape(-1, *right.shape[1:])
+
+    def expand(self, rhs: ArrayLike, last_solution: ArrayLike) -> FloatArray:
+        """Solution (n,) or (n, m) for all unknowns, from the right-hand side and the solution for `last`."""
+        right, x = self._permuted(rhs)
+        self._sweep(substitute_forward, x, self._stop)
+        known = np.asarray(last_solution, dtype=np.float64).reshape(len(self._last), -1)
+        x[:, -len(self._last) :] = known[np.argsort(self._last)].T
+        self._sweep(substitute_backward, x, self._stop)
+        return self._unpermuted(x).reshape(right.shape)
+
+    def expand_inverse(self, last_inverse: FloatArray) -> FloatArray:
+        """(nnz,) selected inverse, from the inverse (k, k) of the whole system for the unknowns `last`."""
+        self._require_elimination()
+        order = np.argsort(self._last)
+        return self._invert(self._stop, np.asarray(last_inverse, dtype=np.float64)[np.ix_(order, order)])
+
+    def _require_elimination(self) -> None:
+        if not self._schur.size:
+            raise SolverStateError(f"{self.name}: call eliminate(values) first")
+
+    def _permuted(self, rhs: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        self._require_elimination()
+        right = np.asarray(rhs, dtype=np.float64)
+        return right, np.ascontiguousarray(right.reshape(self._pattern.n, -1)[self._structure.unknowns].T)
+
+    def _unpermuted(self, x: FloatArray) -> FloatArray:
+        solution = np.empty(x.T.shape)
+        solution[self._structure.unknowns] = x.T
         return solution
 
-    def _selected_inverse(self) -> FloatArray:
-        s = self._structure
-        selected = np.empty(self._pattern.nnz)
-        if self._inverse_space is None:
-            self._inverse_space = (
-                np.empty(self._front_room),
-                np.empty(int(np.max(s.width * s.front, initial=0))),
-            )
+    def _solve(self, rhs: FloatArray) -> FloatArray:
+        x = np.ascontiguousarray(rhs[self._structure.unknowns].T)
+        for substitute in (substitute_forward, substitute_backward):
+            self._sweep(substitute, x, len(self._structure.parent))
+        return self._unpermuted(x)
+
+    def _sweep(self, substitute: Substitution, x: FloatArray, stop: int) -> None:
+        scratch = np.empty(int(np.max(self._structure.below, initial=0)))
         with one_blas_thread():
+            substitute(self._structure, stop, self._panels, x, scratch, routine_addresses())
+
+    def _selected_inverse(self) -> FloatArray:
+        return self._invert(len(self._structure.parent), np.empty((0, 0)))
+
+    def _invert(self, stop: int, last_inverse: FloatArray) -> FloatArray:
+        """Selected inverse; the supernodes from `stop` on have this inverse (lower triangle)."""
+        schedule, structure = self._schedule, self._structure
+        room = schedule.shared_room + self._threads * schedule.front_room
+        if len(self._workspace) < room:
+            self._workspace = np.empty(room)
+        scratch = np.empty((self._threads, int(np.max(structure.width * structure.front, initial=0))))
+        selected = np.empty(self._pattern.nnz)
+
+        def run(nodes: IntArray, worker: int) -> None:
+            room = schedule.shared_room + worker * schedule.front_room
+            if stop < len(structure.parent) and nodes[-1] == stop:
+                at = room + schedule.front_at[stop]
+                self._workspace[at : at + last_inverse.size] = last_inverse.ravel()
             invert_nodes(
-                self._nodes,
-                s.start,
-                s.parent,
-                s.below_at,
-                s.relative,
-                s.panel_at,
-                s.entry_at,
-                s.entry,
-                s.target,
-                self._front_at,
+                nodes,
+                structure,
+                schedule.front_at,
+                schedule.update_at,
+                schedule.is_shared,
+                room,
                 self._panels,
-                *self._inverse_space,
+                self._workspace,
+                scratch[worker],
+                stop,
                 selected,
                 routine_addresses(),
             )
+
+        with one_blas_thread():
+            run_tasks(schedule, run, self._threads, upwards=False)
         return selected
 
     @property
@@ -129,5 +259,5 @@ class SupernodalCholesky(BaseSolver):
             nnz_pattern=self._pattern.nnz,
             nnz_factor=int(np.sum(width * (width + 1) / 2 + width * below)),
             flops=float(np.sum(width**3 / 3 + width**2 * below + width * below**2)),
-            memory=self._panels.nbytes + self._workspace.nbytes,
+            memory=self._panels.nbytes + self._workspace.nbytes + self._scratch.nbytes,
         )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
+
+from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +80,7 @@ def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Groupi
     return Grouping(vertex, Graph(start, neighbours, weights), len(last) > 0)
 
 
-@njit(cache=True)
+@compiled
 def neighbourhood_signatures(indptr: Array, indices: Array, keys: Array) -> Array:
     """(n,) sum of the keys of the neighbours of each unknown and of its own."""
     signatures = np.zeros_like(keys)
@@ -92,7 +93,7 @@ def neighbourhood_signatures(indptr: Array, indices: Array, keys: Array) -> Arra
     return signatures
 
 
-@njit(cache=True)
+@compiled
 def quotient_edges(
     indptr: Array, indices: Array, vertex: Array, is_read: Array, count: int
 ) -> tuple[Array, Array]:
@@ -152,7 +153,7 @@ def _restricted(graph: Graph, is_out: Array, bridges: IntArray) -> Graph:
     return Graph(start, neighbours, graph.weights[~is_out])
 
 
-@njit(cache=True)
+@compiled
 def peel_once(start: Array, neighbours: Array) -> tuple[Array, Array]:
     """One round: leaves as long as there are any, then chains of vertices with two neighbours.
 
@@ -220,7 +221,7 @@ def peel_once(start: Array, neighbours: Array) -> tuple[Array, Array]:
     return order[:done], bridges[:n_bridges]
 
 
-@njit(cache=True)
+@compiled
 def restrict(start: Array, neighbours: Array, is_out: Array, bridges: Array) -> tuple[Array, Array]:
     """Edges among the vertices that are not out, renumbered, with bridges, each once."""
     n = len(start) - 1

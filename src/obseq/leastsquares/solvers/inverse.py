@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
 from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, fortran
+from obseq.leastsquares.solvers.compiled import compiled, compiled_sums
 from obseq.leastsquares.solvers.numeric import (
-    LEFT,
     LOWER,
     MINUS,
     NOT_UNIT,
@@ -25,74 +24,97 @@ from obseq.leastsquares.solvers.numeric import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.leastsquares.solvers.symbolic import Structure
+
     Array = NDArray[Any]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+FROM_LEFT = np.uint8(ord("L"))
+
+
+@compiled_sums
 def invert_nodes(
     nodes: Array,
-    start: Array,
-    parent: Array,
-    below_at: Array,
-    relative: Array,
-    panel_at: Array,
-    entry_at: Array,
-    entry: Array,
-    target: Array,
+    structure: Structure,
     front_at: Array,
+    update_at: Array,
+    is_shared: Array,
+    room: int,
     panels: Array,
     workspace: Array,
     scratch: Array,
+    stop: int,
     selected: Array,
     addresses: Array,
 ) -> None:
-    """Inverse on the fronts of the supernodes `nodes`, parents first; keeps the entries of the pattern.
+    """Inverse on the fronts of some supernodes, parents first; keeps the entries of the pattern.
 
     With L_JJ, L_RJ the panel of columns J and rows below R, and Y = L_RJ L_JJ^-1:
     Z_RJ = -Z_RR Y and Z_JJ = (L_JJ L_JJ')^-1 - Y' Z_RJ, where Z_RR is part of the parent's front.
 
     Args:
-        nodes: the supernodes, ascending; they are visited backwards.
-        start, ..., target: the structure, see `Symbolic`.
-        front_at: (m,) where the inverse on the front of each supernode lies in the workspace.
+        nodes: the supernodes, children first; they are visited backwards.
+        structure: structure of the factor.
+        front_at: (m,) where the inverse on each front lies, counted from `room`.
+        update_at: (m,) where the inverse on the rows below of the shared supernodes lies in the workspace.
+        is_shared: (m,) supernodes whose parent was, or whose children will be, treated elsewhere.
+        room: where the room of these supernodes starts in the workspace.
         panels: the factor.
         workspace: inverses on fronts (lower triangles), those of the ancestors of the current one.
         scratch: room for the largest panel.
+        stop: supernodes from this one on have their inverse in the workspace already.
         selected: (nnz,) entries of the inverse, filled for these supernodes.
         addresses: of the BLAS and LAPACK routines.
     """
+    start, below_at, relative = structure.start, structure.below_at, structure.relative
     for index in range(len(nodes) - 1, -1, -1):
         s = nodes[index]
         width = start[s + 1] - start[s]
         below = below_at[s + 1] - below_at[s]
-        front, at, panel = width + below, front_at[s], panel_at[s]
-        if below > 0:
-            p = parent[s]
+        front, at, panel = width + below, room + front_at[s], structure.panel_at[s]
+        corner = at + width * (front + 1)
+        if is_shared[s]:
+            copy_triangle(workspace, update_at[s], below, corner, front, below)
+        elif below > 0:
+            p = structure.parent[s]
             outer = start[p + 1] - start[p] + below_at[p + 1] - below_at[p]
-            gather_from_parent(
-                relative[below_at[s] : below_at[s + 1]], workspace, front_at[p], outer, at, width, front
-            )
-        if width <= SMALL_WIDTH and front <= SMALL_FRONT:
+            rows = relative[below_at[s] : below_at[s + 1]]
+            gather_triangle(rows, workspace, room + front_at[p], outer, corner, front)
+        if s >= stop:
+            pass
+        elif width <= SMALL_WIDTH and front <= SMALL_FRONT:
             invert_small(panels, panel, width, front, workspace, at, scratch)
         else:
             invert_large(panels, panel, width, front, workspace, at, scratch, addresses)
-        for e in range(entry_at[s], entry_at[s + 1]):
-            selected[entry[e]] = workspace[at + target[e]]
+        for e in range(structure.entry_at[s], structure.entry_at[s + 1]):
+            selected[structure.entry[e]] = workspace[at + structure.target[e]]
+        for c in structure.children[structure.children_at[s] : structure.children_at[s + 1]]:
+            if is_shared[c]:
+                rows = relative[below_at[c] : below_at[c + 1]]
+                gather_triangle(rows, workspace, at, front, update_at[c], len(rows))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def gather_from_parent(
-    relative: Array, workspace: Array, source: int, outer: int, at: int, width: int, front: int
-) -> None:
-    """Copies the inverse on the rows below (lower triangle) from the front of the parent."""
+@compiled
+def gather_triangle(relative: Array, workspace: Array, source: int, outer: int, to: int, stride: int) -> None:
+    """Copies the rows and columns `relative` of the lower triangle of a front of order `outer`."""
     order = len(relative)
     for j in range(order):
-        column, to = source + relative[j] * outer, at + (width + j) * front + width
+        column = source + relative[j] * outer
         for i in range(j, order):
-            workspace[to + i] = workspace[column + relative[i]]
+            workspace[to + j * stride + i] = workspace[column + relative[i]]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
+def copy_triangle(
+    workspace: Array, source: int, source_stride: int, to: int, stride: int, order: int
+) -> None:
+    """Copies a lower triangle."""
+    for j in range(order):
+        for i in range(j, order):
+            workspace[to + j * stride + i] = workspace[source + j * source_stride + i]
+
+
+@compiled_sums
 def invert_small(
     panels: Array, panel: int, width: int, front: int, workspace: Array, at: int, scratch: Array
 ) -> None:
@@ -119,7 +141,7 @@ def invert_small(
         workspace[to + j] = diagonal
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_sums
 def invert_large(
     panels: Array,
     panel: int,
@@ -144,7 +166,9 @@ def invert_large(
         y, triangle = np.int64(scratch.ctypes.data), np.int64(panels.ctypes.data) + 8 * panel
         corner, side = result + 8 * (width * front + width), result + 8 * width
         fortran(addresses[TRSM], (RIGHT, LOWER, PLAIN, NOT_UNIT, deep, wide, ONE, triangle, tall, y, deep))
-        fortran(addresses[SYMM], (LEFT, LOWER, deep, wide, MINUS, corner, tall, y, deep, ZERO, side, tall))
+        fortran(
+            addresses[SYMM], (FROM_LEFT, LOWER, deep, wide, MINUS, corner, tall, y, deep, ZERO, side, tall)
+        )
     fortran(addresses[POTRI], (LOWER, wide, result, tall, np.int64(status.ctypes.data)))
     if below > 0:
         fortran(

@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation and triangular solution, one supernode after the other.
+"""Multifrontal Cholesky factorisation, one supernode after the other.
 
 A panel holds the columns of a supernode in all rows of its front, column-major. The update matrix of a
 supernode (its rows below, squared, lower triangle) lies in the workspace until its parent has added it.
@@ -9,16 +9,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
 from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, fortran
+from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.leastsquares.solvers.symbolic import Structure
+
     Array = NDArray[Any]
 
-LOWER, RIGHT, LEFT = np.uint8(ord("L")), np.uint8(ord("R")), np.uint8(ord("L"))
+LOWER, RIGHT = np.uint8(ord("L")), np.uint8(ord("R"))
 TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))
 ONE, ZERO, MINUS = np.float64(1.0), np.float64(0.0), np.float64(-1.0)
 
@@ -27,71 +29,72 @@ SMALL_FRONT = 24
 """Fronts of so few columns and rows are treated by plain loops: a call of BLAS costs more."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def factor_nodes(
     nodes: Array,
-    start: Array,
-    children_at: Array,
-    children: Array,
-    below_at: Array,
-    relative: Array,
-    panel_at: Array,
-    entry_at: Array,
-    entry: Array,
-    target: Array,
+    structure: Structure,
     update_at: Array,
+    is_shared: Array,
+    room: int,
     values: Array,
     panels: Array,
     workspace: Array,
     scratch: Array,
     pivots: Array,
     tolerance: float,
+    stop: int,
     addresses: Array,
 ) -> None:
-    """Factors the supernodes `nodes`, children first.
+    """Factors some supernodes.
 
     Args:
-        nodes: the supernodes, ascending.
-        start, ..., target: the structure, see `Symbolic`.
+        nodes: the supernodes, children first.
+        structure: structure of the factor.
         update_at: (m,) where the update matrix of each supernode lies in the workspace.
-        values: entries of the matrix.
+        is_shared: (m,) false where that place is counted from `room`.
+        room: where the room of these supernodes starts in the workspace.
+        values: (nnz,) entries of the matrix.
         panels: the factor, filled.
         workspace: update matrices.
         scratch: room for the square of the widest supernode.
         pivots: (n,) pivots divided by the diagonal entries, filled.
         tolerance: a relative pivot that is not above it has vanished and is replaced.
+        stop: supernodes from this one on are assembled, but not factored.
         addresses: of the BLAS and LAPACK routines.
     """
+    start, below_at, relative = structure.start, structure.below_at, structure.relative
     for s in nodes:
         width = start[s + 1] - start[s]
         below = below_at[s + 1] - below_at[s]
         front = width + below
-        panel, update = panel_at[s], update_at[s]
-        for k in range(panel, panel_at[s + 1]):
+        panel = structure.panel_at[s]
+        update = update_at[s] if is_shared[s] else update_at[s] + room
+        children = structure.children[structure.children_at[s] : structure.children_at[s + 1]]
+        for k in range(panel, structure.panel_at[s + 1]):
             panels[k] = 0.0
-        for e in range(entry_at[s], entry_at[s + 1]):
-            panels[panel + target[e]] = values[entry[e]]
+        for e in range(structure.entry_at[s], structure.entry_at[s + 1]):
+            panels[panel + structure.target[e]] = values[structure.entry[e]]
         for j in range(width):
             pivots[start[s] + j] = panels[panel + j * (front + 1)]
-        for c in children[children_at[s] : children_at[s + 1]]:
-            add_to_panel(
-                relative[below_at[c] : below_at[c + 1]], workspace, update_at[c], panels, panel, width, front
-            )
+        for c in children:
+            rows = relative[below_at[c] : below_at[c + 1]]
+            child = update_at[c] if is_shared[c] else update_at[c] + room
+            add_to_panel(rows, workspace, child, panels, panel, width, front)
+        if s >= stop:
+            continue
         if width <= SMALL_WIDTH and front <= SMALL_FRONT:
             factor_columns(panels, panel, width, front, front, pivots, start[s], tolerance)
-            if below > 0:
-                update_small(panels, panel, width, front, workspace, update)
+            update_small(panels, panel, width, front, workspace, update)
         else:
             factor_panel(panels, panel, width, front, scratch, pivots, start[s], tolerance, addresses)
-            if below > 0:
-                update_large(panels, panel, width, front, workspace, update, addresses)
-        for c in children[children_at[s] : children_at[s + 1]]:
-            add_to_update(
-                relative[below_at[c] : below_at[c + 1]], workspace, update_at[c], update, width, below
-            )
+            update_large(panels, panel, width, front, workspace, update, addresses)
+        for c in children:
+            rows = relative[below_at[c] : below_at[c + 1]]
+            child = update_at[c] if is_shared[c] else update_at[c] + room
+            add_to_update(rows, workspace, child, update, width, below)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_to_panel(
     relative: Array, workspace: Array, child: int, panels: Array, panel: int, width: int, front: int
 ) -> None:
@@ -105,7 +108,7 @@ def add_to_panel(
             panels[to + relative[i]] += workspace[source + i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_to_update(relative: Array, workspace: Array, child: int, update: int, width: int, below: int) -> None:
     """Adds the columns of a child's update matrix that are rows below of the supernode."""
     order = len(relative)
@@ -117,7 +120,7 @@ def add_to_update(relative: Array, workspace: Array, child: int, update: int, wi
             workspace[to + relative[i]] += workspace[source + i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def factor_columns(
     panels: Array,
     panel: int,
@@ -153,7 +156,7 @@ def factor_columns(
                 panels[other + i] -= factor * panels[column + i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def update_small(panels: Array, panel: int, width: int, front: int, workspace: Array, update: int) -> None:
     """Update matrix of a small front: minus the rows below times their transpose."""
     below = front - width
@@ -169,7 +172,7 @@ def update_small(panels: Array, panel: int, width: int, front: int, workspace: A
                 workspace[to + i] -= factor * panels[column + i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def factor_panel(
     panels: Array,
     panel: int,
@@ -181,18 +184,17 @@ def factor_panel(
     tolerance: float,
     addresses: Array,
 ) -> None:
-    """Factors a panel by LAPACK; by columns where a pivot vanishes."""
+    """Factors a panel by LAPACK; its diagonal block by columns where a pivot vanishes."""
     base = np.int64(panels.ctypes.data) + 8 * panel
     for j in range(width):
         for i in range(j, width):
             scratch[i + j * width] = panels[panel + j * front + i]
     status = np.zeros(1, np.int32)
-    wide, tall = np.int32(width), np.int32(front)
+    wide, tall, deep = np.int32(width), np.int32(front), np.int32(front - width)
     fortran(addresses[POTRF], (LOWER, wide, base, tall, np.int64(status.ctypes.data)))
     regular = status[0] == 0
     for j in range(width):
-        root, diagonal = panels[panel + j * (front + 1)], pivots[first + j]
-        regular = regular and root * root > tolerance * diagonal
+        regular = regular and panels[panel + j * (front + 1)] ** 2 > tolerance * pivots[first + j]
     if regular:
         for j in range(width):
             pivots[first + j] = panels[panel + j * (front + 1)] ** 2 / pivots[first + j]
@@ -201,24 +203,25 @@ def factor_panel(
             for i in range(j, width):
                 panels[panel + j * front + i] = scratch[i + j * width]
         factor_columns(panels, panel, width, front, width, pivots, first, tolerance)
-    if front > width:
-        rest = np.int32(front - width)
+    if deep > 0:
         below = base + 8 * width
         fortran(
             addresses[TRSM],
-            (RIGHT, LOWER, TRANSPOSED, NOT_UNIT, rest, wide, ONE, base, tall, below, tall),
+            (RIGHT, LOWER, TRANSPOSED, NOT_UNIT, deep, wide, ONE, base, tall, below, tall),
         )
-        if not regular:
-            for j in range(width):
-                if not pivots[first + j] > tolerance:
-                    panels[panel + j * front + width : panel + (j + 1) * front] = 0.0
+    if not regular:
+        for j in range(width):
+            if not pivots[first + j] > tolerance:
+                panels[panel + j * front + width : panel + (j + 1) * front] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def update_large(
     panels: Array, panel: int, width: int, front: int, workspace: Array, update: int, addresses: Array
 ) -> None:
     """Update matrix of a front by BLAS."""
+    if front == width:
+        return
     below = np.int32(front - width)
     source = np.int64(panels.ctypes.data) + 8 * (panel + width)
     result = np.int64(workspace.ctypes.data) + 8 * update
@@ -226,49 +229,3 @@ def update_large(
         addresses[SYRK],
         (LOWER, PLAIN, below, np.int32(width), MINUS, source, np.int32(front), ZERO, result, below),
     )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def solve_forward(
-    start: Array, below_at: Array, rows: Array, panel_at: Array, panels: Array, x: Array, scratch: Array
-) -> None:
-    """Solves L y = x in place for each row of x (k, n), unknowns in the order of elimination."""
-    for s in range(len(start) - 1):
-        first, width = start[s], start[s + 1] - start[s]
-        below = rows[below_at[s] : below_at[s + 1]]
-        front = width + len(below)
-        for right in range(len(x)):
-            for i in range(len(below)):
-                scratch[i] = 0.0
-            for j in range(width):
-                column = panel_at[s] + j * front
-                y = x[right, first + j] / panels[column + j]
-                x[right, first + j] = y
-                for i in range(j + 1, width):
-                    x[right, first + i] -= y * panels[column + i]
-                for i in range(len(below)):
-                    scratch[i] += y * panels[column + width + i]
-            for i in range(len(below)):
-                x[right, below[i]] -= scratch[i]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def solve_backward(
-    start: Array, below_at: Array, rows: Array, panel_at: Array, panels: Array, x: Array, scratch: Array
-) -> None:
-    """Solves L' y = x in place for each row of x (k, n), unknowns in the order of elimination."""
-    for s in range(len(start) - 2, -1, -1):
-        first, width = start[s], start[s + 1] - start[s]
-        below = rows[below_at[s] : below_at[s + 1]]
-        front = width + len(below)
-        for right in range(len(x)):
-            for i in range(len(below)):
-                scratch[i] = x[right, below[i]]
-            for j in range(width - 1, -1, -1):
-                column = panel_at[s] + j * front
-                y = x[right, first + j]
-                for i in range(j + 1, width):
-                    y -= panels[column + i] * x[right, first + i]
-                for i in range(len(below)):
-                    y -= panels[column + width + i] * scratch[i]
-                x[right, first + j] = y / panels[column + j]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from obseq.leastsquares.solvers.compiled import compiled
 from obseq.leastsquares.solvers.graph import group_indistinguishable
 from obseq.leastsquares.solvers.ordering import elimination_order
 from obseq.leastsquares.solvers.tree import column_counts, elimination_tree, postorder, supernodes
@@ -21,15 +20,14 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
-@dataclass(frozen=True)
-class Symbolic:
+class Structure(NamedTuple):
     """Structure of the factor: m supernodes, children before parents, subtrees together.
 
     The front of a supernode has its own columns first, then its rows below, ascending. Its panel is the
     front's first columns, column-major, in a rectangle of all rows.
 
     Attributes:
-        order: (n,) unknowns in the order of elimination.
+        unknowns: (n,) unknowns in the order of elimination.
         start: (m + 1,) first column of each supernode.
         parent: (m,) parent of each supernode, -1 at a root.
         children_at, children: children of supernode s are `children[children_at[s] : children_at[s + 1]]`.
@@ -42,7 +40,7 @@ class Symbolic:
         target: where they go in the panel, int32.
     """
 
-    order: IntArray
+    unknowns: IntArray
     start: IntArray
     parent: IntArray
     children_at: IntArray
@@ -71,7 +69,7 @@ class Symbolic:
         return self.width + self.below
 
 
-def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) -> Symbolic:
+def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) -> Structure:
     """The structure of the factor for one of `ordering.ORDERINGS`, the unknowns `last` eliminated last."""
     grouping = group_indistinguishable(pattern, last)
     graph = grouping.graph
@@ -95,7 +93,7 @@ def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) ->
     )
     width = np.diff(start)
     panel_at = np.concatenate([[0], np.cumsum(width * (width + np.diff(below_at)))])
-    return Symbolic(
+    return Structure(
         unknowns,
         start,
         tree,
@@ -112,7 +110,7 @@ def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) ->
 
 
 def _supernodal_order(graph: Graph, order: IntArray, has_last: bool) -> tuple[IntArray, IntArray, IntArray]:
-    """Vertices reordered so that those of a supernode follow each other; the supernode of each; its parents."""
+    """Vertices reordered, those of a supernode together; the supernode of each; parents of supernodes."""
     place = np.argsort(order)
     parent = elimination_tree(graph.start, graph.neighbours, order, place)
     post = postorder(parent, np.zeros(graph.n, np.int64))
@@ -144,7 +142,7 @@ def _unknowns_in_order(grouping: Grouping, place: IntArray) -> IntArray:
     return np.argsort(place[grouping.vertex], kind="stable")
 
 
-@njit(cache=True)
+@compiled
 def row_structure(
     start: Array, neighbours: Array, order: Array, place: Array, node: Array, tree: Array
 ) -> tuple[Array, Array]:
@@ -178,7 +176,7 @@ def row_structure(
     return rows_at[:-1], rows
 
 
-@njit(cache=True)
+@compiled
 def expand_rows(rows_at: Array, vertex_rows: Array, first: Array) -> tuple[Array, Array]:
     """Rows below each supernode as unknowns: each vertex v becomes the rows `first[v]` to `first[v + 1]`."""
     below_at = np.empty_like(rows_at)
@@ -197,7 +195,7 @@ def expand_rows(rows_at: Array, vertex_rows: Array, first: Array) -> tuple[Array
     return below_at, rows
 
 
-@njit(cache=True)
+@compiled
 def relative_rows(
     tree: Array, children_at: Array, children: Array, start: Array, below_at: Array, rows: Array
 ) -> Array:
@@ -215,17 +213,14 @@ def relative_rows(
     return relative
 
 
-@njit(cache=True)
+@compiled
 def scatter_map(
     indptr: Array, indices: Array, place: Array, node: Array, start: Array, below_at: Array, rows: Array
 ) -> tuple[Array, Array, Array]:
-    """Entries of the matrix by supernode: where they start, which they are, where they go in the panel.
+    """Entries of the matrix by supernode: `entry_at`, `entry` and `target` of `Structure`.
 
-    Args:
-        indptr, indices: the pattern.
-        place: (n,) position of each unknown in the order of elimination.
-        node: (n,) supernode of each position.
-        start, below_at, rows: as in `Symbolic`.
+    `place` (n,) is the position of each unknown in the order of elimination, `node` (n,) the supernode of
+    each position.
     """
     m = len(start) - 1
     entry_at = np.zeros(m + 2, np.int64)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
+
+from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
-@njit(cache=True)
+@compiled
 def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array) -> Array:
     """(n,) parent of each position of the order, -1 at a root (Liu, with path compression)."""
     n = len(order)
@@ -31,9 +32,9 @@ def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array
     return parent
 
 
-@njit(cache=True)
+@compiled
 def postorder(parent: Array, size: Array) -> Array:
-    """(n,) nodes of a forest, children before parents, subtrees together; larger `size` first among children."""
+    """(n,) nodes of a forest, children before parents, subtrees together, the child of largest `size` first."""
     n = len(parent)
     head = np.full(n + 1, -1, np.int64)
     following = np.empty(n, np.int64)
@@ -66,7 +67,7 @@ def postorder(parent: Array, size: Array) -> Array:
     return order
 
 
-@njit(cache=True)
+@compiled
 def column_counts(
     start: Array, neighbours: Array, order: Array, place: Array, parent: Array, weights: Array
 ) -> Array:
@@ -86,7 +87,7 @@ def column_counts(
     return counts
 
 
-@njit(cache=True)
+@compiled
 def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> tuple[Array, Array]:
     """Gathers postordered vertices in supernodes: equal structures, then small losses.
 
@@ -143,7 +144,7 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
     return number[node], tree
 
 
-@njit(cache=True)
+@compiled
 def _absorb(above: Array, width: Array, below: Array, entries: Array, into: Array, limit: int) -> int:
     """Merges children into their parents where few zeros enter the factor; returns how many."""
     head = np.full(len(into), -1, np.int64)
@@ -167,7 +168,7 @@ def _absorb(above: Array, width: Array, below: Array, entries: Array, into: Arra
     return absorbed
 
 
-@njit(cache=True)
+@compiled
 def is_worth_merging(columns: int, zeros: float) -> bool:
     """Whether a supernode of so many columns may hold this share of zeros (as CHOLMOD relaxes its own)."""
     return columns <= 4 or (columns <= 16 and zeros < 0.8) or (columns <= 48 and zeros < 0.1) or zeros < 0.05

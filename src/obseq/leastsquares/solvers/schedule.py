@@ -1,0 +1,262 @@
+"""The tree cut into tasks for several threads, and the places of their temporary matrices."""
+
+from __future__ import annotations
+
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.leastsquares.solvers.compiled import compiled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray
+    from obseq.leastsquares.solvers.symbolic import Structure
+
+    Array = NDArray[Any]
+
+TASKS_PER_THREAD = 8
+"""A subtree with more than one part in so many of a thread's work is cut further."""
+
+TINY = 0.1
+"""A subtree of less than this share of a task's work belongs to the task above it."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Tasks and memory.
+
+    Attributes:
+        tasks: supernodes of each task, children first.
+        above: (n_tasks,) the task that waits for each, -1 at a root.
+        seconds: (n_tasks,) expected duration of each task.
+        is_shared: (m,) supernodes whose parent is in another task.
+        update_at: (m,) where update matrices lie: in the shared room, or in that of the worker.
+        front_at: (m,) where fronts of the inverse lie in the room of the worker.
+        shared_room: numbers in the room that the tasks share.
+        update_room: numbers in the room of a worker for a factorisation.
+        front_room: numbers in the room of a worker for an inverse.
+    """
+
+    tasks: tuple[IntArray, ...]
+    above: IntArray
+    seconds: FloatArray
+    is_shared: NDArray[np.bool_]
+    update_at: IntArray
+    front_at: IntArray
+    shared_room: int
+    update_room: int
+    front_room: int
+
+
+def plan(structure: Structure, threads: int) -> Schedule:
+    """Tasks for so many threads; one thread has one task."""
+    parent, below = structure.parent, structure.below
+    seconds = expected_seconds(structure)
+    share = np.inf if threads == 1 else seconds.sum() / (TASKS_PER_THREAD * threads)
+    task = assign_tasks(parent, seconds, float(share))
+    count = int(task.max(initial=-1)) + 1
+    is_shared = (parent >= 0) & (task != task[parent])
+    tasks = (
+        tuple(np.split(np.argsort(task, kind="stable"), np.cumsum(np.bincount(task))[:-1])) if count else ()
+    )
+    above = np.full(count, -1)
+    above[task[is_shared]] = task[parent[is_shared]]
+    sizes = np.where(is_shared, below**2, 0)
+    update_at = np.cumsum(sizes) - sizes
+    front_at = np.zeros_like(update_at)
+    update_room = front_room = 0
+    for nodes in tasks:
+        update_room = max(update_room, place_updates(nodes, parent, below, is_shared, update_at))
+        front_room = max(front_room, place_fronts(nodes, parent, structure.front, is_shared, front_at))
+    return Schedule(
+        tasks,
+        above,
+        np.bincount(task, seconds, count),
+        is_shared,
+        update_at,
+        front_at,
+        int(sizes.sum()),
+        update_room,
+        front_room,
+    )
+
+
+def expected_seconds(structure: Structure) -> FloatArray:
+    """(m,) what each supernode costs: operations, memory, and a call."""
+    width, below = structure.width.astype(np.float64), structure.below.astype(np.float64)
+    operations = width**3 / 3 + width**2 * below + width * below**2
+    return operations / 4e10 + (width + below) ** 2 * 1e-9 + 1e-7
+
+
+@compiled
+def assign_tasks(parent: Array, seconds: Array, share: float) -> Array:
+    """(m,) task of each supernode; those above have lower numbers.
+
+    Supernodes with subtrees of more than a share make tasks that end where two of them meet; the subtrees
+    that hang from them are one task each, or part of the same where they are tiny. Small trees are put
+    together.
+    """
+    m = len(parent)
+    total = seconds.copy()
+    for s in range(m):
+        if parent[s] >= 0:
+            total[parent[s]] += total[s]
+    large_children = np.zeros(m, np.int64)
+    for s in range(m):
+        if parent[s] >= 0 and total[s] > share:
+            large_children[parent[s]] += 1
+    task = np.empty(m, np.int64)
+    count, filled = 0, share
+    gathering = 0
+    for s in range(m - 1, -1, -1):
+        p = parent[s]
+        if p < 0 and total[s] <= share:
+            if filled + total[s] > share:
+                gathering, filled = count, 0.0
+                count += 1
+            filled += total[s]
+            task[s] = gathering
+        elif p >= 0 and (
+            total[p] <= share or (total[s] > share and large_children[p] == 1) or (total[s] <= TINY * share)
+        ):
+            task[s] = task[p]
+        else:
+            task[s] = count
+            count += 1
+    return task
+
+
+@compiled
+def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, at: Array) -> int:
+    """Places the update matrices of a task in two stacks, for supernodes of odd and of even depth.
+
+    When a supernode comes, its children are alone on top of the other stack: nothing is ever moved.
+
+    Args:
+        nodes: supernodes of the task, children first.
+        parent: (m,) parents.
+        below: (m,) rows below.
+        is_shared: (m,) supernodes whose update matrix has its place elsewhere.
+        at: (m,) places, filled for the others of these nodes.
+
+    Returns:
+        Numbers in the room that this takes.
+    """
+    depth = np.zeros(len(nodes), np.int8)
+    index = np.searchsorted(nodes, parent[nodes])
+    for k in range(len(nodes) - 1, -1, -1):
+        if index[k] > k and index[k] < len(nodes) and not is_shared[nodes[k]]:
+            depth[k] = 1 - depth[index[k]]
+    top = np.zeros(2, np.int64)
+    highest = np.zeros(2, np.int64)
+    lowest = np.full(len(nodes), -1, np.int64)  # lowest place among the children of each
+    for k in range(len(nodes)):
+        s, d = nodes[k], depth[k]
+        if lowest[k] >= 0:
+            top[1 - d] = lowest[k]
+        if is_shared[s]:
+            continue
+        at[s] = top[d]
+        top[d] += below[s] * below[s]
+        highest[d] = max(highest[d], top[d])
+        if parent[s] >= 0 and lowest[index[k]] < 0:
+            lowest[index[k]] = at[s]
+    for k in range(len(nodes)):
+        if not is_shared[nodes[k]] and depth[k] == 1:
+            at[nodes[k]] += highest[0]
+    return highest[0] + highest[1]
+
+
+@compiled
+def place_fronts(nodes: Array, parent: Array, front: Array, is_shared: Array, at: Array) -> int:
+    """Places the fronts of a task, visited from the root down, each above that of its parent.
+
+    Args:
+        nodes: supernodes of the task, children first.
+        parent: (m,) parents.
+        front: (m,) orders of the fronts.
+        is_shared: (m,) supernodes whose parent is in another task.
+        at: (m,) places, filled for these nodes.
+
+    Returns:
+        Numbers in the room that this takes.
+    """
+    end = 0
+    for k in range(len(nodes) - 1, -1, -1):
+        s, p = nodes[k], parent[nodes[k]]
+        at[s] = 0 if p < 0 or is_shared[s] else at[p] + front[p] * front[p]
+        end = max(end, at[s] + front[s] * front[s])
+    return end
+
+
+def run_tasks(
+    schedule: Schedule, run: Callable[[IntArray, int], None], threads: int, *, upwards: bool
+) -> None:
+    """Runs `run(nodes, worker)` for every task, after those it waits for, the most urgent ones first.
+
+    Args:
+        schedule: the tasks.
+        run: treats the supernodes of a task; `worker` counts from 0 to `threads` - 1.
+        threads: number of threads.
+        upwards: from the leaves to the roots, or the other way round.
+    """
+    if threads == 1:
+        for nodes in schedule.tasks if not upwards else reversed(schedule.tasks):
+            run(nodes, 0)
+        return
+    after, blockers = _order(schedule, upwards)
+    urgency = -_longest_paths(schedule, upwards)
+    ready: list[tuple[float, int]] = []
+    for task in np.flatnonzero(blockers == 0):
+        heappush(ready, (urgency[task], int(task)))
+    idle = list(range(threads))
+    running: dict[Future[None], tuple[int, int]] = {}
+    with ThreadPoolExecutor(threads) as pool:
+        while ready or running:
+            while ready and idle:
+                task, worker = heappop(ready)[1], idle.pop()
+                running[pool.submit(run, schedule.tasks[task], worker)] = (task, worker)
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task, worker = running.pop(future)
+                future.result()
+                idle.append(worker)
+                for following in after[task]:
+                    blockers[following] -= 1
+                    if blockers[following] == 0:
+                        heappush(ready, (urgency[following], following))
+
+
+def _order(schedule: Schedule, upwards: bool) -> tuple[list[list[int]], IntArray]:
+    """Tasks that come after each, and how many tasks come right before each."""
+    count = len(schedule.tasks)
+    after: list[list[int]] = [[] for _ in range(count)]
+    blockers = np.zeros(count, dtype=np.int64)
+    for task, above in enumerate(schedule.above.tolist()):
+        if above >= 0:
+            before, following = (task, above) if upwards else (above, task)
+            after[before].append(following)
+            blockers[following] += 1
+    return after, blockers
+
+
+def _longest_paths(schedule: Schedule, upwards: bool) -> FloatArray:
+    """(n_tasks,) expected seconds from the start of each task to the end of all that wait for it."""
+    paths = schedule.seconds.copy()
+    if upwards:
+        for task, above in enumerate(schedule.above.tolist()):  # tasks above have lower numbers
+            paths[task] += paths[above] if above >= 0 else 0.0
+        return paths
+    longest_below = np.zeros_like(paths)
+    for task in range(len(paths) - 1, -1, -1):
+        paths[task] += longest_below[task]
+        above = schedule.above[task]
+        if above >= 0:
+            longest_below[above] = max(longest_below[above], paths[task])
+    return paths

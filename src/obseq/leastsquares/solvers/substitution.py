@@ -1,0 +1,96 @@
+"""Forward and backward substitution with the factor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.leastsquares.solvers.blas import GEMV, TRSV, fortran
+from obseq.leastsquares.solvers.compiled import compiled_sums
+from obseq.leastsquares.solvers.numeric import LOWER, NOT_UNIT, ONE, PLAIN, TRANSPOSED, ZERO
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.solvers.symbolic import Structure
+
+    Array = NDArray[Any]
+
+SMALL_WIDTH = 8
+"""Panels of so few columns are treated by plain loops."""
+
+STRIDE = np.int32(1)
+
+
+@compiled_sums
+def substitute_forward(
+    structure: Structure, stop: int, panels: Array, x: Array, scratch: Array, addresses: Array
+) -> None:
+    """Solves L y = x in place for each row of x (k, n), by the columns of the supernodes before `stop`.
+
+    `scratch` has room for the largest number of rows below.
+    """
+    start, below_at = structure.start, structure.below_at
+    for s in range(stop):
+        first, width, panel = start[s], start[s + 1] - start[s], structure.panel_at[s]
+        below = structure.rows[below_at[s] : below_at[s + 1]]
+        front = width + len(below)
+        wide, tall, deep = np.int32(width), np.int32(front), np.int32(len(below))
+        block = np.int64(panels.ctypes.data) + 8 * panel
+        for right in range(len(x)):
+            if width <= SMALL_WIDTH:
+                for i in range(len(below)):
+                    scratch[i] = 0.0
+                for j in range(width):
+                    column = panel + j * front
+                    y = x[right, first + j] / panels[column + j]
+                    x[right, first + j] = y
+                    for i in range(j + 1, width):
+                        x[right, first + i] -= y * panels[column + i]
+                    for i in range(len(below)):
+                        scratch[i] += y * panels[column + width + i]
+            else:
+                part = np.int64(x.ctypes.data) + 8 * (right * x.shape[1] + first)
+                fortran(addresses[TRSV], (LOWER, PLAIN, NOT_UNIT, wide, block, tall, part, STRIDE))
+                product = np.int64(scratch.ctypes.data)
+                fortran(
+                    addresses[GEMV],
+                    (PLAIN, deep, wide, ONE, block + 8 * width, tall, part, STRIDE, ZERO, product, STRIDE),
+                )
+            for i in range(len(below)):
+                x[right, below[i]] -= scratch[i]
+
+
+@compiled_sums
+def substitute_backward(
+    structure: Structure, stop: int, panels: Array, x: Array, scratch: Array, addresses: Array
+) -> None:
+    """Solves L' y = x in place for each row of x (k, n), by the columns of the supernodes before `stop`."""
+    start, below_at = structure.start, structure.below_at
+    for s in range(stop - 1, -1, -1):
+        first, width, panel = start[s], start[s + 1] - start[s], structure.panel_at[s]
+        below = structure.rows[below_at[s] : below_at[s + 1]]
+        front = width + len(below)
+        wide, tall, deep = np.int32(width), np.int32(front), np.int32(len(below))
+        block = np.int64(panels.ctypes.data) + 8 * panel
+        for right in range(len(x)):
+            for i in range(len(below)):
+                scratch[i] = -x[right, below[i]]
+            if width <= SMALL_WIDTH:
+                for j in range(width - 1, -1, -1):
+                    column = panel + j * front
+                    y = x[right, first + j]
+                    for i in range(j + 1, width):
+                        y -= panels[column + i] * x[right, first + i]
+                    for i in range(len(below)):
+                        y += panels[column + width + i] * scratch[i]
+                    x[right, first + j] = y / panels[column + j]
+            else:
+                part = np.int64(x.ctypes.data) + 8 * (right * x.shape[1] + first)
+                known = np.int64(scratch.ctypes.data)
+                fortran(
+                    addresses[GEMV],
+                    (TRANSPOSED, deep, wide, ONE, block + 8 * width, tall, known, STRIDE, ONE, part, STRIDE),
+                )
+                fortran(addresses[TRSV], (LOWER, TRANSPOSED, NOT_UNIT, wide, block, tall, part, STRIDE))
