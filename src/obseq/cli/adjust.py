@@ -1,7 +1,9 @@
 """`obseq adjust`: a survey network from observation and point files."""
 
 import argparse
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -11,7 +13,7 @@ from obseq.cli.parsing import Commands, add_command, positive_integer, positive_
 from obseq.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from obseq.report import AdjustmentRecord
+    from obseq.report.record import AdjustmentRecord, PhaseRecord
 
 NOT_CONVERGED = 1
 
@@ -144,18 +146,34 @@ def run(arguments: argparse.Namespace) -> int:
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when the iterations did not converge."""
     check_writable(request.results.paths, [*request.observations, *request.points])
-    with Progress("reading") as progress:
-        from obseq.survey import Network
-
-        network = Network.read(request.observations, request.points, **request.reading)
-        solution = network.adjust(progress=progress, **request.solving)
-        record = cast("AdjustmentRecord", solution.to_dict())
-        progress("writing")
-        request.results.write(record)
+    with Progress("starting") as progress:
+        record = _adjusted(request, progress)
+        with _phase("write", progress, record["phases"]):
+            request.results.write(record)
     from obseq.report import summary
 
     print(summary(record, [str(path) for path in request.results.paths]), end="")
     return 0 if record["converged"] else NOT_CONVERGED
+
+
+def _adjusted(request: Request, progress: Progress) -> "AdjustmentRecord":
+    phases: list[PhaseRecord] = []
+    with _phase("load", progress, phases):
+        from obseq.survey import Network
+    progress("read")
+    network = Network.read(request.observations, request.points, **request.reading)
+    record = cast("AdjustmentRecord", network.adjust(progress=progress, **request.solving).to_dict())
+    record["phases"] = phases + record["phases"]
+    return record
+
+
+@contextmanager
+def _phase(name: str, progress: Progress, phases: "list[PhaseRecord]") -> Iterator[None]:
+    """Announce a part of the work, and add the time it took."""
+    progress(name)
+    start = time.perf_counter()
+    yield
+    phases.append({"name": name, "seconds": time.perf_counter() - start})
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

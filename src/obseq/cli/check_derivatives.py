@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from obseq.cli.files import check_writable, write_all
 from obseq.cli.parsing import Commands, add_command, positive_integer
 from obseq.cli.progress import Progress
+from obseq.report.record import finite
 
 if TYPE_CHECKING:
     from obseq.kernels.derivatives import DerivativeCheck
@@ -59,7 +60,7 @@ def to_text(checks: "list[DerivativeCheck]") -> str:
 
 
 def to_json(checks: "list[DerivativeCheck]") -> str:
-    """The table as JSON."""
+    """The table as JSON; an error that is infinite is null."""
     rows = [
         {
             "name": check.name,
@@ -70,4 +71,5 @@ def to_json(checks: "list[DerivativeCheck]") -> str:
         }
         for check in checks
     ]
-    return json.dumps({"format": "obseq-derivative-checks", "version": 1, "formulas": rows}, indent=1) + "\n"
+    table = {"format": "obseq-derivative-checks", "version": 1, "formulas": finite(rows)}
+    return json.dumps(table, indent=1, allow_nan=False) + "\n"

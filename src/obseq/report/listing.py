@@ -16,7 +16,9 @@ def listing(record: AdjustmentRecord) -> str:
     if record["points_crs"] != record["frame"]:
         tables.append(rows.crs_table(record, record["points"]))
     tables.append(rows.station_table(record))
-    tables.append(rows.observation_table("Observations, in the order of the files", record["observations"]))
+    tables.append(
+        rows.observation_table(record, "Observations, in the order of the files", record["observations"])
+    )
     heads = ["\n".join(_head(record)), "\n".join(warnings(record, len(record.get("warnings", []))))]
     sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
     return "\n\n".join(section for section in sections if section) + "\n"

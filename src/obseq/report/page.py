@@ -47,7 +47,9 @@ def _facts(record: AdjustmentRecord) -> str:
 
 
 def _tables(record: AdjustmentRecord) -> Iterator[rows.Table]:
-    yield rows.observation_table("Observations, the worst normalised residual first", worst_first(record))
+    yield rows.observation_table(
+        record, "Observations, the worst normalised residual first", worst_first(record)
+    )
     yield rows.frame_table(record, record["points"])
     if record["points_crs"] != record["frame"]:
         yield rows.crs_table(record, record["points"])

@@ -98,7 +98,7 @@ class AdjustmentRecord(TypedDict):
 
 def to_json(record: Mapping[str, Any]) -> str:
     """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
-    parts = [f"{json.dumps(key)}: {_value(_finite(value))}" for key, value in record.items()]
+    parts = [f"{json.dumps(key)}: {_value(finite(value))}" for key, value in record.items()]
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
@@ -108,12 +108,12 @@ def _value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _finite(value: Any) -> Any:
-    """The value with null for what JSON cannot write: infinities and not-a-numbers."""
+def finite(value: Any) -> Any:
+    """The value with None for what JSON cannot write: infinities and not-a-numbers."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     return value

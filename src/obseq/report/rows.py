@@ -1,6 +1,8 @@
 """The rows that the text and HTML reports share: titles and cells of each table, as text in user units."""
 
+from collections import Counter
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from obseq.report import units
 from obseq.report.record import AdjustmentRecord, ObservationRecord, PointRecord
@@ -75,19 +77,26 @@ def station_table(record: AdjustmentRecord) -> Table:
     )
 
 
-def observation_table(title: str, observations: list[ObservationRecord]) -> Table:
-    """Observations with their residuals."""
+def observation_table(record: AdjustmentRecord, title: str, observations: list[ObservationRecord]) -> Table:
+    """Observations of the record with their residuals, and where they were read."""
     header = ("type", "from", "to", "file", "observed", "sigma", "residual", "normalised")
-    return Table(title, header, tuple(_observation_cells(row) for row in observations), 4)
+    names = _short_names({row["file"] for row in record["observations"]})
+    return Table(title, header, tuple(_observation_cells(row, names[row["file"]]) for row in observations), 4)
 
 
-def _observation_cells(row: ObservationRecord) -> tuple[str, ...]:
+def _short_names(files: set[str]) -> dict[str, str]:
+    """What tables call each file: its name without folders, unless two files have the same."""
+    count = Counter(PurePath(file).name for file in files)
+    return {file: name if count[name := PurePath(file).name] == 1 else file for file in files}
+
+
+def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
     kind = row["type"]
     return (
         kind,
         row["from"],
         row["to"],
-        f"{row['file']}:{row['line']}",
+        f"{file}:{row['line']}",
         units.observed(kind, row["value"]),
         units.small(kind, row["sigma"]),
         units.small(kind, row["residual"]) if row["active"] else "not used",

@@ -83,7 +83,9 @@ def _fit(record: AdjustmentRecord) -> Iterator[str]:
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
     worst = worst_first(record)[:WORST]
-    yield from lines_of(rows.observation_table("Largest normalised residuals (residual / sigma)", worst))
+    yield from lines_of(
+        rows.observation_table(record, "Largest normalised residuals (residual / sigma)", worst)
+    )
 
 
 def _coordinates(record: AdjustmentRecord) -> Iterator[str]:

@@ -1,0 +1,188 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from obseq.cli.main import main
+
+FRAME = "RTL*657700*6860700*0*IGNF:LAMB93"
+POINTS = """\
+1 PtA 657700 6860700 10 0.001
+0 PtB 657710 6860700 10
+0 PtC 657710 6860710 10
+1 PtD 657700 6860690 10 0.001
+"""
+OBSERVATIONS = """\
+7 PtA PtB 0 0.001
+6 PtA PtB 100 0.001
+3 PtA PtB 10.05 0.005
+5 PtA PtC -40.62 0.001
+6 PtA PtC 100 0.001
+3 PtA PtC 14.88 0.005
+7 PtD PtB 0 0.001
+6 PtD PtB 100 0.001
+3 PtD PtB 14.88 0.005
+5 PtD PtC -14.96 0.001
+6 PtD PtC 100 0.001
+3 PtD PtC 22.82 0.005
+"""
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the demo network, which is the current folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "site.obs").write_text(OBSERVATIONS, encoding="utf-8")
+    (tmp_path / "site.cor").write_text(POINTS, encoding="utf-8")
+    return tmp_path
+
+
+def adjust(*options: str) -> int:
+    frame = [] if "--frame" in options else ["--frame", FRAME, "--points-crs", "IGNF:LAMB93"]
+    return main(["adjust", "--obs", "site.obs", "--cor", "site.cor", *frame, *options])
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+
+
+def test_results_are_written_and_summarised(site: Path, capsys) -> None:
+    assert adjust("--out", "results") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "Written: results/adjustment.json, results/adjustment.html, results/adjustment.txt" in out
+    assert names_in(site / "results") == ["adjustment.html", "adjustment.json", "adjustment.txt"]
+    record = json.loads((site / "results" / "adjustment.json").read_text(encoding="utf-8"))
+    assert (record["format"], record["version"]) == ("obseq-adjustment", 1)
+    assert (record["n_observations"] + record["n_constraints"], record["n_unknowns"]) == (18, 14)
+    assert record["iterations"][0]["sigma0"] == pytest.approx(5443.87, abs=0.01)
+    assert record["sigma0"] == pytest.approx(1.7655, abs=5e-4)
+    found = {point["name"]: (point["crs_x"], point["crs_y"], point["crs_z"]) for point in record["points"]}
+    assert found["PtC"] == pytest.approx((657711.001208, 6860710.002857, 10.000024), abs=1e-5)
+    assert [phase["name"] for phase in record["phases"]][:2] == ["load", "read"]
+
+
+def test_each_result_can_be_asked_for(site: Path, capsys) -> None:
+    assert adjust("--json", "a.json", "--html", "b.html", "--text", "c.txt") == 0
+    assert names_in(site) == ["a.json", "b.html", "c.txt", "site.cor", "site.obs"]
+
+
+def test_nothing_is_written_when_nothing_is_asked_for(site: Path, capsys) -> None:
+    assert adjust() == 0
+    assert names_in(site) == ["site.cor", "site.obs"]
+    assert "Written: nothing" in capsys.readouterr().out
+
+
+def test_iterations_that_did_not_converge_are_exit_code_1(site: Path, capsys) -> None:
+    assert adjust("--iterations", "1", "--json", "a.json") == 1
+    assert "NOT CONVERGED" in capsys.readouterr().out
+    assert json.loads((site / "a.json").read_text(encoding="utf-8"))["converged"] is False
+
+
+def test_a_sigma_for_known_points_that_give_none(site: Path, capsys) -> None:
+    (site / "site.cor").write_text(POINTS.replace(" 0.001", ""), encoding="utf-8")
+    assert adjust() == 2
+    assert "site.cor:1" in capsys.readouterr().err
+    assert adjust("--point-sigma", "0.001") == 0
+
+
+def test_several_files_are_put_together(site: Path, capsys) -> None:
+    lines = OBSERVATIONS.splitlines(keepends=True)
+    (site / "site.obs").write_text("".join(lines[:6]), encoding="utf-8")
+    (site / "second.obs").write_text("".join(lines[6:]), encoding="utf-8")
+    assert main(["adjust", "--obs", "site.obs", "second.obs", "--cor", "site.cor", "--frame", FRAME,
+                 "--points-crs", "IGNF:LAMB93"]) == 0  # fmt: skip
+    assert "1.76552" in capsys.readouterr().out
+
+
+BAD = {
+    "unknown code": ("obs", "99 PtA PtB 1 0.001\n", "site.obs:13"),
+    "missing field": ("obs", "3 PtA PtB 10\n", "site.obs:13"),
+    "angle out of range": ("obs", "5 PtA PtB 401 0.001\n", "site.obs:13"),
+    "negative distance": ("obs", "3 PtA PtB -10 0.001\n", "site.obs:13"),
+    "zero sigma": ("obs", "3 PtA PtB 10 0\n", "site.obs:13"),
+    "a point that nothing places": ("obs", "3 PtA PtX 10 0.001\n", "PtX"),
+    "duplicate point": ("cor", "0 PtB 657710 6860700 10\n", "PtB"),
+    "unknown flag": ("cor", "9 PtE 657710 6860700 10\n", "site.cor:5"),
+}
+
+
+def assert_refused(site: Path, capsys, expected: str, *options: str) -> None:
+    before = names_in(site)
+    assert adjust("--out", "results", *options) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("obseq: ")
+    assert expected in err
+    assert "Traceback" not in err
+    assert names_in(site) == before
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_lines_are_refused(case: str, site: Path, capsys) -> None:
+    kind, line, expected = BAD[case]
+    with (site / f"site.{kind}").open("a", encoding="utf-8") as file:
+        file.write(line)
+    assert_refused(site, capsys, expected)
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "expected"),
+    [
+        ("obs", b"", "site.obs: the file is empty"),
+        ("cor", b"", "site.cor: the file is empty"),
+        ("obs", b"7 PtA PtB\x00\x01\x02 0 0.001\n", "binary"),
+        ("obs", "7 Pté PtB 0 0.001\n".encode("latin-1"), "UTF-8"),
+        ("cor", POINTS.encode("utf-16"), "UTF-16"),
+        ("cor", b"0 PtA 657700 6860700 10\n0 PtB 657710 6860700 10\n", "known"),
+    ],
+)
+def test_bad_files_are_refused(kind: str, content: bytes, expected: str, site: Path, capsys) -> None:
+    (site / f"site.{kind}").write_bytes(content)
+    assert_refused(site, capsys, expected)
+
+
+def test_a_file_that_is_absent_is_named(site: Path, capsys) -> None:
+    (site / "site.obs").unlink()
+    assert_refused(site, capsys, "site.obs: there is no such file")
+
+
+@pytest.mark.parametrize("frame", ["EPSG:0", "nonsense", "RTL*1*2", "RTL*0*0*0*EPSG:999999"])
+def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -> None:
+    assert_refused(site, capsys, frame.rpartition("*")[2], "--frame", frame)
+
+
+def test_a_disconnected_network_is_refused(site: Path, capsys) -> None:
+    with (site / "site.obs").open("a", encoding="utf-8") as file:
+        file.write("7 X1 X2 0 0.001\n6 X1 X2 100 0.001\n3 X1 X2 10 0.005\n5 X1 X3 50 0.001\n")
+    assert_refused(site, capsys, "X1")
+
+
+def test_a_target_on_the_vertical_of_its_station_is_refused(site: Path, capsys) -> None:
+    (site / "site.cor").write_text(POINTS + "1 Top 657700 6860700 20 0.001\n", encoding="utf-8")
+    with (site / "site.obs").open("a", encoding="utf-8") as file:
+        file.write("5 PtA Top 10 0.001\n")
+    assert_refused(site, capsys, "Top")
+
+
+def test_outputs_are_refused_before_the_work(site: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("obseq.survey.Network.read", None)  # whoever calls it fails otherwise
+    (site / "results").write_text("a file", encoding="utf-8")
+    assert_refused(site, capsys, "the results cannot be written there")
+
+
+def test_inputs_are_not_overwritten(site: Path, capsys) -> None:
+    assert adjust("--json", "site.obs") == 2
+    assert "would replace an input" in capsys.readouterr().err
+    assert (site / "site.obs").read_text(encoding="utf-8") == OBSERVATIONS
+
+
+def test_an_interruption_leaves_the_old_results(site: Path, capsys, monkeypatch) -> None:
+    def interrupted(*_) -> str:
+        raise KeyboardInterrupt
+
+    (site / "a.json").write_text("old", encoding="utf-8")
+    monkeypatch.setattr("obseq.report.page", interrupted)
+    assert adjust("--json", "a.json", "--html", "b.html") == 130
+    assert (site / "a.json").read_text(encoding="utf-8") == "old"
+    assert names_in(site) == ["a.json", "site.cor", "site.obs"]

@@ -1,0 +1,28 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from obseq.cli.main import main
+
+
+def test_the_demo_is_the_documented_network(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        assert main(["demo"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("sigma0 of the solution                 1.76552") == 2
+    record = json.loads((tmp_path / "obseq-demo" / "adjustment.json").read_text(encoding="utf-8"))
+    assert record["frame"] == "RTL*657700*6860700*0*IGNF:LAMB93"
+    assert record["points_crs"] == "IGNF:LAMB93"
+    assert record["sigma0"] == pytest.approx(1.7655, abs=5e-4)
+    assert sorted(path.name for path in (tmp_path / "obseq-demo").iterdir()) == [
+        "adjustment.html",
+        "adjustment.json",
+        "adjustment.txt",
+    ]
+
+
+def test_the_demo_goes_where_it_is_told(tmp_path: Path, capsys) -> None:
+    assert main(["demo", "--out", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "adjustment.html").is_file()
