@@ -1,0 +1,178 @@
+"""Where assembly puts things: the store of the normal equations, and the place of each small block in it.
+
+The front of the store is the sparse normal matrix itself: the lower triangle of the free unknowns by columns. Pairs of
+blocks of three free unknowns, the common case, are added there directly. Behind it come blocks of their own: one per
+block of unknowns (its diagonal block, and its share of the gradient as one more column), and one per other pair, whole
+whether or not some unknowns are frozen; these are poured into the matrix at the end. A spare block takes what concerns
+frozen blocks. All is worked out once per set of equations and frozen unknowns, without loops over observations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.pattern import block_pairs, free_unknowns, matrix_pattern, role_pairs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.batches import Batch
+    from obseq.leastsquares.pattern import BlockPairs, FreeUnknowns
+    from obseq.leastsquares.solvers import SymmetricPattern
+    from obseq.leastsquares.unknowns import UnknownTable
+
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+    PositionArray = NDArray[np.uint32]
+
+LANES = 32
+STRIDE = 40
+STORED_HEIGHT = 5
+"""Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
+
+
+@dataclass(frozen=True)
+class BatchLayout:
+    """What the drivers need to scatter one batch (`drivers.scatter` says how it is read).
+
+    Attributes:
+        record_rows: (width,) scaled row of each place of a record; -1 for zeros.
+        pairs: (n_pairs, 5) place of the row part, of the column part, quads of rows, columns, row of `heights` or -1.
+        positions: (n_pairs, n) place of each small block in the store.
+        heights: (n_threes, n) height of the first column, twice, plus one for parts that change places.
+        scratch: number of doubles the driver needs for records and scaled rows.
+    """
+
+    record_rows: IntArray
+    pairs: IntArray
+    positions: PositionArray
+    heights: PositionArray
+    scratch: int
+
+
+@dataclass(frozen=True)
+class StoreLayout:
+    """Places of all blocks, for one set of equations and frozen unknowns.
+
+    Attributes:
+        free: the numbering of the matrix.
+        matrix: its pattern.
+        size: number of doubles of the store.
+        diagonal: (n_blocks,) place of each diagonal block in units of four doubles; 0 where it has none.
+        stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column.
+        batches: one layout per batch.
+    """
+
+    free: FreeUnknowns
+    matrix: SymmetricPattern
+    size: int
+    diagonal: IntArray
+    stored: IntArray
+    batches: tuple[BatchLayout, ...]
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Place and code of each distinct pair, and as last entry those of the spare block."""
+
+    position: IntArray
+    height: IntArray
+    diagonal: IntArray
+    spare: int
+
+
+def store_layout(table: UnknownTable, batches: Sequence[Batch], used: BoolArray) -> StoreLayout:
+    """Works out the layout; `used` (n_blocks,) tells the blocks that some equation or prior touches."""
+    free = free_unknowns(table, used)
+    pairs = block_pairs(batches, free.count > 0)
+    matrix, offsets = matrix_pattern(free, pairs)
+    spare = (matrix.nnz + 11) // 8 * 8
+    widths = part_width(table.size) * (table.size + 1)
+    diagonal, end = _consecutive(widths, free.count > 0, spare + int(widths.max(initial=0)))
+    direct = _direct(table.size, free, pairs)
+    width = part_width(table.size)[pairs.rows] * table.size[pairs.columns]
+    places, end = _consecutive(width, ~direct, end)
+    if end > np.iinfo(np.uint32).max:
+        raise InputError(
+            "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
+        )
+    top = matrix.indptr[free.first[pairs.low[direct]]]
+    position, height = places.copy(), np.full(len(places), 2 * STORED_HEIGHT)
+    position[direct] = top + offsets[direct]
+    height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
+    height[direct] += (pairs.rows < pairs.columns)[direct]
+    found = _Places(np.append(position, spare), np.append(height, 2 * STORED_HEIGHT), diagonal, spare)
+    stored = np.column_stack([places, pairs.rows, pairs.columns, offsets])[~direct]
+    layouts = _batch_layouts(batches, found, pairs.occurrence)
+    return StoreLayout(free, matrix, end, diagonal // 4, np.ascontiguousarray(stored), layouts)
+
+
+def part_width(size: IntArray) -> IntArray:
+    """Doubles of a record part: derivatives, residual, zeros up to a multiple of four."""
+    return np.asarray((size + 4) // 4 * 4)
+
+
+def _direct(size: IntArray, free: FreeUnknowns, pairs: BlockPairs) -> BoolArray:
+    """(n_pairs,) True for pairs of two different blocks of three free unknowns."""
+    whole = (size == 3) & (free.count == 3)
+    return np.asarray(whole[pairs.rows] & whole[pairs.columns] & (pairs.rows != pairs.columns))
+
+
+def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntArray, int]:
+    """Consecutive places from `first` on for the blocks present (0 for the others), and the end."""
+    taken = np.where(present, widths, 0)
+    ends = first + np.cumsum(taken)
+    return np.where(present, ends - taken, 0), int(ends[-1]) if len(ends) else first
+
+
+def _batch_layouts(
+    batches: Sequence[Batch], places: _Places, occurrence: IntArray
+) -> tuple[BatchLayout, ...]:
+    result, first = [], 0
+    for batch in batches:
+        last = first + batch.n * len(role_pairs(len(batch.blocks)))
+        result.append(_batch_layout(batch, places, occurrence[first:last].reshape(-1, batch.n)))
+        first = last
+    return tuple(result)
+
+
+def _batch_layout(batch: Batch, places: _Places, occurrence: IntArray) -> BatchLayout:
+    sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
+    widths = part_width(sizes)
+    part = np.cumsum(widths) - widths
+    pairs, positions, heights = [], [], []
+    for p, ids in enumerate(batch.blocks):
+        at = places.diagonal[ids]
+        if at.any():
+            pairs.append((part[p], part[p], widths[p] // 4, sizes[p] + 1, -1))
+            positions.append(np.where(at == 0, places.spare, at) // 4)
+    for (p, q), found in zip(role_pairs(len(sizes)), occurrence, strict=True):
+        if (found < 0).all():
+            continue
+        threes = sizes[p] == 3 and sizes[q] == 3
+        pairs.append((part[p], part[q], widths[p] // 4, sizes[q], len(heights) if threes else -1))
+        positions.append(places.position[found] if threes else places.position[found] // 4)
+        if threes:
+            heights.append(places.height[found])
+    width = int(widths.sum())
+    return BatchLayout(
+        _record_rows(batch, part, width),
+        np.array(pairs, dtype=np.int64).reshape(-1, 5),
+        np.array(positions, dtype=np.uint32).reshape(-1, batch.n),
+        np.array(heights, dtype=np.uint32).reshape(-1, batch.n),
+        batch.shape.n_residuals * (LANES * width + STRIDE * (1 + batch.shape.n_unknowns)) + STRIDE,
+    )
+
+
+def _record_rows(batch: Batch, part: IntArray, width: int) -> IntArray:
+    rows = np.full(width, -1, dtype=np.int64)
+    for role, first in zip(batch.shape.roles, part, strict=True):
+        rows[first : first + role.size] = 1 + role.row + np.arange(role.size)
+        rows[first + role.size] = 0
+    return rows

@@ -1,0 +1,103 @@
+"""From the store of small blocks to the values of the sparse normal matrix: compiled loops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pattern_rows(
+    column: IntArray,
+    row: IntArray,
+    offset: IntArray,
+    n_free: IntArray,
+    first: IntArray,
+    indptr: IntArray,
+    indices: NDArray[np.int32],
+) -> None:
+    """Writes the rows of each column, from the blocks (column, row) sorted by column, then row."""
+    for k in range(len(column)):
+        q, p = column[k], row[k]
+        for j in range(n_free[q]):
+            at = indptr[first[q] + j] + offset[k] - j
+            for i in range(j if p == q else 0, n_free[p]):
+                indices[at + i] = first[p] + i
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pour_diagonal(
+    store: FloatArray,
+    place: IntArray,
+    start: IntArray,
+    size: IntArray,
+    free: IntArray,
+    indptr: IntArray,
+    gradient: FloatArray,
+) -> None:
+    """Adds diagonal blocks to the matrix at the front of the store, and clears them; writes the gradient.
+
+    `place` (n_blocks,): in units of four doubles, 0 for blocks without one.
+    """
+    for block in range(len(place)):
+        if place[block] == 0:
+            continue
+        n, first = size[block], start[block]
+        at = 4 * place[block]
+        width = (n + 4) // 4 * 4
+        for j in range(n):
+            column = free[first + j]
+            if column < 0:
+                continue
+            gradient[column] = store[at + n * width + j]
+            for i in range(j, n):
+                row = free[first + i]
+                if row >= 0:
+                    store[indptr[column] + row - column] += store[at + j * width + i]
+        store[at : at + width * (n + 1)] = 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pour_pairs(
+    store: FloatArray,
+    stored: IntArray,
+    start: IntArray,
+    size: IntArray,
+    free: IntArray,
+    first: IntArray,
+    indptr: IntArray,
+) -> None:
+    """Adds pairs that have a place of their own to the matrix at the front of the store, and clears them.
+
+    `stored` (n, 4): place, row block, column block, offset of the lower block in the block column. A pair whose row
+    block comes first is added transposed; a block paired with itself (one block in two arguments) counts both ways.
+    """
+    for k in range(len(stored)):
+        at, p, q, offset = stored[k, 0], stored[k, 1], stored[k, 2], stored[k, 3]
+        threes = size[p] == 3 and size[q] == 3
+        width = (size[p] + 4) // 4 * 4
+        for j in range(size[q]):
+            column = free[start[q] + j]
+            source = at + (j * (9 - j) // 2 if threes else j * width)
+            for i in range(size[p]):
+                row = free[start[p] + i]
+                value = store[source + i]
+                store[source + i] = 0.0
+                if column < 0 or row < 0:
+                    continue
+                if p > q:
+                    store[indptr[column] + offset + (row - first[p]) - (column - first[q])] += value
+                elif p < q:
+                    store[indptr[row] + offset + (column - first[q]) - (row - first[p])] += value
+                elif row != column:
+                    store[indptr[min(row, column)] + abs(row - column)] += value
+                else:
+                    store[indptr[row]] += 2.0 * value

@@ -1,0 +1,336 @@
+"""The least squares system: unknowns by name, equations in batches, one solution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.batches import Batch, formula_shape, linear_shape
+from obseq.leastsquares.covariance import Cofactors
+from obseq.leastsquares.diagnosis import untouched_error
+from obseq.leastsquares.gauss_newton import Options, Progress, factor, iterate, sigma0_of
+from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
+from obseq.leastsquares.normal import NormalEquations, residuals
+from obseq.leastsquares.priors import Prior
+from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
+from obseq.leastsquares.solvers import choose_solver
+from obseq.leastsquares.unknowns import Kind, UnknownTable, finite
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.solvers import Solver
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+class LeastSquares:
+    """Unknowns and equations of an adjustment.
+
+    Unknowns are added in blocks that have names, and are addressed by the ids that adding them returns (int64
+    arrays). Equations are added in batches of one formula. `solve` changes the unknowns in place and
+    returns a result that keeps its own copy.
+
+    Example:
+        >>> system = LeastSquares()
+        >>> a, b = system.add_scalars(["a", "b"], [0.0, 0.0])
+        >>> rows = system.add_linear([[a, a, b]], [[[1.0], [1.0], [1.0]]], [1.0, 3.0, 5.0], 0.1)
+        >>> system.solve().values([a, b]).ravel().tolist()
+        [2.0, 5.0]
+    """
+
+    def __init__(self, solver: str = "auto") -> None:
+        self.unknowns = UnknownTable()
+        self._batches: list[Batch] = []
+        self._priors: list[Prior] = []
+        self._solver_name = solver
+        self._bound: tuple[tuple[object, ...], NormalEquations] | None = None
+        self._solver: Solver | None = None
+
+    # Unknowns
+
+    def add_points(self, names: Sequence[str], coordinates: ArrayLike) -> IntArray:
+        """Adds points of (n, 3) or (n, 2) coordinates, in metres; returns their ids."""
+        array = _table_of_rows(coordinates, len(names), "add_points")
+        if array.shape[1] not in (2, 3):
+            raise InputError(f"add_points: coordinates have {array.shape[1]} columns; expected 2 or 3")
+        kind = Kind.POINT3 if array.shape[1] == 3 else Kind.POINT2
+        return self.unknowns.add(kind, names, array)
+
+    def add_rotations(self, names: Sequence[str], matrices: ArrayLike) -> IntArray:
+        """Adds rotations from a local frame to the world frame, (n, 3, 3); returns their ids."""
+        array = finite(matrices, (len(names), 3, 3), "add_rotations")
+        context = rotation_context(checked_rotations(array, "add_rotations"))
+        return self.unknowns.add(Kind.ROTATION, names, np.zeros((len(names), 3)), context)
+
+    def add_directions(self, names: Sequence[str], vectors: ArrayLike) -> IntArray:
+        """Adds unit directions, given by vectors (n, 3) of any length but zero; returns their ids."""
+        array = finite(vectors, (len(names), 3), "add_directions")
+        wrong = np.flatnonzero(~array.any(axis=1))
+        if wrong.size:
+            raise InputError(f"add_directions: the vector of {names[wrong[0]]!r} is zero")
+        return self.unknowns.add(Kind.DIRECTION, names, np.zeros((len(names), 2)), direction_context(array))
+
+    def add_vectors(
+        self, names: Sequence[str], values: ArrayLike, component_names: Sequence[str] | None = None
+    ) -> IntArray:
+        """Adds vectors of unknowns, (n, k); `component_names` (k,) are for messages; returns their ids."""
+        array = _table_of_rows(values, len(names), "add_vectors")
+        size = array.shape[1]
+        components = tuple(component_names or (str(number) for number in range(size)))
+        if len(components) != size or not size:
+            raise InputError(f"add_vectors: {len(components)} component names for vectors of {size}")
+        return self.unknowns.add(Kind.VECTOR, names, array, components=components)
+
+    def add_scalars(self, names: Sequence[str], values: ArrayLike) -> IntArray:
+        """Adds single unknowns, values (n,); returns their ids."""
+        array = finite(values, (len(names),), "add_scalars")
+        return self.unknowns.add(Kind.SCALAR, names, array[:, None])
+
+    def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
+        """Ids of blocks of one kind (`Point3`, `Point2`, `Rotation`, `Direction`, `Vector`, `Scalar`) by name."""
+        return self.unknowns.find(names, Kind[kind.upper()])
+
+    def values(self, ids: ArrayLike) -> FloatArray:
+        """Current values of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
+        return self.unknowns.read(ids)
+
+    def set_values(self, ids: ArrayLike, values: ArrayLike) -> None:
+        """Gives blocks that are alike new current values, in the shape that `values` returns."""
+        self.unknowns.write(ids, values)
+
+    def freeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
+        """Keeps unknowns at their current values: whole blocks, or components by number or by name."""
+        self.unknowns.set_frozen(ids, components, True)
+
+    def unfreeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
+        """Frees unknowns again."""
+        self.unknowns.set_frozen(ids, components, False)
+
+    # Equations
+
+    def add(
+        self,
+        formula: str | Kernel,
+        blocks: Mapping[str, ArrayLike],
+        observations: ArrayLike | None,
+        sigmas: ArrayLike,
+        labels: Sequence[str] | None = None,
+        group: str | None = None,
+        active: ArrayLike | None = None,
+    ) -> Batch:
+        """Adds observations of one formula.
+
+        Args:
+            formula: its name, or a loaded kernel.
+            blocks: ids (n,) for each block of the formula; one id alone stands for all rows.
+            observations: (n, m) what was measured, or (n,) when m is 1; None when the formula takes none.
+            sigmas: one number, (n,) or (n, n_residuals), positive, in the unit of the residuals.
+            labels: (n,) what to call the observations in messages.
+            group: name under which sums of squares are kept; the formula's when None.
+            active: (n,) False for observations that have residuals but no influence; all are active when None.
+
+        Raises:
+            InputError: an argument does not fit; the message names formula, argument and row.
+        """
+        shape = formula_shape(formula)
+        return self._added(Batch(shape, self.unknowns, blocks, observations, sigmas, labels, group, active))
+
+    def add_linear(
+        self,
+        columns: Sequence[ArrayLike],
+        coefficients: Sequence[ArrayLike],
+        values: ArrayLike,
+        sigmas: ArrayLike,
+        labels: Sequence[str] | None = None,
+        group: str | None = None,
+    ) -> Batch:
+        """Adds plain linear rows: sum of coefficients times unknowns = value.
+
+        Args:
+            columns: for each of k places in the rows, the ids (n,) of the blocks that stand there.
+            coefficients: for each place, (n, block size).
+            values: (n,) right-hand sides.
+            sigmas: one number or (n,).
+            labels: (n,) what to call the rows in messages.
+            group: name under which sums of squares are kept; "linear" when None.
+        """
+        ids = [self.unknowns.checked(column, "linear rows") for column in columns]
+        if not ids or len(ids) != len(coefficients):
+            raise InputError(f"linear rows: {len(coefficients)} sets of coefficients for {len(ids)} blocks")
+        shape = linear_shape(self.unknowns, ids)
+        n = max(len(column) for column in ids)
+        parts = [
+            finite(part, (n, role.size), f"linear rows, coefficients {role.name}")
+            for part, role in zip(coefficients, shape.roles, strict=True)
+        ]
+        rows = np.column_stack([*parts, finite(values, (n,), "linear rows, values")])
+        blocks = {role.name: column for role, column in zip(shape.roles, ids, strict=True)}
+        return self._added(Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None))
+
+    def add_prior(self, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str = "prior") -> Prior:
+        """Adds soft constraints x = value +- sigma for blocks that are alike.
+
+        Args:
+            ids: (n,) blocks.
+            values: (n, k) given values.
+            sigmas: number, (n,) or (n, k); infinite where a component has no constraint.
+            group: name under which sums of squares are kept.
+        """
+        prior = Prior(self.unknowns, ids, values, sigmas, group)
+        self._priors.append(prior)
+        self._bound = None
+        return prior
+
+    def _added(self, batch: Batch) -> Batch:
+        self._batches.append(batch)
+        self._bound = None
+        return batch
+
+    # Counting
+
+    @property
+    def n_observations(self) -> int:
+        """Number of scalar equations of active observations."""
+        return sum(batch.n_scalars for batch in self._batches)
+
+    @property
+    def n_constraints(self) -> int:
+        """Number of scalar equations of priors."""
+        return sum(prior.n_scalars for prior in self._priors)
+
+    @property
+    def redundancy(self) -> int:
+        """Equations minus free unknowns: the one definition that every statistic uses."""
+        return self.n_observations + self.n_constraints - self.equations().n_unknowns
+
+    # Solution
+
+    def equations(self) -> NormalEquations:
+        """The normal equations; their pattern is kept as long as neither equations nor frozen unknowns change.
+
+        Raises:
+            SingularSystemError: no equation touches some unknowns that are not frozen.
+        """
+        key = (len(self.unknowns), self.unknowns.freeze_count)
+        if self._bound is None or self._bound[0] != key:
+            self._refuse_untouched()
+            self._bound = key, NormalEquations(self.unknowns, self._batches, self._priors)
+            self._solver = None
+        return self._bound[1]
+
+    def residuals(self, batch: Batch) -> FloatArray:
+        """(n, n_residuals) computed minus observed at the current values."""
+        return residuals(self.unknowns, batch)
+
+    def solve(
+        self,
+        max_iterations: int = 20,
+        tolerance: float = 1e-6,
+        covariance: ArrayLike | Literal["all"] | bool | None = None,
+        before_iteration: Callable[[LeastSquares, int], None] | None = None,
+        progress: Callable[[Iteration], None] | None = None,
+        sigma0_groups: Collection[str] | None = None,
+    ) -> LeastSquaresResult:
+        """Solves by Gauss-Newton iterations; the unknowns move to the solution.
+
+        Args:
+            max_iterations: no more iterations than this.
+            tolerance: the iterations end when no unknown moves by more than this share of its standard
+                deviation (see `Options`); negative: all iterations are done.
+            covariance: "all", True or ids when the result shall answer for covariances.
+            before_iteration: called with the system and the number of iterations done, before each linearisation and
+                before the final residuals; may replace the observations of batches.
+            progress: called with the record of each iteration.
+            sigma0_groups: groups in the numerator of sigma0; all when None.
+
+        Raises:
+            SingularSystemError: some unknowns are undetermined; they are named.
+            DivergenceError: an equation became undefined; the observation is named, and the unknowns are back at their last
+                accepted values.
+        """
+        equations, options = self.equations(), Options(max_iterations, tolerance, sigma0_groups)
+
+        def before(number: int) -> None:
+            if before_iteration is not None:
+                before_iteration(self, number)
+
+        redundancy, done = self.redundancy, Progress(reason=StopReason.NO_UNKNOWNS)
+        if equations.n_unknowns:
+            solver = self._analysed(equations)
+            done = iterate(equations, solver, options, redundancy, before, progress or _silent)
+        before(len(done.iterations))
+        wanted = covariance is not None and covariance is not False and equations.n_unknowns > 0
+        cofactors = self._cofactors(equations, done) if wanted else None
+        return self._result(equations, options, redundancy, done, cofactors)
+
+    def _refuse_untouched(self) -> None:
+        if not self._batches and not self._priors:
+            raise InputError("the system has no equations: add observations or priors")
+        touched = np.zeros(len(self.unknowns), dtype=bool)
+        for batch in self._batches:
+            touched[batch.blocks[:, batch.active]] = True
+        for prior in self._priors:
+            touched[prior.ids] = True
+        free = np.add.reduceat(~self.unknowns.frozen, self.unknowns.start, dtype=np.int64) > 0
+        untouched = np.flatnonzero(free & ~touched)
+        if untouched.size:
+            raise untouched_error(self.unknowns, untouched)
+
+    def _analysed(self, equations: NormalEquations) -> Solver:
+        if self._solver is None:
+            self._solver = choose_solver(equations.pattern, self._solver_name)
+            self._solver.analyse(equations.pattern)
+        return self._solver
+
+    def _cofactors(self, equations: NormalEquations, done: Progress) -> Cofactors:
+        """Cofactors of the solution; the factor is made anew unless the last step was negligible."""
+        solver = self._analysed(equations)
+        if done.reason is StopReason.ITERATIONS:
+            factor(equations, solver, equations.assemble())
+        self._solver = None  # the result keeps this one, for covariances between any two unknowns
+        return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
+
+    def _result(
+        self,
+        equations: NormalEquations,
+        options: Options,
+        redundancy: int,
+        done: Progress,
+        cofactors: Cofactors | None,
+    ) -> LeastSquaresResult:
+        squares = equations.sums_of_squares()
+        overall = sigma0_of(squares, None, redundancy)
+        return LeastSquaresResult(
+            tuple(done.iterations),
+            done.reason is not StopReason.ITERATIONS,
+            done.reason,
+            self.n_observations,
+            self.n_constraints,
+            equations.n_unknowns,
+            redundancy,
+            sigma0_of(squares, options.sigma0_groups, redundancy),
+            None if overall is None else overall**2,
+            squares,
+            self.unknowns,
+            self.unknowns.state(),
+            {batch: residuals(self.unknowns, batch) for batch in equations.batches},
+            cofactors,
+        )
+
+
+def _silent(_: Iteration) -> None:
+    """The progress callback of those who want none."""
+
+
+def _table_of_rows(values: ArrayLike, n: int, what: str) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 2 or len(array) != n:
+        raise InputError(f"{what}: values have shape {array.shape}; expected {n} rows")
+    return finite(array, array.shape, what)
