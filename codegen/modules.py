@@ -19,6 +19,7 @@ from obseq.codegen.compiler import (
     residual_names,
     value_kernel,
 )
+from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 
 WIDTH = 110
@@ -152,10 +153,13 @@ def _typical(formula: Formula) -> str:
     """The typical values as a dictionary of scalar names to (centre, half width)."""
     scalars = {argument.name: argument.scalars for argument in formula.arguments}
     scalars |= {name: atom.scalars for name, atom in formula.atoms}
+    scalars |= {name: (name,) for name in (*formula.unknowns, *formula.observations)}
+    if unknown := [name for name in formula.typical if name not in scalars]:
+        raise FormulaError(f"{formula.name}: typical names nothing of the formula: {', '.join(unknown)}")
     typical = {
         scalar: interval
         for name, interval in formula.typical.items()
-        for scalar in scalars.get(name, (name,))
+        for scalar in scalars[name]
     }
     items = [f'"{name}": {interval!r}' for name, interval in typical.items()]
     return "{" + _tuple(items)[1:-1].rstrip(",") + "}" if len(items) == 1 else "{" + _tuple(items)[1:-1] + "}"

@@ -187,7 +187,7 @@ class EqLidarImCensus(Formula):
     `_0`) and the neighbour (suffix `_1`), seen by the same camera. The contrast is `c(a, b) = (a - b) /
     max(a, b)` of radiometries of which negative ones are taken as 0; it has continuous derivatives where `a =
     b > 0`, and is 0 with derivatives 0 at (0, 0). MMVII derives through a negative radiometry as if it moved
-    the contrast; here its derivative is 0.
+    the contrast; here its derivative is 0. Defined everywhere.
 
     The matrix of the camera is given twice, as MMVII does: `mRot0CamTr` with suffix `_0` is the context of
     its pose, that with suffix `_1` an observation, which the caller keeps equal.

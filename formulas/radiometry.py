@@ -181,6 +181,11 @@ class RadiomCalibRadSensor(_OfSensor):
         """MMVII's name: the sensor model."""
         return f"RadiomCalibRadSensor_{self.sensor.name}"
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The two corrections."""
+        return ("add", "mul")
+
     def residual(
         self, sensor: SensorCoefficients, *, pixel: PixelPosition, centre: Centre, extent: Extent
     ) -> tuple[Scalar, Scalar]:

@@ -39,10 +39,11 @@ class TopoSubFrame(Formula):
     """Vector between two points, observed in a sub-frame of unknown orientation.
 
     Residual: `(I + [r]x) R (p2 - p1) - v`, with `R` the current rotation from the frame to the sub-frame.
+    Defined everywhere.
     """
 
     source = "MMVII Formulas_Geom3D.h"
-    typical = {"p1": (0.0, 10.0), "p2": (0.0, 10.0), "v": (0.0, 10.0)}
+    typical = {"p1": (0.0, 10.0), "p2": (0.0, 10.0), "vector": (0.0, 10.0)}
 
     def residual(
         self,

@@ -82,7 +82,7 @@ class TopoDist(Formula):
 class TopoDX(Formula):
     """First component (to the right) of the aimed vector in the instrument frame.
 
-    Residual: `x - val`.
+    Residual: `x - val`. Defined everywhere.
     """
 
     source = TOPO
@@ -96,7 +96,7 @@ class TopoDX(Formula):
 class TopoDY(Formula):
     """Second component (forward) of the aimed vector in the instrument frame.
 
-    Residual: `y - val`.
+    Residual: `y - val`. Defined everywhere.
     """
 
     source = TOPO
@@ -110,7 +110,7 @@ class TopoDY(Formula):
 class TopoDZ(Formula):
     """Third component (up) of the aimed vector in the instrument frame.
 
-    Residual: `z - val`.
+    Residual: `z - val`. Defined everywhere.
     """
 
     source = TOPO

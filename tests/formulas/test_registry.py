@@ -1,0 +1,129 @@
+"""Over every formula of the registry: names, check values, kernels against the formula itself, hashes."""
+
+import json
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from obseq.codegen.compiler import derive
+from obseq.codegen.modules import functions_hash, module_name, text_hash
+from obseq.errors import FormulaError
+from obseq.formulas import REGISTRY, Formula
+from obseq.kernels import Calculator, calculator, derivatives, formula_names
+
+VALUE_TOLERANCE = 1e-12
+JACOBIAN_TOLERANCE = 1e-9
+
+each_formula = pytest.mark.parametrize("formula", REGISTRY, ids=lambda formula: formula.name)
+
+
+@cache
+def records(path: Path) -> dict[str, dict[str, Any]]:
+    return {record["name"]: record for record in json.loads(path.read_text("utf-8"))}
+
+
+@pytest.fixture(scope="module")
+def names(shared_data: Path) -> dict[str, dict[str, Any]]:
+    return records(shared_data / "mmvii-check-values" / "names.json")
+
+
+@pytest.fixture(scope="module")
+def check_values(shared_data: Path) -> dict[str, dict[str, Any]]:
+    return records(shared_data / "mmvii-check-values" / "check-values.json")
+
+
+def draw(calc: Calculator, count: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Admissible random inputs of a formula."""
+    return derivatives.draw(calc.kernel, count, np.random.default_rng(7))
+
+
+def test_generated_modules_are_those_of_the_registry() -> None:
+    assert sorted(formula.name for formula in REGISTRY) == list(formula_names())
+
+
+@each_formula
+def test_names_and_order_are_those_of_mmvii(formula: Formula, names: dict[str, dict[str, Any]]) -> None:
+    if formula.name not in names:
+        pytest.skip("a formula of our own: MMVII does not register it")
+    record, calc = names[formula.name], calculator(formula.name)
+    assert list(calc.unknowns) == record["unknowns"]
+    assert list(calc.observations) == record["observations"]
+    assert len(calc.residuals) == record["outputs"]
+
+
+@each_formula
+def test_values_and_derivatives_are_those_of_mmvii(
+    formula: Formula, check_values: dict[str, dict[str, Any]]
+) -> None:
+    if formula.name not in check_values:
+        pytest.skip("MMVII's values are not recorded for this formula")
+    record, calc = check_values[formula.name], calculator(formula.name)
+    for point in record["points"]:
+        unknowns, observations = np.array([point["u"]]), np.array([point["o"]])
+        both, jacobian = calc.values_and_jacobian(unknowns, observations)
+        expected = np.array(point["values"])
+        tolerance = record.get("values_abs_tolerance", VALUE_TOLERANCE * np.abs(expected))
+        for values in (both, calc.values(unknowns, observations)):
+            assert (np.abs(values[0] - expected) <= np.maximum(tolerance, 1e-15 * (expected == 0))).all(), (
+                f"{formula.name}: {values[0]} instead of {expected}"
+            )
+        if point["jacobian"] is not None:
+            rows = np.array(point["jacobian"]).reshape(jacobian[0].shape)
+            largest = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+            assert (np.abs(jacobian[0] - rows) <= JACOBIAN_TOLERANCE * largest).all(), formula.name
+
+
+@each_formula
+def test_kernel_computes_the_residual_written_in_the_formula(formula: Formula) -> None:
+    calc = calculator(formula.name)
+    unknowns, observations = draw(calc, 8)
+    expected = np.array(
+        [formula.evaluate(u.tolist(), o.tolist()) for u, o in zip(unknowns, observations, strict=True)]
+    ).reshape(8, -1)
+    size = np.abs(expected).max(initial=1.0) + np.abs(observations).max(initial=0.0)
+    np.testing.assert_allclose(calc.values(unknowns, observations), expected, rtol=1e-12, atol=1e-13 * size)
+
+
+@each_formula
+def test_derivatives_are_those_of_the_values(formula: Formula) -> None:
+    check = derivatives.check_one(calculator(formula.name), samples=10, seed=1)
+    assert check.passed, check
+
+
+@each_formula
+def test_hashes_are_current(formula: Formula) -> None:
+    text = Path(calculator(formula.name).kernel.module.__file__ or "").read_text("utf-8")
+    (found,) = re.findall(
+        r"^# formula sha256:(\w+)  text sha256:(\w+)  functions sha256:(\w+)$", text, re.MULTILINE
+    )
+    assert found == (derive(formula).digest, text_hash(text), functions_hash())
+
+
+def test_module_names_are_distinct() -> None:
+    modules = [module_name(formula.name) for formula in REGISTRY]
+    assert len(set(modules)) == len(modules)
+
+
+@each_formula
+def test_every_formula_says_what_it_is(formula: Formula) -> None:
+    documentation = " ".join((type(formula).__doc__ or "").split())
+    assert re.search(r"(Residual|Values?)\b.*: ", documentation), "say the equation"
+    assert re.search(r"[Uu]ndefined|[Dd]efined everywhere|as `\w+` with", documentation), (
+        "say where the equation holds"
+    )
+    assert formula.source, "say where the equation comes from"
+
+
+def test_names_of_typical_values_are_checked() -> None:
+    from obseq.codegen.modules import render_module
+    from obseq.formulas.plane import Dist2DCons
+
+    class Misspelt(Dist2DCons):
+        typical = {"p3": (0.0, 1.0)}  # noqa: RUF012
+
+    with pytest.raises(FormulaError, match="p3"):
+        render_module(Misspelt())
