@@ -70,7 +70,7 @@ def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> st
     """Hash of names, residual expressions and generator version: comments and layout do not count."""
     order = graph.reachable(residuals)
     position = {node: k for k, node in enumerate(order)}
-    content = [GENERATOR_VERSION, formula.name, formula.unknowns, formula.observations]
+    content: list[object] = [GENERATOR_VERSION, formula.name, formula.unknowns, formula.observations]
     content += [
         (node.operator, tuple(position[operand] for operand in node.operands), node.value)
         for node in (graph.nodes[number] for number in order)
@@ -124,7 +124,9 @@ def _rows_text(derived: Derived, with_jacobian: bool) -> str:
 
 
 def residual_names(derived: Derived) -> tuple[str, ...]:
-    """Names of the residuals: of the measured values when they match one to one, else numbered."""
+    """Names of the residuals: the formula's, else those of the measured values if they match, else numbered."""
+    if derived.formula.outputs:
+        return derived.formula.outputs
     measured, count = derived.formula.measured, len(derived.residuals)
     if len(measured) == count:
         return measured

@@ -3,6 +3,8 @@
 from obseq.formulas import radiometry
 from obseq.formulas.base import Formula
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
+from obseq.formulas.colinearity import COLINEARITIES
+from obseq.formulas.distortion import DISTORTIONS
 from obseq.formulas.image_deformation import DeformImAffinity, DeformImHomotethy, LGrad_DeformImHomotethy
 from obseq.formulas.lidar import (
     EqLidarImCensus,
@@ -21,6 +23,7 @@ from obseq.formulas.plane import (
     SetPointNwCDUnknown,
     SumSquare,
 )
+from obseq.formulas.projections import CENTRAL_PROJECTIONS
 from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
 from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
@@ -60,6 +63,9 @@ REGISTRY: tuple[Formula, ...] = (
     LGrad_DeformImHomotethy(),
     DeformImAffinity(),
     *radiometry.REGISTERED,
+    *DISTORTIONS,
+    *CENTRAL_PROJECTIONS,
+    *COLINEARITIES,
 )
 
 __all__ = ["REGISTRY", "Formula"]

@@ -57,6 +57,11 @@ class Formula:
         """The registered name, MMVII's."""
         return type(self).__name__
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what `residual` gives, when it is not one residual for each measured value."""
+        return ()
+
     @functools.cached_property
     def arguments(self) -> tuple[Argument, ...]:
         """The arguments of `residual`, in the order of its signature."""

@@ -15,35 +15,39 @@ Scalar = Any
 """A float, an mpmath number or a sympy expression: the three readings of a formula."""
 
 
-class Named(sympy.Function):
+class Operation(sympy.Function):  # type: ignore[misc]  # sympy has no types
+    """A function that stays one operation in expressions."""
+
+
+class Named(Operation):
     """An expression with the name that `let` gave it; transparent to mathematics."""
 
 
-class WrapAngle(sympy.Function):
+class WrapAngle(Operation):
     """An angle brought to (-pi, pi]."""
 
 
-class Sqrt(sympy.Function):
+class Sqrt(Operation):
     """Square root, kept as one operation."""
 
 
-class SincSqrt(sympy.Function):
+class SincSqrt(Operation):
     """Cardinal sine of a square root, smooth at 0."""
 
 
-class CosSqrt(sympy.Function):
+class CosSqrt(Operation):
     """Cosine of a square root, smooth at 0."""
 
 
-class AngleRatio(sympy.Function):
+class AngleRatio(Operation):
     """Angle from an axis over the distance to it, smooth on the axis."""
 
 
-class AxialSum(sympy.Function):
+class AxialSum(Operation):
     """Length of a vector plus its component along an axis."""
 
 
-class NormalisedRatio(sympy.Function):
+class NormalisedRatio(Operation):
     """Ratio contrast of two non-negative radiometries, in [-1, 1]."""
 
 
