@@ -89,22 +89,23 @@ def equation_of(formula: "Kernel") -> Equation:
     """The equation as it is written in obseq.formulas, read without importing it: that would load sympy."""
     header = _text(Path(str(formula.module.__file__))).splitlines()[0]
     module, name = re.findall(r"from (obseq\.formulas\.\w+)\.(\w+)", header)[0]
-    text = _text(_formulas_folder() / f"{module.rpartition('.')[2]}.py")
+    text = _text(_path_of(module))
     tree = ast.parse(text)
     classes = list(_classes(tree, name))
     residual = next(
         node for found in classes for node in found.body if getattr(node, "name", None) == "residual"
     )
     lines = text.splitlines()[residual.lineno - 1 : residual.end_lineno]
-    source = _constant("source", *(found.body for found in classes), tree.body)
+    source = next((text for found in classes if (text := _constant("source", found, tree))), "")
     return Equation(f"{module}.{name}", textwrap.dedent("\n".join(lines)), source)
 
 
-def _formulas_folder() -> Path:
+def _path_of(module: str) -> Path:
+    """The file of a module of obseq.formulas."""
     spec = importlib.util.find_spec("obseq.formulas")
     if spec is None or spec.origin is None:
         raise FormulaError("obseq.formulas is not installed with obseq: equations cannot be shown")
-    return Path(spec.origin).parent
+    return Path(spec.origin).with_name(f"{module.rpartition('.')[2]}.py")
 
 
 def _classes(tree: ast.Module, name: str) -> Iterator[ast.ClassDef]:
@@ -116,14 +117,16 @@ def _classes(tree: ast.Module, name: str) -> Iterator[ast.ClassDef]:
                 yield from _classes(tree, ast.unparse(base))
 
 
-def _constant(name: str, *scopes: list[ast.stmt]) -> str:
-    """The text bound to a name in the first scope that has it, itself perhaps a name of a later scope."""
-    for k, scope in enumerate(scopes):
-        for node in scope:
-            if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == [name]:
-                if isinstance(node.value, ast.Name):
-                    return _constant(node.value.id, *scopes[k + 1 :])
-                return str(ast.literal_eval(node.value))
+def _constant(name: str, scope: ast.ClassDef | ast.Module, module: ast.Module) -> str:
+    """The text that a name stands for in a scope: directly, through the module, or imported by it."""
+    for node in scope.body:
+        if isinstance(node, ast.ImportFrom) and name in [alias.name for alias in node.names]:
+            other = ast.parse(_text(_path_of(str(node.module))))
+            return _constant(name, other, other)
+        if isinstance(node, ast.Assign) and name in [ast.unparse(target) for target in node.targets]:
+            if isinstance(node.value, ast.Name):
+                return _constant(node.value.id, module, module)
+            return str(ast.literal_eval(node.value))
     return ""
 
 
