@@ -2,8 +2,8 @@
 
 Nodes are shared by name at construction; derivatives are symbolic and forward, one unknown at a time; the
 reductions are MMVII's, without the defect of its sum reduction; the text has one operation per line. The
-original: `include/SymbDer` of micmacIGN/micmac. Its structure comes from the formulas unchanged, because sympy
-keeps what it is given unevaluated: `a + (-1) b` is a difference, `a b^-1` a quotient. Where our blocks or our
+original: `include/SymbDer` of micmacIGN/micmac. The structure is that of the formulas, because sympy keeps
+what it is given unevaluated: `a + (-1) b` is a difference, `a b^-1` a quotient. Where our blocks or our
 operators say the same thing with fewer operations, the original's way is restored.
 """
 
@@ -161,7 +161,11 @@ class Inventory:
             return a
         if (value := self.value(a)) is not None:
             return self.constant(value**exponent)
-        return self._node(POWERS[exponent], a) if exponent in POWERS else self._node("pow", a, self.constant(exponent))
+        return (
+            self._node(POWERS[exponent], a)
+            if exponent in POWERS
+            else self._node("pow", a, self.constant(exponent))
+        )
 
     def call(self, function: str, *operands: int) -> int:
         """A function of other formulas."""
@@ -338,7 +342,7 @@ def build(formula: Formula) -> Rival:
 
 @contextlib.contextmanager
 def original_stations() -> Iterator[None]:
-    """The original's survey stations: the inverse of the pose (C, R) is (-R^T C, R^T), applied by its matrix."""
+    """The original's survey stations: the inverse of the pose (C, R) is (-R^T C, R^T), by its matrix."""
 
     def moved_back(inverse: blocks.InversePose, point: blocks.Point3) -> blocks.Point3:
         matrix = inverse.pose.rotation.inverse().matrix()
@@ -400,7 +404,9 @@ class _Reader:
             if denominator is None:
                 result = self.inventory.mul(result, self.read(factor))
             else:
-                result = self.inventory.div(result, self.inventory.power(self.read(denominator[0]), denominator[1]))
+                result = self.inventory.div(
+                    result, self.inventory.power(self.read(denominator[0]), denominator[1])
+                )
         return result
 
     def _power(self, expression: sympy.Pow) -> int:
