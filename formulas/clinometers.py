@@ -1,5 +1,6 @@
 """Clinometers: angles with the vertical, of a camera or in a block of instruments. Radians."""
 
+import re
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -100,3 +101,9 @@ class ClinoRot(Formula):
     ) -> Matrix3:
         """The relative orientation computed, minus the initial one."""
         return second.matrix() @ first.inverse().matrix() - relative
+
+
+def from_name(name: str) -> Formula | None:
+    """The clinometer of a block whose correction has the degrees of this name, None when there is none."""
+    match = re.fullmatch(r"Clino_(0|[1-9]\d*)_(0|[1-9]\d*)", name)
+    return ClinoInBlock(int(match[1]), int(match[2])) if match and int(match[1]) <= int(match[2]) else None

@@ -4,6 +4,7 @@ Lengths are in the unit of the points. The rigid motion of a group is `(X, Y) = 
 y)`, a turn by `teta` radians from x to y and a translation, without scale.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -209,3 +210,17 @@ def rigid_motion(translation: Point2, turn: Scalar, points: Sequence[Point2]) ->
     """The points turned from x to y, then translated."""
     c, s = let("cosine", cos(turn)), let("sine", sin(turn))
     return [translation + Point2(c * p.x - s * p.y, s * p.x + c * p.y) for p in points]
+
+
+FAMILIES = {
+    "SumSquare_": SumSquare,
+    "PropCovNwCD_": PropCovNwCD,
+    "SetPointNwCD_RotUK": SetPointNwCDUnknown,
+    "SetPointNwCD_RotFix": SetPointNwCDFixed,
+}
+
+
+def from_name(name: str) -> Formula | None:
+    """The member of a family of any number of points that has this name, None when there is none."""
+    match = re.fullmatch(rf"({'|'.join(FAMILIES)})([1-9]\d*)", name)
+    return FAMILIES[match[1]](int(match[2])) if match else None

@@ -6,6 +6,7 @@ pixel, `u = (xIm - Cx) / NormR` and `v = (yIm - Cy) / NormR`: the centre C is th
 largest distance from it to a corner of the image.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -311,3 +312,22 @@ REGISTERED: tuple[Formula, ...] = (
     *(RadiomStabilized(sensor, degree) for sensor in SENSORS for degree in range(4)),
 )
 """The members that MMVII generates, to which others can be added on demand."""
+
+NUMBER = r"(0|[1-9]\d*)"
+OF_SENSOR = re.compile(
+    rf"Radiom(CalibRadSensor|Equalisation|Stabilized)_DRad{NUMBER}(_WCste)?(?:_DPolSens{NUMBER})?(?:_DegIm{NUMBER})?"
+)
+
+
+def from_name(name: str) -> Formula | None:
+    """The member of a radiometric family that has this name, None when there is none."""
+    for family, prefix in ((RadiomVignetLin, "RadiomVignetLin_"), (RadiomCalibPolIm, "RadiomCalibPolIm_")):
+        if match := re.fullmatch(prefix + NUMBER, name):
+            return family(int(match[1]))
+    if not (match := OF_SENSOR.fullmatch(name)) or (match[5] is None) != (match[1] == "CalibRadSensor"):
+        return None
+    sensor = Sensor(int(match[2]), bool(match[3]), None if match[4] is None else int(match[4]))
+    if match[5] is None:
+        return RadiomCalibRadSensor(sensor)
+    family_of_image = RadiomEqualisation if match[1] == "Equalisation" else RadiomStabilized
+    return family_of_image(sensor, int(match[5]))
