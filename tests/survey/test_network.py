@@ -231,3 +231,22 @@ def test_station_orientations_after_automatic_fix(tmp_path):
     observations = "6 A B 95 0.001\n3 A B 10.1 0.01\n#FIX\n5 A B 94 0.001\n"
     adjusted = read(tmp_path, observations, points, frame="RTL*2*48*0*EPSG:4326").adjust()
     assert [Orientation(status) for status in adjusted.stations.orientations] == [Orientation.FIX] * 2
+
+
+def test_a_network_without_known_point_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no point is known"):
+        read(tmp_path, "3 A B 10 0.001\n", "0 A 0 0 0\n0 B 10 0 0\n").adjust()
+
+
+@pytest.mark.parametrize("line", ["5 A V 20 0.001", "6 A V 0 0.001"])
+def test_a_target_on_the_vertical_is_named_with_its_line(tmp_path, line):
+    points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n1 V 0 0 5 0.001\n"
+    with pytest.raises(InputError, match=r"A -> V \(.*net.obs:2\): the target is on the vertical"):
+        read(tmp_path, f"7 A B 0 0.001\n{line}\n", points, frame="RTL*2*48*0*EPSG:4326").adjust()
+
+
+def test_disconnected_points_are_listed_with_the_reason(tmp_path):
+    points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n"
+    observations = "3 A B 10 0.01\n3 P Q 5 0.01\n"
+    with pytest.raises(InputError, match=r"point P: not connected[\s\S]*point Q: not connected"):
+        read(tmp_path, observations, points).adjust()

@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
-from obseq.errors import InputError
 from obseq.survey.adjustment import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.checks import check_counts, check_datum, check_sights
 from obseq.survey.cor_file import read_cor
 from obseq.survey.frame import Frame, frame_of
 from obseq.survey.initial import InitialValues, initial_values
@@ -21,6 +20,8 @@ from obseq.survey.model import join
 from obseq.survey.obs_file import read_obs
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     from obseq.leastsquares import Iteration, LeastSquaresResult
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 MAX_ITERATIONS = 25
-LISTED = 8
-"""Names given in a message before it says how many more there are."""
 
 
 def _described(step: Iteration) -> str:
@@ -154,8 +153,10 @@ class Network:
 
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
+            check_datum(self.points)
             initial = self.initial_values()
-            self.check_counts()
+            check_counts(self.points, self.book)
+            check_sights(self.book, initial)
         with watch.phase("equations"):
             equations = Equations(
                 self.frame,
@@ -170,24 +171,6 @@ class Network:
         with watch.phase("results"):
             adjustment = self._adjustment(equations, solution, initial.orientations)
         return replace(adjustment, phases=self.phases | watch.seconds)
-
-    def check_counts(self) -> None:
-        """Raises InputError naming the points that have fewer observations than free coordinates."""
-        observations, n = self.book.observations, len(self.points)
-        count = np.zeros(n, np.int64)
-        for ends in (observations.from_points, observations.to_points):
-            used = ends[observations.active]
-            count += np.bincount(used, minlength=n)[:n]
-        free = self.points.is_free.sum(axis=1)
-        lacking = np.flatnonzero(count < free)
-        if lacking.size:
-            listed = ", ".join(f"{self.points.names[row]} ({count[row]})" for row in lacking[:LISTED])
-            more = f" and {lacking.size - LISTED} more" if lacking.size > LISTED else ""
-            raise InputError(
-                f"{lacking.size} points have fewer active observations than unknown coordinates: "
-                f"{listed}{more}. "
-                f"Observe them more (the number is in brackets), or remove them from the point file"
-            )
 
     def _solve(
         self, equations: Equations, max_iterations: int, tolerance: float | None, watch: Stopwatch
