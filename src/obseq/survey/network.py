@@ -111,9 +111,9 @@ class Network:
             points = read_cor(point_files, point_sigma, encoding)
         with watch.phase("coordinate systems"):
             computation, given = frame_of(frame, points_crs, points.coordinates, points.names)
-            placed = np.isfinite(points.coordinates).all(axis=1)
+            placed = points.has_coordinates
             coordinates = np.full_like(points.coordinates, np.nan)
-            names = [name for name, has in zip(points.names, placed, strict=True) if has]
+            names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = crs.Transformer(given, computation.system).forward(
                 points.coordinates[placed], names
             )
