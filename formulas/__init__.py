@@ -2,6 +2,7 @@
 
 from obseq.formulas import radiometry
 from obseq.formulas.base import Formula
+from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
 from obseq.formulas.distortion import DISTORTIONS
@@ -25,6 +26,7 @@ from obseq.formulas.plane import (
 )
 from obseq.formulas.projections import CENTRAL_PROJECTIONS
 from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
+from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
 from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
 
@@ -66,6 +68,8 @@ REGISTRY: tuple[Formula, ...] = (
     *DISTORTIONS,
     *CENTRAL_PROJECTIONS,
     *COLINEARITIES,
+    *SENSORS,
+    *BUNDLES,
 )
 
 __all__ = ["REGISTRY", "Formula"]
