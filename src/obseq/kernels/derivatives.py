@@ -160,6 +160,7 @@ def _along(
         for k in range(0, n * points, ROWS_AT_ONCE)
     ]
     values = np.concatenate(parts).reshape(n, points, -1)
+    values -= values[:, :1].copy()  # so that the differences of a constant are exactly 0
     ends = moved[:, j].reshape(n, points)
     return values, ((ends[:, -1] - ends[:, 0]) / (OFFSETS[-1] - OFFSETS[0]))[:, None]
 
