@@ -1,1 +1,5 @@
 """From formulas to kernels: the stages are listed in `compiler.py`, the files written in `files.py`."""
+
+from obseq.codegen.ondemand import compile_formula
+
+__all__ = ["compile_formula"]

@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from obseq.errors import FormulaError
+from obseq.kernels import ondemand
 from obseq.kernels.layout import Block
 
 
@@ -70,18 +71,30 @@ def formula_names() -> tuple[str, ...]:
 
 @functools.cache
 def load(name: str) -> Kernel:
-    """The generated formula of that name; nothing is compiled yet.
+    """The formula of that name; nothing is compiled yet.
+
+    A member of a family that is not among the generated modules is built on demand (see `ondemand`).
 
     Raises:
-        FormulaError: No generated formula has that name; the message gives close ones.
+        FormulaError: No formula has that name; the message gives close ones.
     """
-    if name not in _modules():
-        near = ", ".join(difflib.get_close_matches(name, _modules(), n=4, cutoff=0.5)) or "none"
-        raise FormulaError(
-            f"no generated formula is named {name!r}; nearest names: {near}. "
-            f"If {name} is in the registry of obseq.formulas, generate it with: gencode {name}"
-        )
-    return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
+    if name in _modules():
+        return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
+    module = ondemand.find(name)
+    if module is None:
+        raise FormulaError(_unknown(name))
+    return describe(module)
+
+
+def _unknown(name: str) -> str:
+    near = ", ".join(difflib.get_close_matches(name, _modules(), n=4, cutoff=0.5)) or "none"
+    message = f"no formula is named {name!r}; nearest names: {near}."
+    if ondemand.can_build():
+        return message + " `gencode --list` gives those of the registry; of a family, any degrees will do."
+    return message + (
+        " If it is another member of a family, it can be built where the generator is installed:"
+        ' pip install "obseq[gencode]"'
+    )
 
 
 def describe(module: ModuleType) -> Kernel:
@@ -109,10 +122,14 @@ def _modules() -> dict[str, str]:
 
 @functools.cache
 def _compiled(module: ModuleType, function: str) -> Any:
-    """The compiled kernel; kept alive for the life of the process, so that its address stays valid."""
+    """The compiled kernel; kept alive for the life of the process, so that its address stays valid.
+
+    Numba keeps compiled code beside the module's file; a module made in memory has none.
+    """
     from numba import cfunc
 
+    has_file = getattr(module, "__file__", None) is not None
     compile_kernel = cfunc(
-        "void(CPointer(float64), int64)", cache=True, error_model="numpy", fastmath={"contract"}
+        "void(CPointer(float64), int64)", cache=has_file, error_model="numpy", fastmath={"contract"}
     )
     return compile_kernel(getattr(module, function))

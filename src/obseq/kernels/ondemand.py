@@ -1,0 +1,104 @@
+"""Members of families that are not among the generated modules: built once, kept in a folder of the user.
+
+The folder is `$OBSEQ_CACHE`, or the platform's place for caches. Each version of the equations and of the
+generator has its own sub-folder, so that what is found there is current; old ones can be deleted at any time.
+Building needs the generator (`pip install "obseq[gencode]"`); loading what was built does not.
+"""
+
+import functools
+import hashlib
+import importlib
+import importlib.util
+import logging
+import os
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from obseq.errors import FormulaError
+
+LOGGER = logging.getLogger(__name__)
+NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+GENERATOR_NEEDS = ("sympy", "jinja2")
+PREFIX = "obseq_on_demand_"
+
+
+def find(name: str) -> ModuleType | None:
+    """The module of a formula that is built on demand; None when the name means nothing, or cannot be read.
+
+    A first use writes the module and logs a warning that says where.
+
+    Raises:
+        FormulaError: The module is not built yet, and its folder cannot be written.
+    """
+    if not NAME.fullmatch(name):
+        return None
+    path = folder() / f"{name}.py"
+    if not path.is_file() and not _build(name, path):
+        return None
+    return _load(name, path)
+
+
+def can_build() -> bool:
+    """True when the generator is installed."""
+    return all(importlib.util.find_spec(package) is not None for package in GENERATOR_NEEDS)
+
+
+def folder() -> Path:
+    """Where modules built by this version of the equations and of the generator are kept."""
+    return user_folder() / _version()
+
+
+def user_folder() -> Path:
+    """The user's folder for what obseq builds: `$OBSEQ_CACHE`, or the platform's place for caches."""
+    if chosen := os.environ.get("OBSEQ_CACHE"):
+        return Path(chosen)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "obseq"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obseq"
+
+
+@functools.cache
+def _version() -> str:
+    """Hash of the equations, of the generator, and of what kernels rely on."""
+    digest = hashlib.sha256()
+    for path in _sources():
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _sources() -> list[Path]:
+    kernels = Path(__file__).parent
+    files = [kernels / "functions.py", kernels / "layout.py"]
+    for package in ("obseq.formulas", "obseq.codegen"):
+        spec = importlib.util.find_spec(package)
+        for place in (spec.submodule_search_locations or []) if spec else []:
+            files += sorted([*Path(place).glob("*.py"), *Path(place).glob("templates/*.jinja")])
+    return files
+
+
+def _build(name: str, path: Path) -> bool:
+    if not can_build():
+        return False
+    try:
+        built: bool = importlib.import_module("obseq.codegen.ondemand").write(name, path)
+    except OSError as error:
+        raise FormulaError(
+            f"{name} is not among the generated formulas, and cannot be built in {path.parent}: "
+            f"{error.strerror}. Set OBSEQ_CACHE to a folder that can be written."
+        ) from error
+    if built:
+        LOGGER.warning("%s was not generated: built it in %s, for this time and the next ones", name, path)
+    return built
+
+
+def _load(name: str, path: Path) -> ModuleType:
+    """The module in that file; registered as an import does, since numba's cache looks it up by its name."""
+    spec = importlib.util.spec_from_file_location(PREFIX + name, path)
+    if spec is None or spec.loader is None:
+        raise FormulaError(f"{name}: {path} is not a module")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,53 @@
+"""A formula compiled in memory: the same object as a generated one, and no file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+
+import obseq
+from obseq.codegen import compile_formula
+from obseq.formulas import Formula
+from obseq.formulas.blocks import Length, Point2, norm
+from obseq.formulas.functions import Scalar
+from obseq.formulas.space import Dist3D
+
+
+class Dist2D(Formula):
+    """Distance of two points of the plane."""
+
+    def residual(self, p1: Point2, p2: Point2, *, distance: Annotated[Length, "D"]) -> Scalar:
+        return norm(p2 - p1) - distance
+
+
+def test_values_and_derivatives() -> None:
+    calc = obseq.Calculator(compile_formula(Dist2D()))
+    values, jacobian = calc.values_and_jacobian([[1.0, 2.0, 4.0, 6.0]], [[4.5]])
+    np.testing.assert_allclose(values, [[0.5]], rtol=1e-15)
+    np.testing.assert_allclose(jacobian, [[[-0.6, -0.8, 0.6, 0.8]]], rtol=1e-15)
+
+
+def test_no_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
+    kernel = compile_formula(Dist2D())
+    assert kernel.value_address and kernel.value_and_jacobian_address
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_it_is_the_kernel_of_the_generated_module() -> None:
+    made, generated = compile_formula(Dist3D()), obseq.calculator("Dist3D").kernel
+    for field in ("unknowns", "observations", "residuals", "blocks", "measured", "rows", "constant_jacobian"):
+        assert getattr(made, field) == getattr(generated, field)
+
+
+def test_it_serves_in_an_adjustment() -> None:
+    """A at the origin, B at (x, 1, 0) and 3 m away: x is the square root of 8."""
+    system = obseq.LeastSquares()
+    points = system.add_points(["A", "B"], np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]))
+    system.freeze(points[0])
+    system.freeze(points[1], components=(1, 2))
+    system.add(compile_formula(Dist3D()), {"p1": points[0], "p2": points[1]}, np.array([[3.0]]), 0.01)
+    result = system.solve()
+    assert result.values(points)[1, 0] == pytest.approx(np.sqrt(8.0), abs=1e-9)

@@ -1,0 +1,92 @@
+"""Members of families that are not generated: built once, kept, found again, and refused with a reason."""
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import obseq
+from obseq.formulas.radiometry import RadiomVignetLin
+from obseq.kernels import derivatives, loading, ondemand
+
+NAME = "RadiomVignetLin_2"
+UNKNOWNS, OBSERVATIONS = [2.0, 3.0, 0.5, 0.25], [10.0, 1.0]
+"""Albedo 2, gain 3, K = (0.5, 0.25); radiometry 10 at a squared distance 1: 10 / 1.75 - 6."""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
+    loading.load.cache_clear()
+    return tmp_path / "cache"
+
+
+def test_a_member_of_a_family_is_built_on_demand(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, logger="obseq"):
+        calc = obseq.calculator(NAME)
+    assert calc.name == NAME
+    assert calc.unknowns == RadiomVignetLin(2).unknowns
+    np.testing.assert_allclose(calc.values([UNKNOWNS], [OBSERVATIONS]), [[10 / 1.75 - 6]], rtol=1e-15)
+    assert derivatives.check_one(calc, samples=5, seed=1).passed
+    assert str(ondemand.folder() / f"{NAME}.py") in caplog.text
+    assert cache in ondemand.folder().parents
+
+
+def test_what_was_built_is_found_again_without_the_generator(caplog: pytest.LogCaptureFixture) -> None:
+    obseq.calculator(NAME).values([UNKNOWNS], [OBSERVATIONS])
+    script = (
+        "import sys\nsys.modules['sympy'] = sys.modules['jinja2'] = None\nimport obseq\n"
+        f"print(obseq.calculator({NAME!r}).values([{UNKNOWNS}], [{OBSERVATIONS}])[0, 0])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert float(done.stdout) == pytest.approx(10 / 1.75 - 6)
+
+
+def test_without_the_generator_the_message_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ondemand, "can_build", lambda: False)
+    with pytest.raises(obseq.FormulaError, match=r"RadiomVignetLin_5.*pip install \"obseq\[gencode\]\""):
+        obseq.calculator(NAME)
+
+
+@pytest.mark.parametrize("name", ["TopoHzz", "", "../TopoHz", "RadiomVignetLin_-1", "RadiomVignetLin_02"])
+def test_a_name_that_means_nothing_is_refused(name: str, cache: Path) -> None:
+    with pytest.raises(obseq.FormulaError, match=r"no formula is named .*nearest names"):
+        obseq.calculator(name)
+    assert not list(cache.rglob("*.py"))
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "file"))
+    with pytest.raises(obseq.FormulaError, match="OBSEQ_CACHE"):
+        obseq.calculator(NAME)
+
+
+def test_a_generated_formula_is_never_built(cache: Path) -> None:
+    obseq.calculator("TopoHz")
+    assert not cache.exists()
+
+
+@pytest.mark.parametrize(
+    ("platform", "environment", "expected"),
+    [
+        ("linux", {}, "home/.cache/obseq"),
+        ("linux", {"XDG_CACHE_HOME": "/caches"}, "/caches/obseq"),
+        ("darwin", {}, "home/Library/Caches/obseq"),
+        ("linux", {"OBSEQ_CACHE": "/mine"}, "/mine"),
+    ],
+)
+def test_the_folder_is_the_platform_s(
+    platform: str, environment: dict[str, str], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("OBSEQ_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(Path, "home", lambda: Path("home"))
+    monkeypatch.setattr(sys, "platform", platform)
+    assert ondemand.user_folder() == Path(expected)
