@@ -1,0 +1,85 @@
+"""What the documentation shows is true: its Python runs, its commands succeed, its links lead somewhere."""
+
+import doctest
+import importlib
+import pkgutil
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import obseq
+from obseq.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+DEMO = ROOT / "src" / "obseq" / "survey" / "data"
+BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\((?!https?:)([^)#]+)")
+COMMAND = re.compile(r"^(?:\.venv/bin/)?obseq (.*)$", re.MULTILINE)
+READ_ELSEWHERE = "class TopoHz"
+MODULES = [module.name for module in pkgutil.walk_packages(obseq.__path__, "obseq.")]
+
+
+def blocks(page: Path) -> Iterator[tuple[str, str, str]]:
+    """Language, name and text of each fenced block of a page."""
+    yield from BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with the files that examples read."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("obs", "cor"):
+        (tmp_path / f"site.{name}").write_bytes((DEMO / f"demo.{name}").read_bytes())
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_examples_run(page: Path, site: Path) -> None:
+    for language, name, text in blocks(page):
+        if language == "text" and name:
+            (site / name).write_text(text, encoding="utf-8")
+        elif language == "python" and READ_ELSEWHERE not in text and ">>>" not in text:
+            exec(compile(text, f"{page.name}: {text.splitlines()[0]}", "exec"), {})
+        elif language == "sh":
+            for command in COMMAND.findall(text.replace("\\\n", " ")):
+                assert main(shlex.split(command)) == 0, command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    missing = [
+        target
+        for target in LINK.findall(page.read_text(encoding="utf-8"))
+        if not (page.parent / target).exists()
+    ]
+    assert missing == []
+
+
+def test_the_formula_in_the_readme_is_the_one_in_use() -> None:
+    (shown,) = (text for _, _, text in blocks(ROOT / "README.md") if READ_ELSEWHERE in text)
+    written = (ROOT / "formulas" / "topography.py").read_text(encoding="utf-8")
+    lines = [line.removesuffix('"""') for line in shown.splitlines()]
+    assert [line for line in lines if line not in written] == []
+
+
+def test_the_demo_is_the_network_of_the_first_page() -> None:
+    for _, name, text in blocks(ROOT / "docs" / "first-network.md"):
+        if name:
+            demo = (DEMO / name.replace("site", "demo")).read_text(encoding="utf-8")
+            assert content(text) == content(demo), name
+
+
+def content(text: str) -> list[list[str | float]]:
+    """The first five fields of the lines that are not comments, numbers as numbers."""
+    lines = (line.partition("*")[0].split()[:5] for line in text.splitlines())
+    return [[field if field.isalpha() else float(field) for field in line] for line in lines if line]
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.startswith("obseq.generated.")])
+def test_docstring_examples_run(name: str, site: Path) -> None:
+    outcome = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert outcome.failed == 0
