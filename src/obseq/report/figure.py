@@ -8,10 +8,12 @@ from html import escape
 from obseq.report.record import AdjustmentRecord, PointRecord
 
 WIDTH = 900.0
+TALLEST = 600.0
+LEGEND = 30.0
 MARGIN = 50.0
 MOST_LINES = 5000
 MOST_LABELS = 200
-LARGEST_ELLIPSE = 30.0
+LARGEST_ELLIPSE = 60.0
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,13 @@ def network_figure(record: AdjustmentRecord) -> str:
 
 
 def _view(points: list[PointRecord]) -> View:
+    """The largest view that holds all points, in the middle of the figure."""
     xs, ys = [point["x"] for point in points], [point["y"] for point in points]
-    width, height = max(xs) - min(xs), max(ys) - min(ys)
-    scale = (WIDTH - 2.0 * MARGIN) / max(width, height, 1e-6)
-    return View(min(xs), max(ys), scale, height * scale + 2.0 * MARGIN + 30.0)
+    wide, tall = max(xs) - min(xs), max(ys) - min(ys)
+    inside = WIDTH - 2.0 * MARGIN
+    scale = min(inside / max(wide, 1e-6), TALLEST / max(tall, 1e-6))
+    left = (min(xs) + max(xs) - inside / scale) / 2.0
+    return View(left, max(ys), scale, tall * scale + 2.0 * MARGIN + LEGEND)
 
 
 def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View) -> str:
