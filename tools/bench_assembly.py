@@ -1,8 +1,9 @@
 """From observations to normal equations: ours against MMVII's one observation at a time, as ratios.
 
 Synthetic networks of distances and of horizontal directions are assembled by `obseq.leastsquares` and by
-`bench_assembly.cpp` (MMVII's algorithm, with its copies and allocations), interleaved in one process. Times are of the
-processor. Both start from the same unknowns and observations and must find the same normal matrix.
+`bench_assembly.cpp` (MMVII's algorithm, with its copies and allocations), interleaved in one process.
+Times are of the processor. Both start from the same unknowns and observations and must find the same
+normal matrix.
 
     python tools/bench_assembly.py [--json FILE] [--rounds N]
 """
@@ -19,12 +20,15 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.geometry import exponential
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.normal import NormalEquations
+
+if TYPE_CHECKING:
+    from obseq.leastsquares.normal import NormalEquations
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 SIGMA = 1e-3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -81,10 +81,10 @@ def padded_length(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
-def _padded(rows: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
+def _padded(rows: NDArray[Any], dtype: type) -> NDArray[Any]:
     """(k, n) rows repeated at their end to whole tiles, so that spare lanes compute what a real one does."""
     k, n = rows.shape
-    result = np.empty((k, padded_length(n)), dtype=dtype)
+    result: NDArray[Any] = np.empty((k, padded_length(n)), dtype=dtype)
     result[:, :n] = rows
     if n:
         result[:, n:] = rows[:, n - 1 : n]
@@ -94,7 +94,8 @@ def _padded(rows: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
 class Batch:
     """Observations of one formula: the blocks they join, what was measured, sigmas and labels.
 
-    The measured values may be replaced between two iterations (`batch.observations = ...`), the rest is fixed.
+    The measured values may be replaced between two iterations (`batch.observations = ...`), the rest is
+    fixed.
     """
 
     def __init__(
@@ -112,12 +113,12 @@ class Batch:
         self.group = group or shape.name
         self._table = table
         self.blocks = self._checked_blocks(blocks)
-        self.n = self.blocks.shape[1]
+        self.n: int = self.blocks.shape[1]
         self._labels = labels
         if labels is not None and len(labels) != self.n:
             raise InputError(f"{shape.name}: {len(labels)} labels for {self.n} observations")
         self.observation_tiles = np.zeros((len(shape.observation_rows), padded_length(self.n)))
-        self.observations = observations  # type: ignore[assignment]
+        self.observations = observations
         self.sigmas = self._checked_sigmas(sigmas)
         self.active = self._checked_active(active)
         self.weights = np.zeros((shape.n_residuals, padded_length(self.n)))
@@ -139,19 +140,18 @@ class Batch:
 
     @property
     def observations(self) -> FloatArray:
-        """(n, m) what was measured."""
-        return np.ascontiguousarray(self.observation_tiles[:, : self.n].T)
+        """(n, m) what was measured; a copy."""
+        return np.array(self.observation_tiles[:, : self.n].T, order="C")
 
     @observations.setter
     def observations(self, new: ArrayLike | None) -> None:
         width = len(self.shape.observation_rows)
         array = np.zeros((self.n, 0)) if new is None else np.asarray(new, dtype=np.float64)
-        if array.ndim == 1 and width == 1:
-            array = array[:, None]
-        if array.shape != (self.n, width):
+        if array.shape != (self.n, width) and not (array.shape == (self.n,) and width == 1):
             raise InputError(
                 f"{self.name}: observations have shape {array.shape}; expected ({self.n}, {width})"
             )
+        array = array.reshape(self.n, width)
         wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")

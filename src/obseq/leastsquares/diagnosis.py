@@ -34,7 +34,7 @@ def untouched_error(table: UnknownTable, untouched: IntArray) -> SingularSystemE
 
 
 def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystemError:
-    """The error for a normal matrix with vanishing pivots: one unknown per missing equation, and what hangs on them."""
+    """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
     table, scalars = equations.table, equations.free.scalars
     defect = solver.defect()
     pivots = table.component_names(scalars[defect.indices])

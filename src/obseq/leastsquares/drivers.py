@@ -41,7 +41,7 @@ FOUR = U(4)
 def gather_rows(
     tile: FloatArray, row: int, size: int, source: FloatArray, start: PositionArray, first: int
 ) -> None:
-    """Copies `size` doubles of `source` per lane, from where `start` says, to consecutive rows of the tile."""
+    """Copies `size` doubles of `source` per lane, from where `start` says, to rows of the tile."""
     for lane in range(0, LANES, 4):
         k = U(first) + U(lane)
         s0, s1, s2, s3 = U(start[k]), U(start[k + ONE]), U(start[k + TWO]), U(start[k + THREE])
@@ -95,7 +95,7 @@ def fill_tile(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
-    """The kernel of a plain linear row: residual = coefficients . unknowns - value, derivatives = coefficients."""
+    """The kernel of plain linear rows: coefficients . unknowns - value; the coefficients."""
     coefficient, residual = U(n_unknowns) * ROW, U(2 * n_unknowns + 1) * ROW
     for lane in range(LANES):
         tile[residual + U(lane)] = -tile[residual - ROW + U(lane)]
@@ -117,7 +117,7 @@ def scale_rows(
     first: int,
     scaled: FloatArray,
 ) -> float:
-    """Multiplies residuals and derivatives by the inverse sigmas; returns the sum of squares of the residuals.
+    """Divides residuals and derivatives by the sigmas; returns the sum of squares of the residuals.
 
     `scaled` gets, per residual, the residual and the derivatives, n_unknowns + 1 rows. A lane of weight zero
     gives zeros, whatever its residual.
@@ -148,7 +148,7 @@ def scale_rows(
 def make_records(
     scaled: FloatArray, record_rows: IntArray, n_residuals: int, rows: int, records: FloatArray
 ) -> None:
-    """Turns scaled rows into one record per lane; `record_rows` (width,) names the row of each place, or -1."""
+    """Turns scaled rows into one record per lane; `record_rows` (width,): row of each place, or -1."""
     width = len(record_rows)
     zero = U(n_residuals * rows * STRIDE)
     step = U(n_residuals * width)
@@ -188,8 +188,8 @@ def scatter(
 
     `pairs` (n_pairs, 5): place of the row part, place of the column part, quads of rows, columns, and -1 or,
     for two blocks of three, the row of `heights`.
-    `positions` (n_pairs, n): in units of four doubles; in doubles for two blocks of three. `heights`: twice the height of
-    the first column of the block, plus one when the parts change places.
+    `positions` (n_pairs, n): in units of four doubles; in doubles for two blocks of three. `heights`:
+    twice the height of the first column of the block, plus one when the parts change places.
     """
     w, n = U(width), U(n_residuals)
     step = w * n
@@ -216,10 +216,10 @@ def scatter(
         else:
             for lane in range(lanes):
                 base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
-                for k in range(columns):
+                for column in range(columns):
                     for quad in range(quads):
                         part = base + a + FOUR * U(quad)
-                        outer1(store, at, ONE, records, part, base + b + U(k), w, n)
+                        outer1(store, at, ONE, records, part, base + b + U(column), w, n)
                         at += FOUR
 
 
@@ -281,7 +281,7 @@ def evaluate(
     rows: int,
     results: FloatArray,
 ) -> None:
-    """Copies the first `rows` result rows of each tile, from the residuals on, to `results` (rows, n padded)."""
+    """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded)."""
     for first in range(0, shape[0], LANES):
         fill_tile(tile, blocks, starts, contexts, values, context, observations, observation_rows, first)
         if kernel != 0:

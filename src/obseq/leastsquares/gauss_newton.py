@@ -36,7 +36,8 @@ class Options:
 
     Attributes:
         max_iterations: no more iterations than this.
-        tolerance: the iterations end when a step is shorter than `tolerance * sigma0` in the metric of the normal
+        tolerance: the iterations end when a step is shorter than `tolerance * sigma0` in the metric of the
+            normal
             matrix: then no unknown moved by more than `tolerance` of its own a-posteriori standard deviation.
             Negative: all iterations are done.
         sigma0_groups: groups whose residuals make the numerator of sigma0; None for all.
@@ -114,7 +115,7 @@ def _solved(
     if not np.isfinite(solved).all():
         raise DivergenceError("the step of the unknowns is not finite")
     step[equations.free.scalars] = solved
-    return step, float(np.sqrt(max(0.0, -(solved @ linearisation.gradient))))
+    return step, float(np.sqrt(max(0.0, -float(solved @ linearisation.gradient))))
 
 
 def factor(equations: NormalEquations, solver: Solver, linearisation: Linearisation) -> None:
@@ -139,7 +140,7 @@ def _stop_reason(
 ) -> StopReason | None:
     if options.tolerance < 0.0:
         return None
-    sigma0 = np.sqrt(record.cost / redundancy) if redundancy > 0 else 1.0
+    sigma0 = float(np.sqrt(record.cost / redundancy)) if redundancy > 0 else 1.0
     if record.length <= options.tolerance * sigma0:
         return StopReason.STEP
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -152,7 +153,7 @@ def _stop_reason(
 
 
 def _scales(equations: NormalEquations) -> FloatArray:
-    """Size of what each unknown is added to: all points together, one for angles, the value itself otherwise."""
+    """Size of what a step is added to: all points together, one for angles, else the value itself."""
     table = equations.table
     kind = np.repeat(table.kind, table.size)
     scales = np.abs(table.values)

@@ -1,10 +1,11 @@
 """Where assembly puts things: the store of the normal equations, and the place of each small block in it.
 
-The front of the store is the sparse normal matrix itself: the lower triangle of the free unknowns by columns. Pairs of
-blocks of three free unknowns, the common case, are added there directly. Behind it come blocks of their own: one per
-block of unknowns (its diagonal block, and its share of the gradient as one more column), and one per other pair, whole
-whether or not some unknowns are frozen; these are poured into the matrix at the end. A spare block takes what concerns
-frozen blocks. All is worked out once per set of equations and frozen unknowns, without loops over observations.
+The front of the store is the sparse normal matrix itself: the lower triangle of the free unknowns by
+columns. Pairs of blocks of three free unknowns, the common case, are added there directly. Behind it come
+blocks of their own: one per block of unknowns (its diagonal block, and its share of the gradient as one
+more column), and one per other pair, whole whether or not some unknowns are frozen; these are poured into
+the matrix at the end. A spare block takes what concerns frozen blocks. All is worked out once per set of
+equations and frozen unknowns, without loops over observations.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ class BatchLayout:
 
     Attributes:
         record_rows: (width,) scaled row of each place of a record; -1 for zeros.
-        pairs: (n_pairs, 5) place of the row part, of the column part, quads of rows, columns, row of `heights` or -1.
+        pairs: (n_pairs, 5) place of the row part, of the column part, quads of rows, columns, row of
+            `heights` or -1.
         positions: (n_pairs, n) place of each small block in the store.
         heights: (n_threes, n) height of the first column, twice, plus one for parts that change places.
         scratch: number of doubles the driver needs for records and scaled rows.
@@ -146,7 +148,9 @@ def _batch_layout(batch: Batch, places: _Places, occurrence: IntArray) -> BatchL
     sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
     widths = part_width(sizes)
     part = np.cumsum(widths) - widths
-    pairs, positions, heights = [], [], []
+    pairs: list[tuple[int, ...]] = []
+    positions: list[IntArray] = []
+    heights: list[IntArray] = []
     for p, ids in enumerate(batch.blocks):
         at = places.diagonal[ids]
         if at.any():

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def orthonormalised(matrices: FloatArray) -> FloatArray:
-    """The rotations nearest to matrices (n, 3, 3) that rounding moved away: one step of Newton's iteration."""
+    """Rotations from matrices (n, 3, 3) that rounding moved away: one step of Newton's iteration."""
     return np.asarray(matrices @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(matrices, 1, 2) @ matrices))
 
 
@@ -41,7 +41,7 @@ def turned(matrices: FloatArray, small: FloatArray) -> FloatArray:
 
 
 def rotation_context(matrices: FloatArray) -> FloatArray:
-    """(n, 18): each matrix row by row, then its transpose row by row, as kernels of either reading take it."""
+    """(n, 18): each matrix row by row, then its transpose, for kernels that read either."""
     n = len(matrices)
     return np.hstack([matrices.reshape(n, 9), np.swapaxes(matrices, 1, 2).reshape(n, 9)])
 

@@ -41,12 +41,13 @@ class FreeUnknowns:
 
 @dataclass(frozen=True)
 class BlockPairs:
-    """Distinct ordered pairs of blocks (row part, column part) that some observation joins, sorted by column, then row.
+    """Distinct ordered pairs of blocks that some observation joins, sorted by column, then row.
 
     Attributes:
         rows: (n_pairs,) block of the row part.
         columns: (n_pairs,) block of the column part.
-        occurrence: (n_occurrences,) pair of each occurrence, by batch, pair of roles, observation; -1 where a block is frozen.
+        occurrence: (n_occurrences,) pair of each occurrence, by batch, pair of roles, observation; -1
+            where a block is frozen.
     """
 
     rows: IntArray
@@ -55,7 +56,7 @@ class BlockPairs:
 
     @property
     def low(self) -> IntArray:
-        """(n_pairs,) the block of the two that comes first: its columns hold the pair in the lower triangle."""
+        """(n_pairs,) the block of the two that comes first: its columns hold the pair."""
         return np.minimum(self.rows, self.columns)
 
     @property
@@ -95,7 +96,7 @@ def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
 
 
 def matrix_pattern(free: FreeUnknowns, pairs: BlockPairs) -> tuple[SymmetricPattern, IntArray]:
-    """Pattern of the lower triangle, and the offset of each pair below the top of its block column (n_pairs,)."""
+    """Pattern of the lower triangle; offset (n_pairs,) of each pair below the top of its column."""
     from obseq.leastsquares.pouring import pattern_rows
 
     n, count = len(free.count), free.count

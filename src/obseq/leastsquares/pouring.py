@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
@@ -77,8 +77,9 @@ def pour_pairs(
 ) -> None:
     """Adds pairs that have a place of their own to the matrix at the front of the store, and clears them.
 
-    `stored` (n, 4): place, row block, column block, offset of the lower block in the block column. A pair whose row
-    block comes first is added transposed; a block paired with itself (one block in two arguments) counts both ways.
+    `stored` (n, 4): place, row block, column block, offset of the lower block in the block column. A pair
+    whose row block comes first is added transposed; a block paired with itself (one block in two
+    arguments) counts both ways.
     """
     for k in range(len(stored)):
         at, p, q, offset = stored[k, 0], stored[k, 1], stored[k, 2], stored[k, 3]

@@ -38,8 +38,8 @@ class Iteration:
     """One Gauss-Newton iteration.
 
     Attributes:
-        sigma0: from the residuals at the start of the iteration, over the redundancy of the whole system; None when the
-            redundancy is zero.
+        sigma0: from the residuals at the start of the iteration, over the redundancy of the whole system;
+            None when the redundancy is zero.
         max_step: largest change of an unknown, in its unit (metre, radian).
         length: length of the step in the metric of the normal matrix, sqrt(dx' N dx): no unknown moved
             by more than this many of its a-priori standard deviations.
@@ -69,9 +69,10 @@ class LeastSquaresResult:
         n_constraints: scalar equations of the priors.
         n_unknowns: free scalar unknowns.
         redundancy: n_observations + n_constraints - n_unknowns.
-        sigma0: square root of the sum of squares of the chosen groups, at the solution, over the redundancy; None
-            when the redundancy is zero: nothing can be said then of the given sigmas.
-        variance_factor: sum of squares of all groups over the redundancy: what scales covariances; None as sigma0.
+        sigma0: square root of the sum of squares of the chosen groups, at the solution, over the
+            redundancy; None when the redundancy is zero: nothing can be said then of the given sigmas.
+        variance_factor: sum of squares of all groups over the redundancy: what scales covariances; None as
+            sigma0.
         squares: sum of weighted squared residuals by group at the solution.
     """
 
@@ -115,7 +116,7 @@ class LeastSquaresResult:
         return prior.residuals(self._state.values)
 
     def covariance(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
-        """(n, k, k) covariances of blocks that are alike, in squared units of the unknowns; zero where frozen.
+        """(n, k, k) covariances of blocks that are alike, in squared units; zero where frozen.
 
         Rotations: of the small rotation around the solution, in radians, along the axes of its local frame.
 
@@ -123,12 +124,12 @@ class LeastSquaresResult:
             ids: blocks.
             a_priori: with the given sigmas as they are, instead of scaled by the variance factor.
         """
-        return self._factor(a_priori) * self._asked().blocks(ids)
+        return self._asked().blocks(ids) * self._factor(a_priori)
 
     def covariance_between(self, first: ArrayLike, second: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n k, m l) covariances between two lists of blocks, whether or not an observation joins them."""
         rows, columns = self._table.scalars(first).ravel(), self._table.scalars(second).ravel()
-        return self._factor(a_priori) * self._asked().between(rows, columns)
+        return self._asked().between(rows, columns) * self._factor(a_priori)
 
     def precisions(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k) standard deviations of the unknowns of blocks that are alike."""

@@ -94,7 +94,7 @@ class LeastSquares:
         return self.unknowns.add(Kind.SCALAR, names, array[:, None])
 
     def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
-        """Ids of blocks of one kind (`Point3`, `Point2`, `Rotation`, `Direction`, `Vector`, `Scalar`) by name."""
+        """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar."""
         return self.unknowns.find(names, Kind[kind.upper()])
 
     def values(self, ids: ArrayLike) -> FloatArray:
@@ -134,7 +134,8 @@ class LeastSquares:
             sigmas: one number, (n,) or (n, n_residuals), positive, in the unit of the residuals.
             labels: (n,) what to call the observations in messages.
             group: name under which sums of squares are kept; the formula's when None.
-            active: (n,) False for observations that have residuals but no influence; all are active when None.
+            active: (n,) False for observations that have residuals but no influence; all are active when
+                None.
 
         Raises:
             InputError: an argument does not fit; the message names formula, argument and row.
@@ -213,7 +214,7 @@ class LeastSquares:
     # Solution
 
     def equations(self) -> NormalEquations:
-        """The normal equations; their pattern is kept as long as neither equations nor frozen unknowns change.
+        """The normal equations; their pattern is kept while equations and frozen unknowns stay.
 
         Raises:
             SingularSystemError: no equation touches some unknowns that are not frozen.
@@ -245,15 +246,15 @@ class LeastSquares:
             tolerance: the iterations end when no unknown moves by more than this share of its standard
                 deviation (see `Options`); negative: all iterations are done.
             covariance: "all", True or ids when the result shall answer for covariances.
-            before_iteration: called with the system and the number of iterations done, before each linearisation and
-                before the final residuals; may replace the observations of batches.
+            before_iteration: called with the system and the number of iterations done, before each
+                linearisation and before the final residuals; may replace the observations of batches.
             progress: called with the record of each iteration.
             sigma0_groups: groups in the numerator of sigma0; all when None.
 
         Raises:
             SingularSystemError: some unknowns are undetermined; they are named.
-            DivergenceError: an equation became undefined; the observation is named, and the unknowns are back at their last
-                accepted values.
+            DivergenceError: an equation became undefined; the observation is named, and the unknowns are
+                back at their last accepted values.
         """
         equations, options = self.equations(), Options(max_iterations, tolerance, sigma0_groups)
 

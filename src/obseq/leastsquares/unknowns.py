@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -195,8 +196,8 @@ class UnknownTable:
         known = self._ids[kind]
         added = dict(zip(names, range(len(self), len(self) + len(names)), strict=True))
         if len(added) != len(names) or not known.keys().isdisjoint(added):
-            seen = set(known)
-            repeated = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
+            counts = Counter(names)
+            repeated = next(name for name in names if name in known or counts[name] > 1)
             raise InputError(f"the {kind.label} {repeated!r} is there twice: give each one its own name")
         known.update(added)
         self.names.extend(names)

@@ -51,7 +51,7 @@ def _multiply_add(builder: Any, total: Any, vector: Any, scalar: Any) -> Any:
 
 
 def _transpose(rows: int) -> Any:
-    """Reads four doubles at four places of `source`; writes the first `rows` columns at `at`, `at + stride`, ..."""
+    """Reads four doubles at four places; writes the first `rows` columns at `at + k stride`."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         source = _data(context, builder, signature.args[0], args[0])
@@ -82,10 +82,10 @@ def _transpose(rows: int) -> Any:
 
 
 def _outer(columns: int, stepped: bool = False) -> Any:
-    """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles of the store, for k < columns, r < n.
+    """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles, for k < columns, r < n.
 
-    Column k is at `at + 4 k`; or, `stepped`, where the lower triangle by columns has it: each column is one shorter
-    than the one before, the first has `height` entries, and only three doubles are added to.
+    Column k is at `at + 4 k`; or, `stepped`, where the lower triangle by columns has it: each column is
+    one shorter than the one before, the first has `height` entries, and only three doubles are added to.
     """
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:

@@ -1,0 +1,175 @@
+"""What does not fit is refused with the names of formula, argument and row."""
+
+import numpy as np
+import pytest
+
+from obseq import FormulaError, InputError
+from obseq.leastsquares import LeastSquares
+
+
+@pytest.fixture
+def system():
+    made = LeastSquares()
+    made.add_points(["A", "B", "C"], [[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [1.0, 1.0, 5.0]])
+    made.add_rotations(["A"], [np.eye(3)])
+    return made
+
+
+PAIRS = {"p1": np.array([0, 1]), "p2": np.array([1, 2])}
+
+
+@pytest.mark.parametrize(
+    ("blocks", "message"),
+    [
+        ({"p1": [0, 1]}, r"Dist3D: block arguments missing: p2; not in the formula: none"),
+        ({**PAIRS, "p3": [0, 1]}, r"missing: none; not in the formula: p3"),
+        ({"p1": [0, 3], "p2": [1, 2]}, r"Dist3D, p1: row 1 gives 'A', a Rotation of 3; .* wants a Point3"),
+        ({"p1": [0, 9], "p2": [1, 2]}, r"Dist3D, p1: row 1 has block id 9; ids go from 0 to 3"),
+        ({"p1": [0, -1], "p2": [1, 2]}, r"row 1 has block id -1"),
+        ({"p1": [0.0, 1.0], "p2": [1, 2]}, r"Dist3D, p1: block ids must be a 1-D array of integers"),
+        ({"p1": [0, 1, 2], "p2": [1, 2]}, r"Dist3D, p2: 2 ids; other arguments have 3"),
+    ],
+)
+def test_blocks_that_do_not_fit(system, blocks, message):
+    with pytest.raises(InputError, match=message):
+        system.add("Dist3D", blocks, [5.0, 5.0], 0.001)
+
+
+@pytest.mark.parametrize(
+    ("observations", "message"),
+    [
+        ([5.0], r"Dist3D: observations have shape \(1,\); expected \(2, 1\)"),
+        ([[5.0, 1.0], [5.0, 1.0]], r"shape \(2, 2\); expected \(2, 1\)"),
+        ([5.0, np.nan], r"Dist3D B -> C \(row 1\): the observation is not finite"),
+    ],
+)
+def test_observations_that_do_not_fit(system, observations, message):
+    with pytest.raises(InputError, match=message):
+        system.add("Dist3D", PAIRS, observations, 0.001)
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.inf])
+def test_sigmas_are_positive_and_finite(system, sigma):
+    labels = ["A B (f.obs:3)", "B C (f.obs:4)"]
+    with pytest.raises(InputError, match=r"Dist3D B C \(f.obs:4\): sigma must be positive and finite"):
+        system.add("Dist3D", PAIRS, [5.0, 5.0], [0.001, sigma], labels=labels)
+
+
+def test_sigmas_of_a_wrong_shape(system):
+    with pytest.raises(InputError, match=r"Dist3D: sigmas have shape \(3,\); expected a number, \(2,\)"):
+        system.add("Dist3D", PAIRS, [5.0, 5.0], [0.001, 0.001, 0.001])
+
+
+def test_labels_and_activity_have_one_entry_per_observation(system):
+    with pytest.raises(InputError, match="Dist3D: 1 labels for 2 observations"):
+        system.add("Dist3D", PAIRS, [5.0, 5.0], 0.001, labels=["one"])
+    with pytest.raises(InputError, match=r"Dist3D: active has shape \(1,\)"):
+        system.add("Dist3D", PAIRS, [5.0, 5.0], 0.001, active=[True])
+
+
+def test_an_unknown_formula(system):
+    with pytest.raises(FormulaError, match="Dist3D"):
+        system.add("Dist3E", PAIRS, [5.0, 5.0], 0.001)
+
+
+def test_one_id_stands_for_all_rows(system):
+    batch = system.add("Dist3D", {"p1": [0], "p2": [1, 2]}, [5.0, 5.0], 0.001)
+    assert batch.blocks.tolist() == [[0, 0], [1, 2]]
+    assert len(batch) == 2
+
+
+def test_observations_can_be_replaced_and_are_checked_again(system):
+    batch = system.add("Dist3D", PAIRS, [5.0, 6.0], 0.001)
+    given = batch.observations
+    given[0, 0] = 7.0
+    assert batch.observations.ravel().tolist() == [5.0, 6.0]
+    batch.observations = given
+    assert system.residuals(batch).ravel() == pytest.approx([-2.0, np.sqrt(4 + 9 + 25) - 6.0])
+    with pytest.raises(InputError, match="not finite"):
+        batch.observations = [np.inf, 1.0]
+
+
+def test_names_are_given_once(system):
+    with pytest.raises(InputError, match="the Point3 'B' is there twice"):
+        system.add_points(["D", "B"], np.zeros((2, 3)))
+    with pytest.raises(InputError, match="the Point3 'E' is there twice"):
+        system.add_points(["E", "E"], np.zeros((2, 3)))
+    assert system.add_scalars(["B"], [0.0]).tolist() == [4]
+
+
+def test_blocks_are_found_by_name(system):
+    assert system.ids(["C", "A"]).tolist() == [2, 0]
+    assert system.ids(["A"], "Rotation").tolist() == [3]
+    with pytest.raises(InputError, match="no Point3 is called 'Z'"):
+        system.ids(["Z"])
+
+
+def test_component_names(system):
+    system.add_vectors(["camera"], [[1.0, 2.0]], ["focal", "ppx"])
+    system.add_scalars(["scale"], [1.0])
+    names = system.unknowns.component_names(np.arange(system.unknowns.n_scalars))
+    assert names[:3] == ("A.x", "A.y", "A.z")
+    assert names[9:] == (
+        "A.rotation.x",
+        "A.rotation.y",
+        "A.rotation.z",
+        "camera.focal",
+        "camera.ppx",
+        "scale",
+    )
+
+
+def test_components_to_freeze_by_name_or_number(system):
+    system.freeze([0, 1], ("z", 0))
+    assert system.unknowns.frozen[:6].tolist() == [True, False, True] * 2
+    system.unfreeze([1], ("x",))
+    assert system.unknowns.frozen[3:6].tolist() == [False, False, True]
+    with pytest.raises(InputError, match="freeze: no component 'w'; there are x, y, z"):
+        system.freeze([0], ("w",))
+    with pytest.raises(InputError, match="freeze: no component 3; they go from 0 to 2"):
+        system.freeze([0], (3,))
+    with pytest.raises(InputError, match=r"'A' \(Point3, 3\) and 'A' \(Rotation, 3\) are not alike"):
+        system.freeze([0, 3])
+
+
+def test_values_that_are_not_what_they_must_be(system):
+    with pytest.raises(InputError, match="add_points: row 1 is not finite"):
+        system.add_points(["D", "E"], [[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]])
+    with pytest.raises(InputError, match="add_rotations: row 0 is not a rotation matrix"):
+        system.add_rotations(["D"], [np.diag([1.0, 1.0, -1.0])])
+    with pytest.raises(InputError, match="set_values: row 0 is not a rotation matrix"):
+        system.set_values([3], [1.1 * np.eye(3)])
+    with pytest.raises(InputError, match="the vector of 'D' is zero"):
+        system.add_directions(["D"], [[0.0, 0.0, 0.0]])
+    with pytest.raises(InputError, match=r"add_points: values have shape \(1, 3\); expected 2 rows"):
+        system.add_points(["D", "E"], [[0.0, 0.0, 0.0]])
+
+
+def test_priors_that_do_not_fit(system):
+    with pytest.raises(InputError, match="prior of B: sigma must be positive"):
+        system.add_prior([0, 1], np.zeros((2, 3)), [[1.0, 1.0, 1.0], [1.0, 0.0, 1.0]])
+    with pytest.raises(InputError, match="prior: a Rotation takes no prior"):
+        system.add_prior([3], np.zeros((1, 3)), 1.0)
+    with pytest.raises(InputError, match=r"prior: sigmas have shape \(2,\); expected \(1, 3\)"):
+        system.add_prior([0], np.zeros((1, 3)), [1.0, 1.0])
+
+
+def test_linear_rows_that_do_not_fit(system):
+    with pytest.raises(InputError, match="linear rows: 'A' is a Rotation, not a linear unknown"):
+        system.add_linear([[3]], [np.ones((1, 3))], [0.0], 1.0)
+    with pytest.raises(InputError, match=r"linear rows, coefficients 0: values have shape \(1, 2\)"):
+        system.add_linear([[0]], [np.ones((1, 2))], [0.0], 1.0)
+    with pytest.raises(InputError, match="2 sets of coefficients for 1 blocks"):
+        system.add_linear([[0]], [np.ones((1, 3)), np.ones((1, 3))], [0.0], 1.0)
+
+
+def test_a_result_answers_for_its_own_batches_and_what_was_asked():
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    system.add_linear([x], [[[1.0]]], [1.0], 1.0)
+    result = system.solve()
+    later = system.add_linear([x], [[[1.0]]], [2.0], 1.0)
+    with pytest.raises(InputError, match="this linear batch was not part of the solved system"):
+        result.residuals(later)
+    with pytest.raises(InputError, match="covariances were not asked for"):
+        result.covariance(x)
