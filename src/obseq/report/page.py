@@ -23,7 +23,7 @@ def page(record: AdjustmentRecord) -> str:
         title=escape(f"{len(record['points'])} points, {record['n_observations']} observations"),
         facts=_facts(record),
         figure=network_figure(record),
-        tables="\n".join(_section(table) for table in _tables(record)),
+        tables="\n".join(_sections(record)),
     )
 
 
@@ -46,22 +46,21 @@ def _facts(record: AdjustmentRecord) -> str:
     return f"<dl>{''.join(cells)}</dl>"
 
 
-def _tables(record: AdjustmentRecord) -> Iterator[rows.Table]:
-    yield rows.observation_table(
-        record, "Observations, the worst normalised residual first", worst_first(record)
-    )
-    yield rows.frame_table(record, record["points"])
+def _sections(record: AdjustmentRecord) -> Iterator[str]:
+    worst, points = worst_first(record), record["points"]
+    title = "Observations, the worst normalised residual first"
+    yield _section(rows.observation_table(record, title, worst[:MOST_ROWS]), len(worst))
+    yield _section(rows.frame_table(record, points[:MOST_ROWS]), len(points))
     if record["points_crs"] != record["frame"]:
-        yield rows.crs_table(record, record["points"])
-    yield rows.station_table(record)
+        yield _section(rows.crs_table(record, points[:MOST_ROWS]), len(points))
+    yield _section(rows.station_table(record), len(record["stations"]))
 
 
-def _section(table: rows.Table) -> str:
-    shown, hidden = table.rows[:MOST_ROWS], len(table.rows) - MOST_ROWS
-    body = "\n".join(_row(row, table.left, "td") for row in shown)
-    note = (
-        f"<p>and {hidden} more rows, which the text listing and the JSON file have</p>" if hidden > 0 else ""
-    )
+def _section(table: rows.Table, count: int) -> str:
+    """A table, and a note when it has not all of so many rows."""
+    body = "\n".join(_row(row, table.left, "td") for row in table.rows)
+    hidden = count - len(table.rows)
+    note = f"<p>and {hidden} more rows, which the text listing and the JSON file have</p>" if hidden else ""
     return (
         f'<h2>{escape(table.title)}</h2>\n<div class="scroll"><table>\n'
         f"{_row(table.header, table.left, 'th')}\n{body}\n</table></div>{note}"

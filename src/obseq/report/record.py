@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
+ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+
 
 class IterationRecord(TypedDict):
     """One iteration: sigma0 of the residuals at its start, and its largest step (m or rad)."""
@@ -98,14 +100,21 @@ class AdjustmentRecord(TypedDict):
 
 def to_json(record: Mapping[str, Any]) -> str:
     """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
-    parts = [f"{json.dumps(key)}: {_value(finite(value))}" for key, value in record.items()]
+    parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in record.items()]
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
-def _value(value: Any) -> str:
+def _lines(value: Any) -> str:
     if isinstance(value, list) and value and isinstance(value[0], dict):
-        return "[\n  " + ",\n  ".join(json.dumps(item, ensure_ascii=False) for item in value) + "\n]"
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+        return "[\n  " + ",\n  ".join(_encoded(item) for item in value) + "\n]"
+    return _encoded(value)
+
+
+def _encoded(value: Any) -> str:
+    try:
+        return ENCODER.encode(value)
+    except ValueError:  # something is not finite: rare, and looking for it first would cost more than writing
+        return ENCODER.encode(finite(value))
 
 
 def finite(value: Any) -> Any:
