@@ -14,10 +14,12 @@ from obseq.survey.candidates import (
     survey_surroundings,
     unique_positions,
 )
-from obseq.survey.constraints import Constraint, disagreement, refine
+from obseq.survey.constraints import Constraint, Refined, disagreement, refine
 from obseq.survey.placement_state import minus, plus, times, transposed_times
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from obseq.survey.closed_forms import Space
     from obseq.survey.placement_state import State
 
@@ -30,26 +32,40 @@ _SAME = 0.02
 
 
 @dataclass(frozen=True)
+class Fit:
+    """A candidate made to fit its constraints, and how much all constraints speak against it."""
+
+    candidate: Candidate
+    refined: Refined
+    disagreement: float
+
+
+@dataclass(frozen=True)
 class Choice:
-    """A position and how it was found; or none.
+    """The position that the constraints agree on, or none.
 
     `alternatives` holds the positions that fit equally well when there are several; `strength` is that of the
     best geometry seen (0: the constraints determine no position).
     """
 
-    candidate: Candidate | None
+    fit: Fit | None
     strength: float
     alternatives: tuple[Space, ...] = ()
 
 
 def choose(
-    state: State, constraints: list[Constraint], least_strength: float, hint: Space | None = None
+    state: State,
+    constraints: list[Constraint],
+    sigmas: Sequence[float],
+    least_strength: float,
+    hint: Space | None = None,
 ) -> Choice:
     """The position that the constraints agree on.
 
     Args:
         state: known points.
         constraints: of the point.
+        sigmas: of all observations (m, rad).
         least_strength: geometries weaker than this are not used (see `constraints.Refined`).
         hint: an approximate position that decides between two solutions.
     """
@@ -58,10 +74,13 @@ def choose(
         return Choice(None, 0.0)
     strongest = 0.0
     for generate in (unique_positions, paired_positions):
-        choice = _best(around, list(generate(around)), least_strength, hint)
-        if choice.candidate is not None or choice.alternatives:
+        found = list(generate(around))
+        complete = [candidate for candidate in found if candidate.has_height] or found
+        fits, strength = _fits(around, complete, sigmas, least_strength)
+        choice = _decide(around, fits, max(strength, strongest), hint)
+        if choice.fit is not None or choice.alternatives:
             return choice
-        strongest = max(strongest, choice.strength)
+        strongest = choice.strength
     return Choice(None, strongest)
 
 
@@ -74,58 +93,32 @@ def thinned(constraints: list[Constraint]) -> list[Constraint]:
     return [c for c in constraints if c.other in kept]
 
 
-def _best(
-    around: Surroundings, candidates: list[Candidate], least_strength: float, hint: Space | None
-) -> Choice:
-    """The least contradicted of the candidates that are well determined."""
-    complete = [c for c in candidates if c.has_height] or candidates
-    kept, strongest = _well_determined(around, complete, least_strength)
-    return _decide(around, kept, strongest, hint)
-
-
-def _decide(
-    around: Surroundings, kept: list[tuple[float, Candidate, float]], strongest: float, hint: Space | None
-) -> Choice:
-    """The least contradicted position, unless another fits as well."""
-    if not kept:
-        return Choice(None, strongest)
-    kept.sort(key=lambda item: item[0])
-    lowest, best, strength = kept[0]
-    rivals = [item for item in kept if item[0] - lowest < _MARGIN and not _is_same(around, item[1], best)]
-    if not rivals:
-        return Choice(best, strength)
-    return _by_hint([best, *(item[1] for item in rivals)], strength, hint)
-
-
-def _well_determined(
-    around: Surroundings, candidates: list[Candidate], least_strength: float
-) -> tuple[list[tuple[float, Candidate, float]], float]:
-    """(disagreement, refined candidate, strength) of the few best, and the greatest strength seen."""
-    kept: list[tuple[float, Candidate, float]] = []
-    strongest = 0.0
+def _fits(
+    around: Surroundings, candidates: Iterable[Candidate], sigmas: Sequence[float], least_strength: float
+) -> tuple[list[Fit], float]:
+    """The few least contradicted candidates that are well determined, and the greatest strength seen."""
     ranked = sorted(
         ((_disagreement(around, candidate), k, candidate) for k, candidate in enumerate(candidates)),
         key=lambda item: item[:2],
     )
-    tried: list[Candidate] = []
+    fits: list[Fit] = []
+    strongest = 0.0
     for _, _, candidate in ranked:
-        if any(_is_same(around, candidate, other) for other in tried):
+        if any(_is_same(around, candidate, fit.candidate) for fit in fits):
             continue
-        refined = refine(
-            around.state,
-            candidate.used,
-            candidate.position,
-            axes=(0, 1, 2) if candidate.has_height else (0, 1),
-        )
+        axes = (0, 1, 2) if candidate.has_height else (0, 1)
+        refined = refine(around.state, candidate.used, candidate.position, sigmas, axes)
         strongest = max(strongest, refined.strength)
-        if refined.strength < least_strength:
-            continue
-        better = Candidate(refined.position, candidate.method, candidate.used, candidate.has_height)
-        kept.append((_disagreement(around, better), better, refined.strength))
-        tried.append(candidate)
-        if len(tried) == _MOST_REFINED:
+        if refined.strength >= least_strength:
+            fits.append(_fit(around, candidate, refined))
+        if len(fits) == _MOST_REFINED:
             break
-    return kept, strongest
+    return fits, strongest
+
+
+def _fit(around: Surroundings, candidate: Candidate, refined: Refined) -> Fit:
+    better = Candidate(refined.position, candidate.method, candidate.used, candidate.has_height)
+    return Fit(better, refined, _disagreement(around, better))
 
 
 def _disagreement(around: Surroundings, candidate: Candidate) -> float:
@@ -137,37 +130,63 @@ def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
     return apart <= _SAME * max(math.hypot(*minus(a.position, around.origin)), 1e-3)
 
 
-def _by_hint(candidates: list[Candidate], strength: float, hint: Space | None) -> Choice:
-    """The candidate clearly nearest to the hint; without one, the alternatives."""
-    positions = tuple(candidate.position for candidate in candidates)
+def _decide(around: Surroundings, fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+    """The least contradicted position, unless another fits as well."""
+    if not fits:
+        return Choice(None, strongest)
+    ordered = sorted(fits, key=lambda fit: fit.disagreement)
+    best = ordered[0]
+    rivals = [
+        fit
+        for fit in ordered[1:]
+        if fit.disagreement - best.disagreement < _MARGIN
+        and not _is_same(around, fit.candidate, best.candidate)
+    ]
+    return _by_hint([best, *rivals], strongest, hint) if rivals else Choice(best, strongest)
+
+
+def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+    """The position clearly nearest to the hint; without one, the alternatives."""
+    positions = tuple(fit.candidate.position for fit in fits)
     if hint is not None:
-        ranked = sorted(candidates, key=lambda c: math.hypot(*minus(c.position, hint)))
-        first, second = (math.hypot(*minus(c.position, hint)) for c in ranked[:2])
-        if first < 0.5 * second:
-            return Choice(ranked[0], strength)
-    return Choice(None, strength, positions)
+        distances = [math.hypot(*minus(position, hint)) for position in positions]
+        nearest, second = sorted(distances)[:2]
+        if nearest < 0.5 * second:
+            return Choice(fits[distances.index(nearest)], strongest)
+    return Choice(None, strongest, positions)
 
 
 def choose_height(
-    state: State, constraints: list[Constraint], position: Space, least_strength: float
+    state: State,
+    constraints: list[Constraint],
+    sigmas: Sequence[float],
+    least_strength: float,
+    position: Space,
 ) -> Choice:
-    """The height of a point whose plumb line is known; two heights that fit equally well are left open."""
+    """The height of a point whose plumb line is known; two heights that fit equally well are left open.
+
+    Args:
+        state: known points.
+        constraints: of the point.
+        sigmas: of all observations (m, rad).
+        least_strength: geometries weaker than this are not used.
+        position: the point at a provisional height.
+    """
     around = survey_surroundings(state, thinned(constraints))
     if around is None:
         return Choice(None, 0.0)
     east, north, _ = times(around.vertical, minus(position, around.origin))
-    found, strongest = [], 0.0
+    fits, strongest = [], 0.0
     for height, constraint in heights_at(around, (east, north)):
-        start = along_plumb_line(state, position, around.to_frame((east, north, height)))
-        refined = refine(state, (constraint,), start, axes=(2,))
+        start = _along_plumb_line(state, position, around.to_frame((east, north, height)))
+        refined = refine(state, (constraint,), start, sigmas, axes=(2,))
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
-            candidate = Candidate(refined.position, "height", (constraint,))
-            found.append((_disagreement(around, candidate), candidate, refined.strength))
-    return _decide(around, found, strongest, None)
+            fits.append(_fit(around, Candidate(start, "height", (constraint,)), refined))
+    return _decide(around, fits, strongest, None)
 
 
-def along_plumb_line(state: State, position: Space, other: Space) -> Space:
+def _along_plumb_line(state: State, position: Space, other: Space) -> Space:
     """The point of the plumb line of `position` at the height of `other`."""
     vertical = state.vertical_at(position)
     rise = times(vertical, minus(other, position))[2]

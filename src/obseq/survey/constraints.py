@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -200,10 +200,10 @@ def station_g0s(
             angle = misfit(state, constraint, position, vertical, 0.0)
             known = constraint.g0
             differences.setdefault(constraint.station, []).append(angle if known is None else known)
-    return {station: _central_angle(angles) for station, angles in differences.items()}
+    return {station: central_angle(angles) for station, angles in differences.items()}
 
 
-def _central_angle(angles: list[float]) -> float:
+def central_angle(angles: list[float]) -> float:
     """The angle of a list that is nearest to the others (a median on the circle)."""
     if len(angles) <= 2:
         return angles[0]
@@ -228,15 +228,22 @@ class Refined:
 
     The strength is the smallest singular value of the derivatives of the scaled misfits with respect to the
     position (in units of the mean distance) and to the unknown G0s: about 1 for a right angle at equal
-    distances, 0 where the constraints do not determine the position.
+    distances, 0 where the constraints do not determine the position. The spread is the expected error of the
+    position relative to its neighbours (m); the azimuth spreads are those of G0 (rad), by station.
     """
 
     position: Space
     strength: float
+    spread: float = math.inf
+    azimuth_spreads: dict[int, float] = field(default_factory=dict)
 
 
 def refine(
-    state: State, constraints: Sequence[Constraint], start: Space, axes: tuple[int, ...] = (0, 1, 2)
+    state: State,
+    constraints: Sequence[Constraint],
+    start: Space,
+    sigmas: Sequence[float],
+    axes: tuple[int, ...] = (0, 1, 2),
 ) -> Refined:
     """Least squares on a few constraints from a good start.
 
@@ -244,20 +251,19 @@ def refine(
         state: known points.
         constraints: those that determine the position.
         start: position in the frame.
+        sigmas: of all observations (m, rad).
         axes: what may move: east (0), north (1), up (2).
     """
-    position, strength = start, 0.0
+    position = start
     free_stations = sorted({c.station for c in constraints if c.kind == Kind.READING_AT and c.g0 is None})
     length = _mean_distance(state, constraints, start)
+    layout = (axes, length, free_stations)
     for _ in range(_ITERATIONS):
         vertical = state.vertical_at(position)
         g0s = station_g0s(state, constraints, position, vertical)
-        jacobian, residuals = _linearised(
-            state, constraints, position, vertical, g0s, (axes, length, free_stations)
-        )
+        jacobian, residuals = _linearised(state, constraints, position, vertical, g0s, layout)
         left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
-        strength = float(singular[-1]) if jacobian.shape[0] >= jacobian.shape[1] else 0.0
-        if not strength > 1e-6:
+        if jacobian.shape[0] < jacobian.shape[1] or not singular[-1] > 1e-6:
             return Refined(position, 0.0)
         step = -(right.T @ ((left.T @ residuals) / singular))[: len(axes)]
         if not np.abs(step).max() < 1.0:
@@ -265,7 +271,31 @@ def refine(
         position = plus(position, _to_frame(vertical, axes, step.tolist(), length))
         if np.abs(step).max() < 1e-10:
             break
-    return Refined(position, strength)
+    inverse = (right.T / singular) @ left.T
+    noises = np.array(_expected_misfits(state, constraints, position, sigmas, length))
+    spreads = np.sqrt(np.square(inverse * noises).sum(axis=1))
+    azimuths = dict(zip(free_stations, spreads[len(axes) :].tolist(), strict=True))
+    return Refined(
+        position, float(singular[-1]), float(np.hypot.reduce(spreads[: len(axes)])) * length, azimuths
+    )
+
+
+def _expected_misfits(
+    state: State, constraints: Sequence[Constraint], position: Space, sigmas: Sequence[float], length: float
+) -> list[float]:
+    """Expected size of the scaled misfits: noise of the observations, and of the points relative to the best."""
+    best = min((c.other for c in constraints), key=lambda other: state.spreads[other])
+    expected = []
+    for c in constraints:
+        other = state.positions[c.other]
+        away = 0.0 if other is None else math.hypot(*minus(other, state.known(best)))
+        moved = 0.0 if c.other == best else state.relative_spread(best, c.other, away)
+        sigma = max(sigmas[row] for row in c.rows)
+        if c.kind in ANGLES:
+            expected.append(math.hypot(sigma, moved / _distance_to(state, c, position)))
+        else:
+            expected.append(math.hypot(sigma, moved) / length)
+    return expected
 
 
 def _mean_distance(state: State, constraints: Sequence[Constraint], position: Space) -> float:

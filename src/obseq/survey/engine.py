@@ -1,30 +1,78 @@
-"""Places points and orients stations, one wave after another, the strongest geometries first.
+"""Places points and orients stations, the surest first, until nothing more can be placed.
 
-Work is driven by what is new: only points and stations next to a point just located, or a station just
+Work is driven by what is new: only points and stations next to a point just located, or to a station just
 oriented, are looked at again. The time is therefore nearly proportional to the number of observations.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.choice import Choice, choose, choose_height
-from obseq.survey.constraints import collect
+from obseq.survey.choice import Choice, Fit, choose, choose_height
+from obseq.survey.constraints import collect, station_g0s
 from obseq.survey.model import Orientation
 from obseq.survey.orienting import orient
-from obseq.survey.placement_state import Step, plus, times, transposed_times
-from obseq.survey.sights import Sight, direction
+from obseq.survey.placement_state import Step, plus, transposed_times
+from obseq.survey.traverse import (
+    Link,
+    Traverse,
+    link_g0,
+    link_rise,
+    polar_vector,
+    turned,
+    vector_noise,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.survey.closed_forms import Space
     from obseq.survey.placement_state import State
-    from obseq.survey.sights import Graph
+    from obseq.survey.sights import Graph, Sight
 
-STRENGTHS = (0.1, 0.02, 0.002)
-"""Least strength of the geometry, tier after tier; about 10, 2 and 0.2 gon for an intersection."""
+SOUND = 0.02
+WEAK = 0.002
+"""Least strengths of the geometry (see `constraints.Refined`): an intersection at about 2, and at 0.2 gon."""
+_ALIKE = 2.0
+"""Points whose expected errors differ by less than this factor are placed at the same time."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """What may be used at one stage.
+
+    Attributes:
+        spread: greatest expected error of a point (m).
+        azimuth_spread: greatest expected error of G0 (rad).
+        strength: least strength of the geometry.
+        uses_hints: whether approximate positions may decide between two solutions.
+    """
+
+    spread: float
+    azimuth_spread: float
+    strength: float = SOUND
+    uses_hints: bool = False
+
+
+GOOD = (Level(0.3, 0.002),)
+REST = (
+    Level(3.0, 0.02, uses_hints=True),
+    Level(math.inf, math.inf, uses_hints=True),
+    Level(math.inf, math.inf, WEAK, uses_hints=True),
+)
+
+
+@dataclass(frozen=True)
+class _Polar:
+    """A vector (frame) from a station to a point, and its expected errors (m), alone and in all."""
+
+    sight: Sight
+    offset: Space
+    rows: tuple[int, ...]
+    noise: float
+    spread: float
 
 
 class Engine:
@@ -33,24 +81,19 @@ class Engine:
     Args:
         state: what is known at the start; it is completed.
         graph: the observations.
-        is_constrained: for each point, true when its coordinates are constrained.
         hints: approximate positions, used only to decide between two solutions.
         stations: the stations that may be used; all when left out.
     """
 
     def __init__(
-        self,
-        state: State,
-        graph: Graph,
-        is_constrained: list[bool],
-        hints: dict[int, Space],
-        stations: Iterable[int] | None = None,
+        self, state: State, graph: Graph, hints: dict[int, Space], stations: Iterable[int] | None = None
     ) -> None:
-        self.state, self.graph = state, graph
-        self.is_constrained, self.hints = is_constrained, hints
+        self.state, self.graph, self.hints = state, graph, hints
         self.allowed = None if stations is None else frozenset(stations)
-        self.dirty: list[set[int]] = [set() for _ in range(len(STRENGTHS) + 1)]
-        self.choices: dict[int, Choice] = {}
+        self.traverse = Traverse(state, graph, self.allowed)
+        self.dirty_polar: set[int] = set()
+        self.dirty_geometry: set[int] = set()
+        self.choices: dict[int, tuple[tuple[float, bool], Choice]] = {}
         self.touched_points: list[int] = []
         self.oriented: list[int] = []
 
@@ -59,26 +102,91 @@ class Engine:
         self._settle(list(located))
 
     def start_station(self, station: int) -> None:
-        """Begins also with a station that the caller has oriented."""
-        self.oriented.append(station)
-        self._touch_targets(station)
+        """Begins also with a station on a located point that the caller has oriented."""
+        self._spread_orientation(station)
 
-    def run(self, tiers: Iterable[int]) -> bool:
-        """Places what these tiers can place; true when something was placed.
-
-        Tier 0 is the polar point; the others are the tiers of `STRENGTHS`.
-        """
-        done, order = False, sorted(tiers)
-        while any(self._run_tier(tier) for tier in order):
-            done = True
+    def run(self, levels: Iterable[Level]) -> bool:
+        """Places what these levels allow, in their order; true when something was placed or oriented."""
+        done = False
+        for level in levels:
+            self.dirty_geometry.update(self.choices)
+            while self._place_polar() or self._orient_next(level) or self._place_by_geometry(level):
+                done = True
         return done
 
-    def _run_tier(self, tier: int) -> bool:
-        candidates, self.dirty[tier] = sorted(self.dirty[tier]), set()
-        attempt = self._place_polar if tier == 0 else self._place_by_geometry
-        located = [point for point in candidates if not self.state.is_placed(point) and attempt(point, tier)]
+    def _orient_next(self, level: Level) -> bool:
+        """Takes the surest link of the traverse."""
+        found = self.traverse.next(level.azimuth_spread)
+        if found is None:
+            return False
+        station, link = found
+        origin = self.graph.origins[station]
+        if self.state.verticals[origin] is None:
+            self._place_by_link(station, origin, link)
+        self.state.g0[station] = link_g0(self.state, self.graph, station, link)
+        self.state.azimuth_spreads[station] = link.spread
+        self.state.station_steps[station] = Step(link.method, link.rows)
+        self._spread_orientation(station)
+        return True
+
+    def _place_by_link(self, station: int, origin: int, link: Link) -> None:
+        """Places the origin of a station where its link puts it."""
+        state = self.state
+        state.positions[origin], state.has_height[origin] = link.origin, 1
+        state.point_steps[origin] = Step(link.method, link.rows)
+        state.noises[origin], state.parents[origin] = link.noise, link.parent
+        if link.parent is not None:
+            base = self.graph.origins[link.parent]
+            distance = math.dist(state.known(base), state.known(origin))
+            state.spreads[origin] = math.hypot(
+                state.spreads[base] + distance * state.azimuth_spreads[link.parent], link.noise
+            )
+        self._settle([origin])
+        if link.method == "free station":
+            up = state.vertical_of(origin)[2]
+            rise = link_rise(state, self.graph, station, link)
+            x, y, z = state.known(origin)
+            state.positions[origin] = (x + rise * up[0], y + rise * up[1], z + rise * up[2])
+
+    def _place_polar(self) -> bool:
+        """Places points at the end of complete vectors from oriented stations."""
+        candidates, self.dirty_polar = sorted(self.dirty_polar), set()
+        located = []
+        for point in candidates:
+            polar = None if self.state.is_placed(point) else self._best_polar(point)
+            if polar is not None:
+                self._take_polar(point, polar)
+                located.append(point)
         self._settle(located)
         return bool(located)
+
+    def _place_by_geometry(self, level: Level) -> bool:
+        """Intersection, resection, trilateration...: the surest of the points that can be placed so."""
+        candidates, self.dirty_geometry = sorted(self.dirty_geometry), set()
+        found: list[tuple[int, Fit, float]] = []
+        for point in candidates:
+            if not self.state.is_placed(point):
+                fit = self._choice(point, level).fit
+                if fit is not None and self._spread_of(fit) <= level.spread and self._is_ripe(fit, level):
+                    found.append((point, fit, self._spread_of(fit)))
+        least = min((spread for _, _, spread in found), default=0.0)
+        located = []
+        for point, fit, spread in found:
+            if spread <= _ALIKE * least:
+                self._take_fit(point, fit, spread)
+                located.append(point)
+            else:
+                self.dirty_geometry.add(point)
+        self._settle(located)
+        return bool(located)
+
+    def _spread_of(self, fit: Fit) -> float:
+        base = min(self.state.spreads[constraint.other] for constraint in fit.candidate.used)
+        return math.hypot(base, fit.refined.spread)
+
+    def _is_ripe(self, fit: Fit, level: Level) -> bool:
+        """A horizontal position alone is taken only when nothing better comes."""
+        return fit.candidate.has_height or level.uses_hints
 
     def _settle(self, located: list[int]) -> None:
         """Verticals of new points, then orientations, until no orientation places a further point."""
@@ -93,17 +201,24 @@ class Engine:
     def _orient_around(self, located: list[int]) -> list[int]:
         """Orients stations at or towards new points; returns origins that this has placed."""
         placed = []
+        new = set(located)
         for station in self._stations_around(located):
             origin = self.graph.origins[station]
             was_placed = self.state.is_placed(origin)
-            if orient(self.state, self.graph, station, self.is_constrained):
-                self.oriented.append(station)
-                self._touch_targets(station)
+            if self.graph.orientations[station] == Orientation.VERT:
+                self.traverse.add_azimuths(station, self._targets_of(station) if origin in new else new)
+            elif orient(self.state, self.graph, station):
                 if not was_placed and self.state.has_height[origin] and not self.state.is_placed(origin):
                     placed.append(origin)
+                    self.state.settle([origin])
+                self._spread_orientation(station)
         return sorted(set(placed))
 
+    def _targets_of(self, station: int) -> set[int]:
+        return {self.graph.sights[number].target for number in self.graph.sights_from[station]}
+
     def _stations_around(self, located: list[int]) -> list[int]:
+        """Stations without orientation at or towards some points."""
         found: set[int] = set()
         for point in located:
             found.update(self.graph.stations_at[point])
@@ -113,20 +228,26 @@ class Engine:
     def _may_use(self, station: int) -> bool:
         return self.allowed is None or station in self.allowed
 
+    def _spread_orientation(self, station: int) -> None:
+        """Looks again at the targets of a station just oriented, and links its neighbours to it."""
+        self.oriented.append(station)
+        for target in self._targets_of(station):
+            self._touch(target)
+        if self.state.is_placed(self.graph.origins[station]):
+            self.traverse.add_neighbours(station)
+
     def _touch(self, point: int) -> None:
         if not self.state.is_placed(point):
-            for points in self.dirty:
-                points.add(point)
-
-    def _touch_targets(self, station: int) -> None:
-        for number in self.graph.sights_from[station]:
-            self._touch(self.graph.sights[number].target)
+            self.dirty_polar.add(point)
+            self.dirty_geometry.add(point)
+            self.choices.pop(point, None)
 
     def _touch_neighbours(self, point: int) -> None:
         graph = self.graph
         self._touch(point)
         for station in graph.stations_at[point]:
-            self._touch_targets(station)
+            for target in self._targets_of(station):
+                self._touch(target)
         for number in graph.sights_to[point]:
             self._touch(graph.sights[number].origin)
         for other, _, _ in graph.distances[point]:
@@ -147,82 +268,93 @@ class Engine:
                     self.touched_points.append(other)
                     waiting.append(other)
 
-    def _place_polar(self, point: int, tier: int) -> bool:
-        """First complete vector from an oriented station (MMVII's two methods)."""
+    def _best_polar(self, point: int) -> _Polar | None:
+        """The complete vector with the least expected error."""
+        best: _Polar | None = None
         for number in self.graph.sights_to[point]:
             sight = self.graph.sights[number]
-            if not self._may_use(sight.station) or not self.state.is_placed(sight.origin):
-                continue
-            found = self._polar(sight)
-            if found is not None:
-                self._locate(point, found[0], Step("azimuth and distance", found[1]))
-                return True
-        return False
+            is_oriented = self.state.station_steps[sight.station] is not None
+            if is_oriented and self._may_use(sight.station) and self.state.is_placed(sight.origin):
+                polar = self._polar(sight)
+                if polar is not None and (best is None or polar.spread < best.spread):
+                    best = polar
+        return best
 
-    def _polar(self, sight: Sight) -> tuple[Space, tuple[int, ...]] | None:
-        state = self.state
-        start, vertical = state.known(sight.origin), state.verticals[sight.origin]
-        rotation, g0 = state.rotations[sight.station], state.g0[sight.station]
-        if rotation is not None:
-            vector = sight.vector()
-            return None if vector is None else (plus(start, times(rotation, vector[0])), vector[1])
-        reading = sight.reading()
-        if g0 is None or reading is None or vertical is None:
-            return None
-        lengths = _flat_and_rise(sight) or self._borrowed_lengths(sight)
-        if lengths is None:
+    def _polar(self, sight: Sight) -> _Polar | None:
+        """Vector of one sight; a plumb station may borrow the zenith angle of another on the same point."""
+        vector = sight.vector()
+        found = polar_vector(self.state, self.graph, sight)
+        if found is not None and vector is not None:
+            return self._expected(sight, found[0], vector[1], found[1])
+        g0, reading, lengths = self.state.g0[sight.station], sight.reading(), self._lengths(sight)
+        if g0 is None or reading is None or lengths is None:
             return None
         (flat, rise), rows = lengths
-        azimuth = g0 + reading[0]
-        local = (flat * math.sin(azimuth), flat * math.cos(azimuth), rise)
-        return plus(start, transposed_times(vertical, local)), tuple(dict.fromkeys(reading[1] + rows))
+        local = turned((flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise), g0)
+        every = tuple(dict.fromkeys(reading[1] + rows))
+        offset = transposed_times(self.state.vertical_of(sight.origin), local)
+        return self._expected(sight, offset, every, vector_noise(self.graph, local, every))
 
-    def _borrowed_lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
-        """Zenith angle or DZ measured by another plumb station on the same point."""
+    def _expected(self, sight: Sight, offset: Space, rows: tuple[int, ...], noise: float) -> _Polar:
+        """A vector with the expected error that orientation and origin add."""
+        moved = math.hypot(*offset) * self.state.azimuth_spreads[sight.station]
+        spread = math.hypot(self.state.spreads[sight.origin] + moved, noise)
+        return _Polar(sight, offset, rows, noise, spread)
+
+    def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
+        """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
         for number in self.graph.sights_to[sight.target]:
             other = self.graph.sights[number]
             is_plumb = self.graph.orientations[other.station] != Orientation.BASC
-            if other.origin == sight.origin and is_plumb and _flat_and_rise(other) is not None:
-                return _flat_and_rise(other)
+            if other.origin == sight.origin and is_plumb:
+                lengths = other.lengths()
+                if lengths is not None:
+                    return lengths
         return None
 
-    def _locate(self, point: int, position: Space, step: Step, *, has_height: bool = True) -> None:
-        self.state.positions[point] = position
-        self.state.has_height[point] = has_height
-        self.state.point_steps[point] = step
+    def _take_polar(self, point: int, polar: _Polar) -> None:
+        state, sight = self.state, polar.sight
+        state.positions[point] = plus(state.known(sight.origin), polar.offset)
+        state.has_height[point] = 1
+        state.point_steps[point] = Step("azimuth and distance", polar.rows)
+        state.parents[point], state.noises[point] = sight.station, polar.noise
+        state.spreads[point] = polar.spread
 
-    def _place_by_geometry(self, point: int, tier: int) -> bool:
-        """Intersection, resection, trilateration...: `choice.choose` with the strength of the tier."""
-        state, least = self.state, STRENGTHS[tier - 1]
-        constraints = collect(state, self.graph, point, self.allowed)
-        position = state.positions[point]
+    def _choice(self, point: int, level: Level) -> Choice:
+        """What the constraints of a point say, computed anew only when something has changed around it."""
+        key = (level.strength, level.uses_hints)
+        cached = self.choices.get(point)
+        if cached is not None and cached[0] == key:
+            return cached[1]
+        constraints = collect(self.state, self.graph, point, self.allowed)
+        position, sigmas = self.state.positions[point], self.graph.sigmas
         if position is not None:
-            choice = choose_height(state, constraints, position, least)
+            choice = choose_height(self.state, constraints, sigmas, level.strength, position)
         else:
-            hint = self.hints.get(point) if tier > 1 else None
-            choice = choose(state, constraints, least, hint)
-        self.choices[point] = choice
-        if choice.candidate is None or (position is None and not choice.candidate.has_height and tier == 1):
-            return False
-        self._take(point, choice)
-        return True
+            hint = self.hints.get(point) if level.uses_hints else None
+            choice = choose(self.state, constraints, sigmas, level.strength, hint)
+        self.choices[point] = (key, choice)
+        return choice
 
-    def _take(self, point: int, choice: Choice) -> None:
-        candidate = choice.candidate
-        assert candidate is not None
-        earlier = self.state.point_steps[point]
+    def _take_fit(self, point: int, fit: Fit, spread: float) -> None:
+        state, candidate = self.state, fit.candidate
+        earlier = state.point_steps[point]
         rows = tuple(dict.fromkeys(row for constraint in candidate.used for row in constraint.rows))
         step = Step(candidate.method, rows)
         if earlier is not None:
             step = Step(f"{earlier.method}, then {candidate.method}", (*earlier.observations, *rows))
-        self._locate(point, candidate.position, step, has_height=candidate.has_height)
+        state.positions[point], state.has_height[point] = candidate.position, candidate.has_height
+        state.point_steps[point] = step
+        state.spreads[point], state.noises[point] = spread, fit.refined.spread
+        if fit.refined.azimuth_spreads:
+            self._take_g0s(point, fit)
 
-
-def _flat_and_rise(sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
-    """Horizontal distance and rise of a sight of a plumb instrument, with their observations."""
-    if sight.dx is not None and sight.dy is not None and sight.dz is not None:
-        return (math.hypot(sight.dx[0], sight.dy[0]), sight.dz[0]), (sight.dx[1], sight.dy[1], sight.dz[1])
-    if sight.zenith is None or sight.distance is None:
-        return None
-    _, flat, rise = direction(0.0, sight.zenith[0], sight.distance[0])
-    return (flat, rise), (sight.zenith[1], sight.distance[1])
+    def _take_g0s(self, point: int, fit: Fit) -> None:
+        """Orients the stations whose readings have just placed them."""
+        position = fit.candidate.position
+        self.state.settle([point])
+        g0s = station_g0s(self.state, fit.candidate.used, position, self.state.vertical_of(point))
+        for station, azimuth_spread in fit.refined.azimuth_spreads.items():
+            self.state.g0[station], self.state.azimuth_spreads[station] = g0s[station], azimuth_spread
+            self.state.station_steps[station] = Step("together with its position")
+            self._spread_orientation(station)

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.engine import STRENGTHS, Engine
+from obseq.survey.engine import GOOD, REST, Engine
 from obseq.survey.local_frames import LocalFrames
 from obseq.survey.model import FieldBook, FloatArray, Orientation, Points, automatic_fix
-from obseq.survey.orienting import g0_of, plumb_rotation
+from obseq.survey.orienting import g0_of, plumb_rotation, reconcile
 from obseq.survey.placement_state import State, Step, Vertical
 from obseq.survey.sights import Graph, build_graph
 from obseq.survey.unplaced import Unplaced, explain_points, explain_stations
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 _GIVEN = Step("given")
 _MOST_LISTED = 20
+_SPREAD_OF_APPROXIMATE = 10.0
+"""Expected error (m) of a coordinate that is given and not constrained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +100,8 @@ def initial_values(
     graph = build_graph(book, len(points), orientations)
     state = State(points.names, len(book.stations), vertical)
     hints = _take_given(state, points, recompute_free)
-    is_constrained = [bool(flag) for flag in np.asarray((~points.is_free).any(axis=1))]
-    engine = Engine(state, graph, is_constrained, hints)
+    state.origins = graph.origins
+    engine = Engine(state, graph, hints)
     _work(engine, state, graph)
     reasons = explain_points(state, graph, engine.choices, book) + explain_stations(state, graph, book)
     return _result(state, graph, orientations, tuple(reasons))
@@ -119,6 +121,9 @@ def _take_given(state: State, points: Points, recompute_free: bool) -> dict[int,
     """Puts coordinates of the files in the state; returns those that are only hints."""
     hints: dict[int, Space] = {}
     is_free = np.asarray(points.is_free.all(axis=1))
+    spreads = (
+        np.where(points.is_free, _SPREAD_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0).tolist()
+    )
     for row, (known, xyz) in enumerate(
         zip(points.has_coordinates.tolist(), points.coordinates.tolist(), strict=True)
     ):
@@ -129,20 +134,23 @@ def _take_given(state: State, points: Points, recompute_free: bool) -> dict[int,
             hints[row] = position
             continue
         state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
+        state.spreads[row] = spreads[row]
     return hints
 
 
 def _work(engine: Engine, state: State, graph: Graph) -> None:
-    """Sound geometries, then local frames, then weak geometries; again while something is placed."""
+    """Good positions, then local frames, then the rest; again while something is placed."""
     engine.start([point for point, position in enumerate(state.positions) if position is not None])
     frames = LocalFrames(state, graph)
-    sound = range(len(STRENGTHS))
     while True:
-        engine.run(sound)
+        engine.run(GOOD)
         tied = frames.place()
         engine.start(tied)
-        if not tied and not engine.run([*sound, len(STRENGTHS)]):
-            return
+        if not tied and not engine.run(REST):
+            break
+    for station, orientation in enumerate(graph.orientations):
+        if orientation == Orientation.VERT and state.station_steps[station] is not None:
+            reconcile(state, graph, station)
 
 
 def _result(

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.engine import Engine
+from obseq.survey.engine import Engine, Level
 from obseq.survey.model import Orientation
 from obseq.survey.placement_state import State, Step, minus, plus, times, transposed_times
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from obseq.survey.closed_forms import Space
     from obseq.survey.sights import Graph
 
+_LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
 _LEAST_BASE = 0.05
 """Least distance between the common points, in parts of the size of the group."""
 
@@ -33,6 +34,7 @@ class _Tie:
     local_centre: tuple[float, float]
     centre: tuple[float, float]
     rise: float | None
+    spread: float
 
     def move(self, state: State, position: Space) -> Space:
         """A position of the local frame, in the frame of the computation."""
@@ -52,6 +54,7 @@ class LocalFrames:
     def __init__(self, state: State, graph: Graph) -> None:
         self.state, self.graph = state, graph
         self.scratch = State(state.names, len(graph.origins), None)
+        self.scratch.origins = graph.origins
 
     def place(self) -> list[int]:
         """Points that local frames have placed in the state; they remain to be settled."""
@@ -103,13 +106,13 @@ class LocalFrames:
     def _try_from(self, station: int, allowed: frozenset[int], tried: set[int]) -> list[int]:
         """Computes the group of one station in its own frame and moves it to its place."""
         local, origin = self.scratch, self.graph.origins[station]
-        engine = Engine(local, self.graph, [False] * len(local.names), {}, allowed)
+        engine = Engine(local, self.graph, {}, allowed)
         local.positions[origin], local.has_height[origin] = (0.0, 0.0, 0.0), 1
         local.point_steps[origin] = Step("origin")
         local.g0[station], local.station_steps[station] = 0.0, Step("local frame")
         engine.start([origin])
         engine.start_station(station)
-        engine.run((0, 1, 2))
+        engine.run(_LEVELS)
         tried.update(engine.oriented)
         located = [p for p in dict.fromkeys(engine.touched_points) if local.verticals[p] is not None]
         placed = self._tie(station, located)
@@ -122,8 +125,10 @@ class LocalFrames:
         for point in engine.touched_points:
             local.positions[point] = local.heights[point] = local.verticals[point] = None
             local.point_steps[point], local.has_height[point] = None, 0
+            local.spreads[point], local.parents[point] = 0.0, None
         for station in engine.oriented:
             local.rotations[station] = local.g0[station] = local.station_steps[station] = None
+            local.azimuth_spreads[station] = 0.0
         local.reference = None
 
     def _tie(self, station: int, located: list[int]) -> list[int]:
@@ -142,26 +147,40 @@ class LocalFrames:
                 self.state.positions[point] = tie.move(self.state, self.scratch.known(point))
                 self.state.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])
                 self.state.point_steps[point] = Step(method, step.observations)
+                self._take_spread(point, tie)
                 placed.append(point)
         return placed
+
+    def _take_spread(self, point: int, tie: _Tie) -> None:
+        """The errors of the local frame and of the tie; the local relations remain those of the group."""
+        state, local = self.state, self.scratch
+        state.spreads[point] = math.hypot(local.spreads[point], tie.spread)
+        state.noises[point], state.parents[point] = local.noises[point], local.parents[point]
 
     def _solve(self, common: list[int], located: list[int]) -> _Tie | None:
         """Least-squares rotation about the vertical and translation; None when the base is too short."""
         origin = common[0]
         vertical, start = self.state.vertical_of(origin), self.state.known(origin)
+        weights = [1.0 / (self._common_spread(point) ** 2 + 1e-12) for point in common]
         real = [times(vertical, minus(self.state.known(point), start)) for point in common]
         local = [self.scratch.known(point) for point in common]
-        local_centre, centre = _centre(local), _centre(real)
+        local_centre, centre = _centre(local, weights), _centre(real, weights)
         base = max(math.dist(position[:2], local_centre) for position in local)
         size = max(math.dist(self.scratch.known(point)[:2], local_centre) for point in located)
         if base <= max(_LEAST_BASE * size, 1e-3):
             return None
         cross = dot = 0.0
-        for p, q in zip(local, real, strict=True):
+        for p, q, weight in zip(local, real, weights, strict=True):
             a, b = (p[0] - local_centre[0], p[1] - local_centre[1]), (q[0] - centre[0], q[1] - centre[1])
-            cross += b[0] * a[1] - b[1] * a[0]
-            dot += a[0] * b[0] + a[1] * b[1]
-        return _Tie(origin, math.atan2(cross, dot), local_centre, centre, self._rise(common, local, real))
+            cross += weight * (b[0] * a[1] - b[1] * a[0])
+            dot += weight * (a[0] * b[0] + a[1] * b[1])
+        spread = max(self.state.spreads[point] for point in common)
+        return _Tie(
+            origin, math.atan2(cross, dot), local_centre, centre, self._rise(common, local, real), spread
+        )
+
+    def _common_spread(self, point: int) -> float:
+        return math.hypot(self.state.spreads[point], self.scratch.spreads[point])
 
     def _rise(self, common: list[int], local: list[Space], real: list[Space]) -> float | None:
         """Mean height of the real points above the local ones."""
@@ -173,5 +192,8 @@ class LocalFrames:
         return sum(rises) / len(rises) if rises else None
 
 
-def _centre(points: list[Space]) -> tuple[float, float]:
-    return sum(p[0] for p in points) / len(points), sum(p[1] for p in points) / len(points)
+def _centre(points: list[Space], weights: list[float]) -> tuple[float, float]:
+    total = sum(weights)
+    east = sum(weight * point[0] for point, weight in zip(points, weights, strict=True))
+    north = sum(weight * point[1] for point, weight in zip(points, weights, strict=True))
+    return east / total, north / total

@@ -1,4 +1,4 @@
-"""Initial orientation of stations: local axes (#FIX), one azimuth (#VERT), or a rotation in space (#BASC)."""
+"""Initial orientation of stations: local axes (#FIX), a rotation in space (#BASC); G0 of #VERT stations."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.closed_forms import Space, wrap
-from obseq.survey.constraints import free_direction
+from obseq.survey.closed_forms import wrap
+from obseq.survey.constraints import central_angle, free_direction
 from obseq.survey.model import Orientation
 from obseq.survey.placement_state import Matrix, State, Step, as_matrix, minus, times
 
 if TYPE_CHECKING:
+    from obseq.survey.closed_forms import Space
     from obseq.survey.model import FloatArray
     from obseq.survey.sights import Graph, Sight
 
@@ -21,50 +22,46 @@ _LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""
 
 
-def orient(state: State, graph: Graph, station: int, is_constrained: list[bool]) -> bool:
-    """Orients a station if what is known allows it; a #BASC station may place its origin at the same time.
+def orient(state: State, graph: Graph, station: int) -> bool:
+    """Orients a #FIX or #BASC station, if what is known allows it; a #BASC station may place its origin too.
 
-    Args:
-        state: what is known; it is completed.
-        graph: the observations.
-        station: a station that is not oriented yet.
-        is_constrained: for each point, true when its coordinates are constrained (they are preferred).
+    Returns:
+        True when the station has just been oriented.
     """
     orientation, origin = graph.orientations[station], graph.origins[station]
+    if state.station_steps[station] is not None or orientation == Orientation.VERT:
+        return False
     if orientation == Orientation.BASC:
         return _orient_free(state, graph, station)
     if state.verticals[origin] is None:
         return False
-    if orientation == Orientation.FIX:
-        state.g0[station] = 0.0
-        state.station_steps[station] = Step("local axes")
-        return True
-    return _orient_plumb(state, graph, station, is_constrained)
+    state.g0[station], state.station_steps[station] = 0.0, Step("local axes")
+    return True
 
 
-def _orient_plumb(state: State, graph: Graph, station: int, is_constrained: list[bool]) -> bool:
-    """G0 from the first reading to a constrained point, else to any located point (MMVII: the first)."""
-    usable = []
+def reconcile(state: State, graph: Graph, station: int) -> None:
+    """Sets G0 of a plumb station to the value that most of its sights agree on, once all points are known.
+
+    With one or two sights it is that of the first, as in MMVII.
+    """
+    angles = []
     for number in graph.sights_from[station]:
         sight = graph.sights[number]
-        if state.verticals[sight.target] is None or sight.reading() is None:
-            continue
-        usable.append(sight)
-        if is_constrained[sight.target]:
-            usable[0] = sight
-            break
-    return bool(usable) and _take_azimuth(state, usable[0])
+        angle = _g0_of_sight(state, sight) if state.is_placed(sight.target) else None
+        if angle is not None:
+            angles.append(angle)
+    if angles:
+        state.g0[station] = central_angle(angles)
 
 
-def _take_azimuth(state: State, sight: Sight) -> bool:
+def _g0_of_sight(state: State, sight: Sight) -> float | None:
+    """G0 by one sight between located points; None without reading, or on the vertical."""
     reading = sight.reading()
     offset = minus(state.known(sight.target), state.known(sight.origin))
     east, north, up = times(state.vertical_of(sight.origin), offset)
     if reading is None or math.hypot(east, north) <= 1e-6 * abs(up) + 1e-9:
-        return False
-    state.g0[sight.station] = wrap(math.atan2(east, north) - reading[0])
-    state.station_steps[sight.station] = Step("azimuth of a known point", reading[1])
-    return True
+        return None
+    return wrap(math.atan2(east, north) - reading[0])
 
 
 @dataclass(frozen=True)
@@ -74,6 +71,7 @@ class _Pairs:
     ground: FloatArray
     seen: FloatArray
     rows: tuple[int, ...]
+    points: tuple[int, ...]
 
 
 def _orient_free(state: State, graph: Graph, station: int) -> bool:
@@ -101,6 +99,7 @@ def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pair
     ground: list[Space] = []
     seen: list[Space] = []
     rows: list[int] = []
+    points: list[int] = []
     for number in graph.sights_from[station]:
         sight = graph.sights[number]
         found = free_direction(sight) if state.is_placed(sight.target) else None
@@ -108,11 +107,12 @@ def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pair
             continue
         ground.append(state.known(sight.target))
         seen.append(found[0][0])
+        points.append(sight.target)
         rows.extend(found[0][1])
     vectors = np.array(seen, np.float64).reshape(-1, 3)
     if not complete:
         vectors /= np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
-    return _Pairs(np.array(ground, np.float64).reshape(-1, 3), vectors, tuple(rows))
+    return _Pairs(np.array(ground, np.float64).reshape(-1, 3), vectors, tuple(rows), tuple(points))
 
 
 def _fit_isometry(state: State, station: int, origin: int, pairs: _Pairs) -> bool:
@@ -121,12 +121,13 @@ def _fit_isometry(state: State, station: int, origin: int, pairs: _Pairs) -> boo
     rotation = best_rotation(pairs.seen - seen_centre, pairs.ground - ground_centre)
     if rotation is None:
         return False
+    step = Step("isometry on three or more points", pairs.rows)
     if not state.is_placed(origin):
         position = ground_centre - rotation @ seen_centre
         state.positions[origin] = (float(position[0]), float(position[1]), float(position[2]))
-        state.has_height[origin] = 1
-        state.point_steps[origin] = Step("isometry on three or more points", pairs.rows)
-    return _take_rotation(state, station, rotation, Step("isometry on three or more points", pairs.rows))
+        state.has_height[origin], state.point_steps[origin] = 1, step
+        state.spreads[origin] = min(state.spreads[point] for point in pairs.points)
+    return _take_rotation(state, station, rotation, step)
 
 
 def best_rotation(local: FloatArray, world: FloatArray) -> FloatArray | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -65,6 +66,9 @@ def as_matrix(array: FloatArray) -> Matrix:
 class State:
     """Known coordinates and orientations; a point can be known in the horizontal, in height, or both.
 
+    Expected errors decide what is used first: `spreads[p]` of a position (m), `noises[p]` of a position
+    relative to the station `parents[p]` that placed it, `azimuth_spreads[k]` of the zero of a station (rad).
+
     `positions[p]` is set once the horizontal position is known (on the plumb line of p, at a provisional
     height while `has_height[p]` is false). `heights[p]` is a height above the reference point, along mean
     plumb lines: differences of it are differences of ellipsoidal height to about 1e-6.
@@ -83,6 +87,11 @@ class State:
         self.point_steps: list[Step | None] = [None] * n
         self.station_steps: list[Step | None] = [None] * n_stations
         self.reference: int | None = None
+        self.spreads: list[float] = [0.0] * n
+        self.noises: list[float] = [0.0] * n
+        self.parents: list[int | None] = [None] * n
+        self.azimuth_spreads: list[float] = [0.0] * n_stations
+        self.origins: Sequence[int] = ()
 
     def is_placed(self, point: int) -> bool:
         """True when the three coordinates are known and its vertical has been computed."""
@@ -141,3 +150,18 @@ class State:
         up, other = vertical[2], self.vertical_of(self.reference)[2]
         offset = minus(position, self.known(self.reference))
         return sum((u + v) / 2.0 * d for u, v, d in zip(up, other, offset, strict=True))
+
+    def relative_spread(self, a: int, b: int, distance: float) -> float:
+        """Expected error (m) of b relative to a; small when one station placed both."""
+        station = self._common_station(a, b)
+        if station is None:
+            return math.hypot(self.spreads[a], self.spreads[b])
+        noises = [self.noises[p] for p in (a, b) if self.parents[p] == station]
+        return math.hypot(distance * self.azimuth_spreads[station], *noises)
+
+    def _common_station(self, a: int, b: int) -> int | None:
+        """The station that placed both points, or that stands on one and placed the other."""
+        first, second = self.parents[a], self.parents[b]
+        if first is not None and (first == second or self.origins[first] == b):
+            return first
+        return second if second is not None and self.origins[second] == a else None

@@ -10,10 +10,11 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.survey.model import FieldBook, ObservationType, Orientation
 
 if TYPE_CHECKING:
-    import numpy as np
     import numpy.typing as npt
 
 Measure = tuple[float, int]
@@ -62,6 +63,15 @@ class Sight:
         rows = (self.hz[1], self.zenith[1], self.distance[1])
         return direction(self.hz[0], self.zenith[0], self.distance[0]), rows
 
+    def lengths(self) -> tuple[tuple[float, float], tuple[int, ...]] | None:
+        """Horizontal distance and rise for a plumb instrument, with their observations."""
+        if self.dx is not None and self.dy is not None and self.dz is not None:
+            return (math.hypot(self.dx[0], self.dy[0]), self.dz[0]), (self.dx[1], self.dy[1], self.dz[1])
+        if self.zenith is None or self.distance is None:
+            return None
+        _, flat, rise = direction(0.0, self.zenith[0], self.distance[0])
+        return (flat, rise), (self.zenith[1], self.distance[1])
+
 
 def direction(azimuth: float, zenith: float, length: float = 1.0) -> tuple[float, float, float]:
     """Vector of a length, from an angle clockwise from y and a zenith angle."""
@@ -76,7 +86,10 @@ class Graph:
     Attributes:
         orientations: of each station, after the automatic-FIX rule.
         origins: point of each station.
+        sigmas: of each observation (m, rad).
+        is_angle: of each observation, true for Hz and Zen.
         sights: all of them, in reading order.
+        sight_of: index in `sights` of a station and a target.
         sights_from: of each station, indices in `sights`.
         sights_to: of each point, indices in `sights`.
         stations_at: of each point, its stations.
@@ -86,7 +99,10 @@ class Graph:
 
     orientations: list[Orientation]
     origins: list[int]
+    sigmas: list[float]
+    is_angle: list[bool]
     sights: list[Sight] = field(default_factory=list)
+    sight_of: dict[tuple[int, int], int] = field(default_factory=dict)
     sights_from: list[list[int]] = field(default_factory=list)
     sights_to: list[list[int]] = field(default_factory=list)
     stations_at: list[list[int]] = field(default_factory=list)
@@ -99,6 +115,8 @@ def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int
     graph = Graph(
         orientations=[Orientation(value) for value in orientations.tolist()],
         origins=book.stations.origins.tolist(),
+        sigmas=book.observations.sigmas.tolist(),
+        is_angle=np.isin(book.observations.types, (ObservationType.Hz, ObservationType.Zen)).tolist(),
         sights_from=[[] for _ in range(len(book.stations))],
         sights_to=[[] for _ in range(n_points)],
         stations_at=[[] for _ in range(n_points)],
@@ -120,7 +138,6 @@ def _pair(a: int, b: int) -> tuple[int, int]:
 def _collect(graph: Graph, book: FieldBook) -> dict[tuple[int, int], Measure]:
     """Fills the graph from the columns; returns the first distance of each pair of points."""
     columns = book.observations
-    known: dict[tuple[int, int], int] = {}
     distances: dict[tuple[int, int], Measure] = {}
     rows = zip(
         columns.types.tolist(),
@@ -142,15 +159,15 @@ def _collect(graph: Graph, book: FieldBook) -> dict[tuple[int, int], Measure]:
             graph.height_differences[origin].append((target, -value, row))
             graph.height_differences[target].append((origin, value, row))
         else:
-            sight = _sight(graph, known, station, origin, target)
+            sight = _sight(graph, station, origin, target)
             slot = _SLOTS[kind]
             if getattr(sight, slot) is None:
                 setattr(sight, slot, (_folded(value) if slot == "zenith" else value, row))
     return distances
 
 
-def _sight(graph: Graph, known: dict[tuple[int, int], int], station: int, origin: int, target: int) -> Sight:
-    number = known.setdefault((station, target), len(graph.sights))
+def _sight(graph: Graph, station: int, origin: int, target: int) -> Sight:
+    number = graph.sight_of.setdefault((station, target), len(graph.sights))
     if number == len(graph.sights):
         graph.sights.append(Sight(station, origin, target))
         graph.sights_from[station].append(number)

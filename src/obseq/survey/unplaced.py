@@ -10,7 +10,7 @@ from obseq.survey.constraints import Constraint, Kind, collect
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from obseq.survey.choice import Choice
     from obseq.survey.model import FieldBook
@@ -50,14 +50,20 @@ class Unplaced:
     station: int | None = None
 
 
-def explain_points(state: State, graph: Graph, choices: dict[int, Choice], book: FieldBook) -> list[Unplaced]:
+def explain_points(
+    state: State, graph: Graph, choices: Mapping[int, tuple[object, Choice]], book: FieldBook
+) -> list[Unplaced]:
     """The points without position, in the order of the table."""
     missing = [point for point in range(len(state.names)) if not state.is_placed(point)]
     if not missing:
         return []
     linked = _linked_to_known(state, graph)
     return [
-        Unplaced(f"point {state.names[p]}", _reason(state, graph, choices.get(p), linked, p), p)
+        Unplaced(
+            f"point {state.names[p]}",
+            _reason(state, graph, choices[p][1] if p in choices else None, linked, p),
+            p,
+        )
         for p in missing
     ]
 
