@@ -15,7 +15,7 @@ from obseq.leastsquares import LeastSquares
 
 @dataclass(frozen=True)
 class Graph:
-    """Poses and edges: rotations are (n, d, d), translations (n, d); roots are upper, root' root = information."""
+    """Poses and edges: rotations (n, d, d), translations (n, d), upper roots of the informations."""
 
     translations: np.ndarray
     rotations: np.ndarray
