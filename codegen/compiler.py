@@ -58,12 +58,17 @@ class KernelText:
 
 
 def derive(formula: Formula) -> Derived:
-    """The graph of a formula and its derivatives, in the cheaper of forward and reverse mode."""
+    """The graph of a formula and its derivatives, worked out in the cheapest order."""
     graph, residuals = translate(formula)
     digest = mathematics_hash(formula, graph, residuals)
     candidates = jacobians(graph, residuals, formula.unknowns, formula.name)
-    cheapest = min(candidates, key=lambda rows: operations(graph, [node for row in rows for node in row]))
-    return Derived(formula, graph, residuals, cheapest, digest)
+    graph, jacobian = min(candidates, key=lambda candidate: _cost(*candidate, residuals))
+    return Derived(formula, graph, residuals, jacobian, digest)
+
+
+def _cost(graph: Graph, jacobian: Jacobian, residuals: list[int]) -> int:
+    """Operations of the residuals and of a Jacobian together."""
+    return operations(graph, [*residuals, *(node for row in jacobian for node in row)])
 
 
 def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> str:

@@ -1,5 +1,8 @@
-"""Derivatives of a graph: reverse mode residual by residual, and forward mode unknown by unknown."""
+"""Derivatives of a graph: reverse mode, forward mode, and elimination in the order that costs least."""
 
+from collections.abc import Callable
+
+from obseq.codegen.elimination import Elimination
 from obseq.codegen.graph import INPUT, Graph
 from obseq.codegen.operators import OPERATORS
 from obseq.errors import FormulaError
@@ -10,13 +13,13 @@ Jacobian = list[list[int]]
 
 def jacobians(
     graph: Graph, residuals: list[int], unknowns: tuple[str, ...], formula: str
-) -> tuple[Jacobian, Jacobian]:
-    """The derivatives of the residuals with respect to the unknowns, in reverse and in forward mode.
+) -> list[tuple[Graph, Jacobian]]:
+    """The derivatives of the residuals with respect to the unknowns, worked out in several orders.
 
-    Both are nodes of the same graph, and the same mathematics; the caller keeps the cheaper one.
+    All are the same mathematics, each in a graph of its own; the caller keeps the cheapest.
 
     Args:
-        graph: The graph of the residuals; it grows.
+        graph: The graph of the residuals.
         residuals: Their nodes.
         unknowns: Names of the unknowns.
         formula: Name of the formula, for messages.
@@ -24,8 +27,12 @@ def jacobians(
     Raises:
         FormulaError: An operator on the way has no derivative.
     """
-    derivatives = _Derivatives(graph, formula, [graph.input(name) for name in unknowns])
-    return [derivatives.reverse(residual) for residual in residuals], derivatives.forward(residuals)
+    inputs = [graph.input(name) for name in unknowns]
+    found = []
+    for order in ORDERS:
+        derivatives = _Derivatives(graph.copy(), formula, inputs)
+        found.append((derivatives.graph, order(derivatives, residuals)))
+    return found
 
 
 class _Derivatives:
@@ -50,8 +57,11 @@ class _Derivatives:
             self._partials[node] = rule(self.graph, node, operands)
         return self._partials[node]
 
-    def reverse(self, residual: int) -> list[int]:
-        """The gradient of one residual, by adjoints from the residual down to the unknowns."""
+    def reverse(self, residuals: list[int]) -> Jacobian:
+        """The Jacobian row by row, by adjoints from each residual down to the unknowns."""
+        return [self._gradient(residual) for residual in residuals]
+
+    def _gradient(self, residual: int) -> list[int]:
         graph, zero = self.graph, self.graph.constant(0.0)
         adjoints = {residual: graph.constant(1.0)}
         for node in reversed(graph.reachable([residual])):
@@ -72,6 +82,17 @@ class _Derivatives:
             for operand, partial in zip(operands, self.partials(node), strict=True)
             if operand in self.active
         ]
+
+    def eliminate(self, residuals: list[int], chains_first: bool) -> Jacobian:
+        """The Jacobian by removing intermediate values one by one."""
+        elimination = Elimination(self.graph, self._edges, self.inputs, residuals)
+        return elimination.jacobian(chains_first)
+
+    def _edges(self, node: int) -> list[tuple[int, int]]:
+        """The local derivatives of a node, with the operands that they are about."""
+        if node not in self.active or self.graph.nodes[node].operator == INPUT:
+            return []
+        return self._contributions(node, self.graph.constant(1.0))
 
     def forward(self, residuals: list[int]) -> Jacobian:
         """The Jacobian column by column, by tangents from each unknown up to the residuals."""
@@ -105,3 +126,12 @@ class _Derivatives:
             for operand, partial, moves in zip(operands, self.partials(node), moving, strict=True)
             if moves
         ]
+
+
+ORDERS: tuple[Callable[[_Derivatives, list[int]], Jacobian], ...] = (
+    _Derivatives.reverse,
+    _Derivatives.forward,
+    lambda derivatives, residuals: derivatives.eliminate(residuals, chains_first=True),
+    lambda derivatives, residuals: derivatives.eliminate(residuals, chains_first=False),
+)
+"""The orders in which the chain rule may be applied."""

@@ -3,7 +3,8 @@
 Nodes are integers. A node is an operator and its operands; equal nodes are the same integer (hash consing).
 The rewriting rules are few, and each preserves the value to rounding: constants are folded, neutral elements
 disappear, negations are pushed outwards and into subtractions, division is multiplication by a reciprocal
-that all quotients of one denominator share.
+that all quotients of one denominator share, multiples of one node are added, and a product of several factors
+is computed once, in whatever order it is asked for.
 """
 
 from dataclasses import dataclass, field
@@ -14,6 +15,8 @@ from obseq.codegen.operators import OPERATORS
 CONSTANT = "constant"
 INPUT = "input"
 COMMUTATIVE = frozenset({"add", "mul"})
+MOST_FACTORS = 8
+"""Products of more factors are not looked for in other orders."""
 
 
 class Node(NamedTuple):
@@ -31,6 +34,20 @@ class Graph:
     nodes: list[Node] = field(default_factory=list)
     names: dict[int, str] = field(default_factory=dict)
     _numbers: dict[Node, int] = field(default_factory=dict)
+    _factors: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    _products: dict[tuple[int, ...], int] = field(default_factory=dict)
+    _coefficients: dict[int, float] = field(default_factory=dict)
+
+    def copy(self) -> "Graph":
+        """A graph of the same nodes, that grows on its own."""
+        return Graph(
+            self.nodes.copy(),
+            self.names.copy(),
+            self._numbers.copy(),
+            self._factors.copy(),
+            self._products.copy(),
+            self._coefficients.copy(),
+        )
 
     def node(self, operator: str, *operands: int, value: float | str = "") -> int:
         """The number of a node, created if it is new; no simplification."""
@@ -78,25 +95,30 @@ class Graph:
             return b
         if v == 0.0:
             return a
-        if a == b:
-            return self.mul(self.constant(2.0), a)
+        if (multiple := self._combined(a, b, 1.0)) is not None:
+            return multiple
         if (opposite := self._negated(b)) is not None:
             return self.sub(a, opposite)
         if (opposite := self._negated(a)) is not None:
             return self.sub(b, opposite)
         return self.node("add", a, b)
 
+    def _combined(self, a: int, b: int, sign: float) -> int | None:
+        """The sum a + sign b when both are multiples of one node, else None."""
+        (p, x), (q, y) = self._scaled(a) or (1.0, a), self._scaled(b) or (1.0, b)
+        return self._scale(p + sign * q, x) if x == y else None
+
     def sub(self, a: int, b: int) -> int:
         """The difference a - b."""
         u, v = self.constant_value(a), self.constant_value(b)
         if u is not None and v is not None:
             return self.constant(u - v)
-        if a == b:
-            return self.constant(0.0)
         if u == 0.0:
             return self.neg(b)
         if v == 0.0:
             return a
+        if (multiple := self._combined(a, b, -1.0)) is not None:
+            return multiple
         if (opposite := self._negated(b)) is not None:
             return self.add(a, opposite)
         if (opposite := self._negated(a)) is not None:
@@ -135,7 +157,43 @@ class Graph:
             return self._scale(first[0] * second[0], self.mul(first[1], second[1]))
         if a == b and self.nodes[a].operator == "sqrt":
             return self.nodes[a].operands[0]
-        return self.node("mul", a, b)
+        for scaled, other in ((first, b), (second, a)):
+            if scaled is not None and (known := self._known_product(scaled[1], other)) is not None:
+                return self._scale(scaled[0], known)
+        p, q = self._coefficient(a), self._coefficient(b)
+        if p != 1.0 and abs(p * q) == 1.0:
+            return self._scale(p * q, self.mul(self._pure(a), self._pure(b)))
+        known = self._known_product(a, b)
+        return known if known is not None else self._new_product(a, b)
+
+    def _coefficient(self, node: int) -> float:
+        """The constant factor of a product, however deep in it."""
+        scaled = self._scaled(node)
+        return scaled[0] * self._coefficient(scaled[1]) if scaled else self._coefficients.get(node, 1.0)
+
+    def _pure(self, node: int) -> int:
+        """A product without its constant factor."""
+        if self._coefficient(node) == 1.0:
+            return node
+        if (scaled := self._scaled(node)) is not None:
+            return self._pure(scaled[1])
+        a, b = self.nodes[node].operands
+        return self.mul(self._pure(a), self._pure(b))
+
+    def _product_key(self, a: int, b: int) -> tuple[int, ...]:
+        return tuple(sorted(self._factors.get(a, (a,)) + self._factors.get(b, (b,))))
+
+    def _known_product(self, a: int, b: int) -> int | None:
+        """The node that multiplies the same factors as a b, in any order, if there is one."""
+        return self._products.get(self._product_key(a, b))
+
+    def _new_product(self, a: int, b: int) -> int:
+        node, key = self.node("mul", a, b), self._product_key(a, b)
+        if len(key) <= MOST_FACTORS:
+            self._factors[node] = key
+            self._products[key] = node
+        self._coefficients[node] = self._coefficient(a) * self._coefficient(b)
+        return node
 
     def _scale(self, factor: float, a: int) -> int:
         if factor == 0.0:
