@@ -275,15 +275,14 @@ def refine(
     noises = np.array(_expected_misfits(state, constraints, position, sigmas, length))
     spreads = np.sqrt(np.square(inverse * noises).sum(axis=1))
     azimuths = dict(zip(free_stations, spreads[len(axes) :].tolist(), strict=True))
-    return Refined(
-        position, float(singular[-1]), float(np.hypot.reduce(spreads[: len(axes)])) * length, azimuths
-    )
+    spread = float(np.hypot.reduce(spreads[: len(axes)])) * length
+    return Refined(position, float(singular[-1]), spread, azimuths)
 
 
 def _expected_misfits(
     state: State, constraints: Sequence[Constraint], position: Space, sigmas: Sequence[float], length: float
 ) -> list[float]:
-    """Expected size of the scaled misfits: noise of the observations, and of the points relative to the best."""
+    """Expected size of the scaled misfits: noise of observations, and of points relative to the best one."""
     best = min((c.other for c in constraints), key=lambda other: state.spreads[other])
     expected = []
     for c in constraints:
