@@ -38,8 +38,8 @@ def statements(derived: Derived, outputs: Sequence[tuple[int, str, str]], inputs
     Raises:
         FormulaError: An operator of the formula has no C text.
     """
-    printer = Printer(derived.graph, [Store(*output) for output in outputs], inputs, C99)
-    lines = printer.print()
+    printer = Printer(derived.graph, inputs, C99)
+    lines = printer.loop([Store(*output) for output in outputs])
     for function in sorted(printer.functions):
         if function not in HELPERS:
             raise FormulaError(

@@ -2,15 +2,22 @@
 
 import hashlib
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, jacobians
 from obseq.codegen.graph import Graph
 from obseq.codegen.printing import Printer, Store, row_place
+from obseq.codegen.stages import parked
 from obseq.codegen.translate import translate
 from obseq.formulas.base import Formula
 
 GENERATOR_VERSION = "1"
+
+SHORTEST_LOOP = 12
+"""Lines of a lane loop up to which LLVM must be kept from unrolling it before it is vectorised."""
+
+PARKED = "what takes long, parked in rows of results"
 
 
 @dataclass(frozen=True)
@@ -48,13 +55,21 @@ class Derived:
 
 @dataclass(frozen=True)
 class KernelText:
-    """The text of one kernel: its name, its documentation, the body of its lane loop, what it calls."""
+    """The text of one kernel: its name, its documentation, the bodies of its lane loops, what it calls."""
 
     name: str
     doc: str
     rows_name: str
-    lines: list[str]
+    loops: list[list[str]]
     functions: set[str]
+
+
+class Output(NamedTuple):
+    """A result of a kernel: its node, its row in the tile, what it is."""
+
+    node: int
+    row: int
+    comment: str = ""
 
 
 def derive(formula: Formula) -> Derived:
@@ -62,7 +77,7 @@ def derive(formula: Formula) -> Derived:
     graph, residuals = translate(formula)
     digest = mathematics_hash(formula, graph, residuals)
     candidates = jacobians(graph, residuals, formula.unknowns, formula.name)
-    graph, jacobian = min(candidates, key=lambda candidate: _cost(*candidate, residuals))
+    graph, jacobian = min(candidates, key=lambda candidate: _cost(candidate[0], candidate[1], residuals))
     return Derived(formula, graph, residuals, jacobian, digest)
 
 
@@ -86,32 +101,46 @@ def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> st
 
 def value_kernel(derived: Derived) -> KernelText:
     """The kernel that computes the residuals alone."""
-    n_inputs = len(derived.formula.unknowns) + len(derived.formula.observations)
-    stores = [Store(node, row_place(n_inputs + k)) for k, node in enumerate(derived.residuals)]
+    outputs = [Output(node, row) for row, node in enumerate(derived.residuals, _first_result(derived))]
     doc = f"Rows of each tile: {_rows_text(derived, False)}; one lane per observation."
-    return _kernel(derived, "value", doc, "VALUE_ROWS", stores)
+    return _kernel(derived, "value", doc, "VALUE_ROWS", outputs)
 
 
 def jacobian_kernel(derived: Derived) -> KernelText:
     """The kernel that computes residuals and Jacobian; constant entries of the Jacobian are not stored."""
-    formula, graph = derived.formula, derived.graph
-    first = len(formula.unknowns) + len(formula.observations)
-    stores = [Store(node, row_place(first + k), "residuals") for k, node in enumerate(derived.residuals)]
-    first += len(derived.residuals)
-    for i, row in enumerate(derived.jacobian):
-        stores += [
-            Store(node, row_place(first + i * len(row) + j), "derivatives")
-            for j, node in enumerate(row)
-            if graph.constant_value(node) is None
-        ]
+    first = _first_result(derived)
+    outputs = [Output(node, row, "residuals") for row, node in enumerate(derived.residuals, first)]
+    entries = (node for row in derived.jacobian for node in row)
+    outputs += [
+        Output(node, row, "derivatives")
+        for row, node in enumerate(entries, first + len(derived.residuals))
+        if derived.graph.constant_value(node) is None
+    ]
     doc = f"Rows of each tile: {_rows_text(derived, True)}; one lane per observation."
-    return _kernel(derived, "value_and_jacobian", doc, "ROWS", stores)
+    return _kernel(derived, "value_and_jacobian", doc, "ROWS", outputs)
 
 
-def _kernel(derived: Derived, name: str, doc: str, rows_name: str, stores: list[Store]) -> KernelText:
-    names = (*derived.formula.unknowns, *derived.formula.observations)
-    printer = Printer(derived.graph, stores, {scalar: row_place(row) for row, scalar in enumerate(names)})
-    return KernelText(name, doc, rows_name, printer.print() or ["pass"], printer.functions)
+def _first_result(derived: Derived) -> int:
+    return len(derived.formula.unknowns) + len(derived.formula.observations)
+
+
+def _kernel(derived: Derived, name: str, doc: str, rows_name: str, outputs: list[Output]) -> KernelText:
+    """The text of a kernel: one loop, or two where that is faster."""
+    scalars = (*derived.formula.unknowns, *derived.formula.observations)
+    printer = Printer(derived.graph, {scalar: row_place(row) for row, scalar in enumerate(scalars)})
+    rows = parked(derived.graph, [(output.node, output.row) for output in outputs])
+    places = {node: row_place(row) for node, row in rows.items()}
+    loops = [printer.loop([Store(node, place, PARKED) for node, place in places.items()])] if rows else []
+    stores = [
+        Store(output.node, row_place(output.row), output.comment)
+        for output in outputs
+        if rows.get(output.node) != output.row
+    ]
+    loops.append(printer.loop(stores, places))
+    if len(loops) == 1 and len(loops[0]) <= SHORTEST_LOOP:
+        loops[0].insert(0, "keep_loop()")
+        printer.functions.add("keep_loop")
+    return KernelText(name, doc, rows_name, loops, printer.functions)
 
 
 def _rows_text(derived: Derived, with_jacobian: bool) -> str:

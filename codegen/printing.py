@@ -2,11 +2,14 @@
 
 import keyword
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from obseq.codegen.graph import CONSTANT, INPUT, Graph
 from obseq.codegen.operators import OPERATORS
 
+NOTHING: Mapping[int, str] = MappingProxyType({})
 LONGEST_EXPRESSION = 80
 """Characters beyond which an expression is cut, and its parts get names of their own."""
 
@@ -52,49 +55,73 @@ class Store:
 class Printer:
     """Prints the operations that some stores need, every shared node as one assignment.
 
+    A kernel may be several loops; the names of nodes are the same in all of them.
+
     Attributes:
         graph: The graph.
-        stores: The outputs.
         places: Name of every input, and the place that it is read from, in the order of the loads.
         dialect: The language.
-        lines: The lines printed.
-        functions: The functions that they call.
+        functions: The functions called so far.
     """
 
     graph: Graph
-    stores: list[Store]
     places: dict[str, str]
     dialect: Dialect = PYTHON
-    lines: list[str] = field(default_factory=list)
     functions: set[str] = field(default_factory=set)
+    _lines: list[str] = field(default_factory=list)
+    _names: dict[int, str] = field(default_factory=dict)
+    _inputs: dict[str, str] = field(default_factory=dict)
     _text: dict[int, str] = field(default_factory=dict)
     _taken: set[str] = field(default_factory=lambda: set(OPERATORS))
     _uses: Counter[int] = field(default_factory=Counter)
     _temporaries: int = 0
 
-    def print(self) -> list[str]:
-        """The lines of the lane loop's body: loads of the inputs used, operations, stores."""
+    def __post_init__(self) -> None:
         self._taken |= self.dialect.reserved
-        outputs = [store.node for store in self.stores]
-        nodes = self.graph.reachable(outputs)
-        self._uses.update(operand for node in nodes for operand in self.graph.nodes[node].operands)
+        self._inputs = {name: self._free_name(name) for name in self.places}
+
+    def loop(self, stores: list[Store], parked: Mapping[int, str] = NOTHING) -> list[str]:
+        """The lines of a loop's body: loads of what it needs, operations, stores.
+
+        Args:
+            stores: The outputs.
+            parked: Nodes that an earlier loop computed, and the places where it left them.
+        """
+        outputs = [store.node for store in stores]
+        nodes = self._needed(outputs, parked)
+        computed = [node for node in nodes if node not in parked]
+        self._lines, self._text = [], {}
+        self._uses = Counter(operand for node in computed for operand in self.graph.nodes[node].operands)
         self._uses.update(outputs)
-        self._load(nodes)
+        self._load(nodes, parked)
         comment = ""
-        for store in self.stores:
+        for store in stores:
             if store.comment != comment:
                 comment = store.comment
-                self.lines.append(self.dialect.comment.format(comment))
-            self.lines.append(self.dialect.store.format(store.place, self._expression(store.node)[0]))
-        return self.lines
+                self._lines.append(self.dialect.comment.format(comment))
+            self._lines.append(self.dialect.store.format(store.place, self._expression(store.node)[0]))
+        return self._lines
 
-    def _load(self, nodes: list[int]) -> None:
-        """One line per input used, in the order of the places; these names come first, so they stay as they are."""
+    def _needed(self, outputs: list[int], parked: Mapping[int, str]) -> list[int]:
+        seen: set[int] = set()
+        pending = list(outputs)
+        while pending:
+            node = pending.pop()
+            if node not in seen:
+                seen.add(node)
+                pending.extend(() if node in parked else self.graph.nodes[node].operands)
+        return sorted(seen)
+
+    def _load(self, nodes: list[int], parked: Mapping[int, str]) -> None:
+        """One line per input used, in the order of the places, then one per parked value."""
         inputs = {str(self.graph.nodes[n].value): n for n in nodes if self.graph.nodes[n].operator == INPUT}
         for name, place in self.places.items():
             if name in inputs:
-                text = self._text[inputs[name]] = self._free_name(name)
-                self.lines.append(self.dialect.definition.format(text, place))
+                self._text[inputs[name]] = self._inputs[name]
+                self._lines.append(self.dialect.definition.format(self._inputs[name], place))
+        for node, place in parked.items():
+            if node in nodes:
+                self._define(node, place)
 
     def _free_name(self, wanted: str) -> str:
         while wanted in self._taken:
@@ -106,10 +133,13 @@ class Printer:
         self._temporaries += 1
         return self._free_name(f"t{self._temporaries}")
 
-    def _assign(self, node: int, expression: str) -> str:
-        name = self.graph.names.get(node)
-        self._text[node] = self._free_name(name) if name else self._temporary()
-        self.lines.append(self.dialect.definition.format(self._text[node], expression))
+    def _define(self, node: int, expression: str) -> str:
+        """A line that gives a node its name, in this loop."""
+        if node not in self._names:
+            name = self.graph.names.get(node)
+            self._names[node] = self._free_name(name) if name else self._temporary()
+        self._text[node] = self._names[node]
+        self._lines.append(self.dialect.definition.format(self._text[node], expression))
         return self._text[node]
 
     def _expression(self, node: int) -> tuple[str, int]:
@@ -121,7 +151,7 @@ class Printer:
             return repr(float(value)), ATOM if float(value) >= 0 else SIGN
         text, precedence = self._operation(operator, operands)
         if self._uses[node] > 1 or node in self.graph.names:
-            return self._assign(node, text), ATOM
+            return self._define(node, text), ATOM
         return text, precedence
 
     def _operation(self, operator: str, operands: tuple[int, ...]) -> tuple[str, int]:
@@ -134,7 +164,7 @@ class Printer:
         texts = []
         for position, (operand, (text, inner)) in enumerate(zip(operands, parts, strict=True)):
             if len(text) > LONGEST_EXPRESSION // len(operands):
-                text, inner = self._assign(operand, text), ATOM
+                text, inner = self._define(operand, text), ATOM
             tight = inner < precedence or (inner == precedence and position > 0) or inner == SIGN
             texts.append(f"({text})" if tight and precedence != ATOM else text)
         return OPERATORS[operator].symbol.format(*texts), precedence
@@ -149,9 +179,9 @@ class Printer:
                     self._expression(node.operands[0]),
                 )
                 if len(top) > LONGEST_EXPRESSION // 2:
-                    top, outer = self._assign(numerator, top), ATOM
+                    top, outer = self._define(numerator, top), ATOM
                 if len(bottom) > LONGEST_EXPRESSION // 2:
-                    bottom, inner = self._assign(node.operands[0], bottom), ATOM
+                    bottom, inner = self._define(node.operands[0], bottom), ATOM
                 top = f"({top})" if outer in (SUM, SIGN) else top
                 return f"{top} / {bottom}" if inner == ATOM else f"{top} / ({bottom})"
         return ""

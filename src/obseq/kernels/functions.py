@@ -42,6 +42,7 @@ __all__ = [
     "cos",
     "cos_sqrt",
     "exp",
+    "keep_loop",
     "log",
     "normalised_ratio",
     "normalised_ratio_slope",
@@ -218,6 +219,17 @@ def tan(x):  # type: ignore[no-untyped-def]
     odd = quadrant != 2.0 * np.floor(0.5 * quadrant)
     value = (-cosine if odd else sine) / (sine if odd else cosine)
     return value if abs(x) <= LARGEST_ANGLE else math.nan
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def keep_loop(typing_context):  # type: ignore[no-untyped-def]
+    """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        builder.function.attributes.add("optsize")
+        return context.get_dummy_value()
+
+    return types.void(), generate
 
 
 @intrinsic  # type: ignore[untyped-decorator]
