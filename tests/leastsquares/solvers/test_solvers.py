@@ -82,6 +82,16 @@ def test_a_regular_matrix_has_no_defect(solver_name, regular):
     assert solver.null_vectors().shape == (len(regular), 0)
 
 
+def test_empty_system(solver_name):
+    pattern = SymmetricPattern(0, np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32))
+    solver = choose_solver(pattern, solver_name)
+    solver.analyse(pattern)
+    solver.factor(np.zeros(0))
+    assert solver.defect().dimension == 0
+    assert solver.solve(np.zeros((0, 2))).shape == (0, 2)
+    assert solver.selected_inverse().shape == (0,)
+
+
 def test_statistics_count_the_factor(solver_name, build):
     solver, pattern = factored(solver_name, build.chain(40))
     statistics = solver.statistics

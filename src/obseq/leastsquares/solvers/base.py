@@ -59,7 +59,7 @@ class BaseSolver(ABC):
         """
         values = self._checked(values)
         self._invalidate()
-        defect = self._factor(values)
+        defect = self._factor(values) if len(values) else defect_of(values, self._pivot_tolerance)
         diagonal = values[self._pattern.diagonal[defect.indices]]
         self._replaced = replacement_pivots(diagonal)
         self._found = defect
@@ -71,12 +71,14 @@ class BaseSolver(ABC):
         right = np.asarray(rhs, dtype=np.float64)
         if right.ndim not in (1, 2) or right.shape[0] != self._pattern.n:
             raise InputError(f"right-hand side of shape {right.shape} for {self._pattern.n} unknowns")
+        if not right.size:
+            return right.copy()
         return self._solve(right.reshape(self._pattern.n, -1)).reshape(right.shape)
 
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
         self._require_regular()
-        return self._selected_inverse()
+        return self._selected_inverse() if self._pattern.n else np.empty(0)
 
     def defect(self) -> Defect:
         """Where pivots vanished in the last factorisation; empty for a regular matrix."""

@@ -162,7 +162,7 @@ class SupernodalCholesky(BaseSolver):
 
     @property
     def _last_places(self) -> IntArray:
-        """(k,) places of the unknowns `last` among themselves in the elimination, which takes them ascending."""
+        """(k,) rank of each of the unknowns `last`, which are eliminated in ascending order."""
         return np.argsort(np.argsort(self._last))
 
     def reduce(self, rhs: ArrayLike) -> FloatArray:

@@ -24,8 +24,8 @@ LOWER, RIGHT = np.uint8(ord("L")), np.uint8(ord("R"))
 TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))
 ONE, ZERO, MINUS = np.float64(1.0), np.float64(0.0), np.float64(-1.0)
 
-SMALL_WIDTH = 4
-SMALL_FRONT = 24
+SMALL_WIDTH = 8
+SMALL_FRONT = 32
 """Fronts of so few columns and rows are treated by plain loops: a call of BLAS costs more."""
 
 

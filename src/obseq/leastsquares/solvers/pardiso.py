@@ -148,7 +148,7 @@ def _call(
         _pointer(handle), *integers, _pointer(values), _pointer(indptr), _pointer(indices), no_order,
         columns, _pointer(settings), silent, _pointer(rhs), _pointer(result), ctypes.byref(status),
     )  # fmt: skip
-    function(*[ctypes.cast(argument, ctypes.c_void_p) for argument in arguments])
+    function(*arguments)
     return status.value
 
 

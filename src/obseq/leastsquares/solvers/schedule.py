@@ -78,7 +78,7 @@ def plan(structure: Structure, threads: int) -> Schedule:
     return Schedule(
         tasks,
         above,
-        np.bincount(task, seconds, count),
+        np.bincount(task, seconds, count).astype(np.float64),
         is_shared,
         update_at,
         front_at,
@@ -171,12 +171,15 @@ def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, a
     for k in range(len(nodes)):
         if not is_shared[nodes[k]] and depth[k] == 1:
             at[nodes[k]] += highest[0]
-    return highest[0] + highest[1]
+    return int(highest[0] + highest[1])
 
 
 @compiled
 def place_fronts(nodes: Array, parent: Array, front: Array, is_shared: Array, at: Array) -> int:
-    """Places the fronts of a task, visited from the root down, each above that of its parent.
+    """Places the fronts of a task, visited from the root down, in two stacks as `place_updates` does.
+
+    A front is needed until its last child has been visited, which is the first one in the elimination: the
+    children of that one are put in its place.
 
     Args:
         nodes: supernodes of the task, children first.
@@ -188,12 +191,30 @@ def place_fronts(nodes: Array, parent: Array, front: Array, is_shared: Array, at
     Returns:
         Numbers in the room that this takes.
     """
-    end = 0
+    index = np.searchsorted(nodes, parent[nodes])
+    has_parent = (parent[nodes] >= 0) & ~is_shared[nodes]
+    first = np.full(len(nodes), -1, np.int64)
+    for k in range(len(nodes)):
+        if has_parent[k] and first[index[k]] < 0:
+            first[index[k]] = k
+    depth = np.zeros(len(nodes), np.int8)
+    free = np.zeros((len(nodes), 2), np.int64)  # where the children of each may start on both stacks
+    highest = np.zeros(2, np.int64)
     for k in range(len(nodes) - 1, -1, -1):
-        s, p = nodes[k], parent[nodes[k]]
-        at[s] = 0 if p < 0 or is_shared[s] else at[p] + front[p] * front[p]
-        end = max(end, at[s] + front[s] * front[s])
-    return end
+        if has_parent[k]:
+            p = index[k]
+            depth[k] = 1 - depth[p]
+            free[k] = free[p]
+            if first[p] == k:
+                free[k, depth[p]] = at[nodes[p]]
+        d = depth[k]
+        at[nodes[k]] = free[k, d]
+        free[k, d] += front[nodes[k]] ** 2
+        highest[d] = max(highest[d], free[k, d])
+    for k in range(len(nodes)):
+        if depth[k] == 1:
+            at[nodes[k]] += highest[0]
+    return int(highest[0] + highest[1])
 
 
 def run_tasks(
@@ -214,8 +235,8 @@ def run_tasks(
     after, blockers = _order(schedule, upwards)
     urgency = -_longest_paths(schedule, upwards)
     ready: list[tuple[float, int]] = []
-    for task in np.flatnonzero(blockers == 0):
-        heappush(ready, (urgency[task], int(task)))
+    for task in np.flatnonzero(blockers == 0).tolist():
+        heappush(ready, (urgency[task], task))
     idle = list(range(threads))
     running: dict[Future[None], tuple[int, int]] = {}
     with ThreadPoolExecutor(threads) as pool:

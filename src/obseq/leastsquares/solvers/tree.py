@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
+OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
+"""Operations, entries of a front and of its panel treated in one second; seconds spent on any front."""
+
 
 @compiled
 def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array) -> Array:
@@ -34,7 +37,7 @@ def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array
 
 @compiled
 def postorder(parent: Array, size: Array) -> Array:
-    """(n,) nodes of a forest, children before parents, subtrees together, the child of largest `size` first."""
+    """(n,) nodes of a forest, children before parents, the child of largest `size` first."""
     n = len(parent)
     head = np.full(n + 1, -1, np.int64)
     following = np.empty(n, np.int64)
@@ -108,7 +111,6 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
     node = np.empty(n, np.int64)
     width = np.empty(n, np.int64)
     below = np.empty(n, np.int64)
-    entries = np.empty(n, np.float64)
     above = np.empty(n, np.int64)
     m = 0
     for v in range(n):
@@ -123,9 +125,8 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
         above[s] = parent[v]
     for s in range(m):
         above[s] = node[above[s]] if above[s] >= 0 else -1
-        entries[s] = 0.5 * width[s] * (width[s] + 1) + width[s] * below[s]
     into = np.arange(m)
-    absorbed = _absorb(above, width, below, entries, into, m - 1 if has_last else m)
+    absorbed = _absorb(above, width, below, into, m - 1 if has_last else m)
     # Chains of absorptions end in the supernode that stays; number those that stay.
     number = np.empty(m, np.int64)
     kept = m - absorbed
@@ -145,7 +146,7 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
 
 
 @compiled
-def _absorb(above: Array, width: Array, below: Array, entries: Array, into: Array, limit: int) -> int:
+def _absorb(above: Array, width: Array, below: Array, into: Array, limit: int) -> int:
     """Merges children into their parents where few zeros enter the factor; returns how many."""
     head = np.full(len(into), -1, np.int64)
     following = np.full(len(into), -1, np.int64)
@@ -153,12 +154,8 @@ def _absorb(above: Array, width: Array, below: Array, entries: Array, into: Arra
     for s in range(len(into)):
         child = head[s]
         while child >= 0 and s < limit:
-            columns = width[s] + width[child]
-            full = 0.5 * columns * (columns + 1) + columns * below[s]
-            zeros = full - entries[s] - entries[child]
-            if is_worth_merging(columns, zeros / full):
-                width[s] = columns
-                entries[s] += entries[child]
+            if is_worth_merging(width[child], below[child], width[s], below[s]):
+                width[s] += width[child]
                 into[child] = s
                 absorbed += 1
             child = following[child]
@@ -169,6 +166,15 @@ def _absorb(above: Array, width: Array, below: Array, entries: Array, into: Arra
 
 
 @compiled
-def is_worth_merging(columns: int, zeros: float) -> bool:
-    """Whether a supernode of so many columns may hold this share of zeros (as CHOLMOD relaxes its own)."""
-    return columns <= 4 or (columns <= 16 and zeros < 0.8) or (columns <= 48 and zeros < 0.1) or zeros < 0.05
+def is_worth_merging(child_width: int, child_below: int, width: int, below: int) -> bool:
+    """Whether one front is cheaper than a child and its parent apart: operations, memory, calls."""
+    apart = expected_seconds(child_width, child_below) + expected_seconds(width, below)
+    return expected_seconds(child_width + width, below) < apart
+
+
+@compiled
+def expected_seconds(width: float, below: float) -> float:
+    """What a front costs to assemble and factor; the proportions matter, the unit does not."""
+    operations = width * (width * (width / 3.0 + below) + below * below)
+    front = width + below
+    return operations / OPERATIONS + front * front / ENTRIES + width * front / PANEL + CALL
