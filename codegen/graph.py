@@ -27,6 +27,13 @@ class Node(NamedTuple):
     value: float | str = ""
 
 
+class Monomial(NamedTuple):
+    """What a product multiplies: a constant, and its other factors sorted."""
+
+    coefficient: float
+    factors: tuple[int, ...]
+
+
 @dataclass
 class Graph:
     """Nodes in an order where operands come first; names that `let` gave to some of them."""
@@ -34,9 +41,8 @@ class Graph:
     nodes: list[Node] = field(default_factory=list)
     names: dict[int, str] = field(default_factory=dict)
     _numbers: dict[Node, int] = field(default_factory=dict)
-    _factors: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    _products: dict[tuple[int, ...], int] = field(default_factory=dict)
-    _coefficients: dict[int, float] = field(default_factory=dict)
+    _monomials: dict[int, Monomial] = field(default_factory=dict)
+    _products: dict[Monomial, int] = field(default_factory=dict)
 
     def copy(self) -> "Graph":
         """A graph of the same nodes, that grows on its own."""
@@ -44,9 +50,8 @@ class Graph:
             self.nodes.copy(),
             self.names.copy(),
             self._numbers.copy(),
-            self._factors.copy(),
+            self._monomials.copy(),
             self._products.copy(),
-            self._coefficients.copy(),
         )
 
     def node(self, operator: str, *operands: int, value: float | str = "") -> int:
@@ -157,42 +162,37 @@ class Graph:
             return self._scale(first[0] * second[0], self.mul(first[1], second[1]))
         if a == b and self.nodes[a].operator == "sqrt":
             return self.nodes[a].operands[0]
-        for scaled, other in ((first, b), (second, a)):
-            if scaled is not None and (known := self._known_product(scaled[1], other)) is not None:
-                return self._scale(scaled[0], known)
-        p, q = self._coefficient(a), self._coefficient(b)
+        return self._product(a, b)
+
+    def _monomial(self, node: int) -> Monomial:
+        return self._monomials.get(node) or Monomial(1.0, (node,))
+
+    def _product(self, a: int, b: int) -> int:
+        """The product a b: the node that multiplies the same factors in any order, if there is one."""
+        (p, x), (q, y) = self._monomial(a), self._monomial(b)
+        monomial = Monomial(p * q, tuple(sorted(x + y)))
+        if monomial in self._products:
+            return self._products[monomial]
+        plain = self._products.get(Monomial(1.0, monomial.factors))
+        if plain is not None:
+            return self._scale(p * q, plain)
         if p != 1.0 and abs(p * q) == 1.0:
-            return self._scale(p * q, self.mul(self._pure(a), self._pure(b)))
-        known = self._known_product(a, b)
-        return known if known is not None else self._new_product(a, b)
+            return self._scale(p * q, self.mul(self._plain(a), self._plain(b)))
+        return self._registered(self.node("mul", a, b), monomial)
 
-    def _coefficient(self, node: int) -> float:
-        """The constant factor of a product, however deep in it."""
-        scaled = self._scaled(node)
-        return scaled[0] * self._coefficient(scaled[1]) if scaled else self._coefficients.get(node, 1.0)
-
-    def _pure(self, node: int) -> int:
-        """A product without its constant factor."""
-        if self._coefficient(node) == 1.0:
+    def _plain(self, node: int) -> int:
+        """A product without its constant factor, however deep in it."""
+        if self._monomial(node).coefficient == 1.0:
             return node
         if (scaled := self._scaled(node)) is not None:
-            return self._pure(scaled[1])
+            return self._plain(scaled[1])
         a, b = self.nodes[node].operands
-        return self.mul(self._pure(a), self._pure(b))
+        return self.mul(self._plain(a), self._plain(b))
 
-    def _product_key(self, a: int, b: int) -> tuple[int, ...]:
-        return tuple(sorted(self._factors.get(a, (a,)) + self._factors.get(b, (b,))))
-
-    def _known_product(self, a: int, b: int) -> int | None:
-        """The node that multiplies the same factors as a b, in any order, if there is one."""
-        return self._products.get(self._product_key(a, b))
-
-    def _new_product(self, a: int, b: int) -> int:
-        node, key = self.node("mul", a, b), self._product_key(a, b)
-        if len(key) <= MOST_FACTORS:
-            self._factors[node] = key
-            self._products[key] = node
-        self._coefficients[node] = self._coefficient(a) * self._coefficient(b)
+    def _registered(self, node: int, monomial: Monomial) -> int:
+        if len(monomial.factors) <= MOST_FACTORS:
+            self._monomials[node] = monomial
+            self._products.setdefault(monomial, node)
         return node
 
     def _scale(self, factor: float, a: int) -> int:
@@ -206,7 +206,11 @@ class Graph:
             return self._scale(-factor, opposite)
         if (scaled := self._scaled(a)) is not None:
             return self._scale(factor * scaled[0], scaled[1])
-        return self.node("mul", self.constant(factor), a)
+        coefficient, factors = self._monomial(a)
+        monomial = Monomial(factor * coefficient, factors)
+        if monomial in self._products:
+            return self._products[monomial]
+        return self._registered(self.node("mul", self.constant(factor), a), monomial)
 
     def rcp(self, a: int) -> int:
         """The reciprocal 1/a."""
