@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from obseq.codegen.counting import operations
-from obseq.codegen.differentiate import Jacobian, jacobians
+from obseq.codegen.differentiate import Jacobian, directional, jacobians
 from obseq.codegen.graph import Graph
 from obseq.codegen.printing import Printer, Store, row_place
 from obseq.codegen.stages import parked
@@ -55,11 +55,21 @@ class Derived:
 
 @dataclass(frozen=True)
 class KernelText:
-    """The text of one kernel: its name, its documentation, the bodies of its lane loops, what it calls."""
+    """The text of one kernel.
+
+    Attributes:
+        name: Name of the function.
+        doc: What the rows of a tile are.
+        rows_name: Name of the number of rows of a tile in the module.
+        rows: That number.
+        loops: Bodies of its lane loops.
+        functions: What they call.
+    """
 
     name: str
     doc: str
     rows_name: str
+    rows: int
     loops: list[list[str]]
     functions: set[str]
 
@@ -101,64 +111,101 @@ def mathematics_hash(formula: Formula, graph: Graph, residuals: list[int]) -> st
 
 def value_kernel(derived: Derived) -> KernelText:
     """The kernel that computes the residuals alone."""
-    outputs = [Output(node, row) for row, node in enumerate(derived.residuals, _first_result(derived))]
-    doc = f"Rows of each tile: {_rows_text(derived, False)}; one lane per observation."
-    return _kernel(derived, "value", doc, "VALUE_ROWS", outputs)
+    rows = _Rows.of(derived, residuals=len(derived.residuals))
+    outputs = [Output(node, row) for row, node in enumerate(derived.residuals, rows.start("residuals"))]
+    return _kernel("value", "VALUE_ROWS", rows, derived.graph, _scalars(derived), outputs)
 
 
 def jacobian_kernel(derived: Derived) -> KernelText:
     """The kernel that computes residuals and Jacobian; constant entries of the Jacobian are not stored."""
-    first = _first_result(derived)
-    outputs = [Output(node, row, "residuals") for row, node in enumerate(derived.residuals, first)]
+    n_residuals = len(derived.residuals)
+    rows = _Rows.of(derived, residuals=n_residuals, Jacobian=n_residuals * len(derived.formula.unknowns))
+    outputs = [
+        Output(node, row, "residuals") for row, node in enumerate(derived.residuals, rows.start("residuals"))
+    ]
     entries = (node for row in derived.jacobian for node in row)
     outputs += [
         Output(node, row, "derivatives")
-        for row, node in enumerate(entries, first + len(derived.residuals))
+        for row, node in enumerate(entries, rows.start("Jacobian"))
         if derived.graph.constant_value(node) is None
     ]
-    doc = f"Rows of each tile: {_rows_text(derived, True)}; one lane per observation."
-    return _kernel(derived, "value_and_jacobian", doc, "ROWS", outputs)
+    return _kernel("value_and_jacobian", "ROWS", rows, derived.graph, _scalars(derived), outputs)
 
 
-def _first_result(derived: Derived) -> int:
-    return len(derived.formula.unknowns) + len(derived.formula.observations)
+def directional_kernel(derived: Derived) -> KernelText:
+    """The kernel that computes residuals and their derivatives along a direction of the unknowns."""
+    formula, n_residuals = derived.formula, len(derived.residuals)
+    components = _direction_names(formula)
+    directions = dict(zip(formula.unknowns, components, strict=True))
+    graph, derivatives = directional(derived.graph, derived.residuals, directions, formula.name)
+    rows = _Rows.of(derived, direction=len(components), residuals=n_residuals, derivatives=n_residuals)
+    outputs = [
+        Output(node, row, "residuals") for row, node in enumerate(derived.residuals, rows.start("residuals"))
+    ]
+    outputs += [
+        Output(node, row, "derivatives along the direction")
+        for row, node in enumerate(derivatives, rows.start("derivatives"))
+    ]
+    scalars = [*_scalars(derived), *components]
+    return _kernel("directional", "DIRECTIONAL_ROWS", rows, graph, scalars, outputs)
 
 
-def _kernel(derived: Derived, name: str, doc: str, rows_name: str, outputs: list[Output]) -> KernelText:
+def _scalars(derived: Derived) -> list[str]:
+    return [*derived.formula.unknowns, *derived.formula.observations]
+
+
+def _direction_names(formula: Formula) -> list[str]:
+    """A name for each component of a direction, that no scalar of the formula has."""
+    taken = {*formula.unknowns, *formula.observations}
+    prefix = "d"
+    while any(f"{prefix}_{name}" in taken for name in formula.unknowns):
+        prefix += "d"
+    return [f"{prefix}_{name}" for name in formula.unknowns]
+
+
+class _Rows(dict[str, int]):
+    """What the rows of a tile hold, and how many rows each takes, in order."""
+
+    @classmethod
+    def of(cls, derived: Derived, **results: int) -> "_Rows":
+        formula = derived.formula
+        return cls(unknowns=len(formula.unknowns), observations=len(formula.observations), **results)
+
+    def start(self, label: str) -> int:
+        """The first row of a part."""
+        return sum(list(self.values())[: list(self).index(label)])
+
+    def __str__(self) -> str:
+        parts = ((label, self.start(label), size) for label, size in self.items() if size)
+        return ", ".join(
+            f"{label} {first}" if size == 1 else f"{label} {first}-{first + size - 1}"
+            for label, first, size in parts
+        )
+
+
+def _kernel(
+    name: str, rows_name: str, rows: _Rows, graph: Graph, scalars: list[str], outputs: list[Output]
+) -> KernelText:
     """The text of a kernel: one loop, or two where that is faster."""
-    scalars = (*derived.formula.unknowns, *derived.formula.observations)
-    printer = Printer(derived.graph, {scalar: row_place(row) for row, scalar in enumerate(scalars)})
-    rows = parked(derived.graph, [(output.node, output.row) for output in outputs])
-    places = {node: row_place(row) for node, row in rows.items()}
-    loops = [printer.loop([Store(node, place, PARKED) for node, place in places.items()])] if rows else []
+    printer = Printer(graph, {scalar: row_place(row) for row, scalar in enumerate(scalars)})
+    kept = parked(graph, [(output.node, output.row) for output in outputs])
+    places = {node: row_place(row) for node, row in kept.items()}
+    loops = [printer.loop([Store(node, place, PARKED) for node, place in places.items()])] if kept else []
     stores = [
         Store(output.node, row_place(output.row), output.comment)
         for output in outputs
-        if rows.get(output.node) != output.row
+        if kept.get(output.node) != output.row
     ]
     loops.append(printer.loop(stores, places))
     if len(loops) == 1 and len(loops[0]) <= SHORTEST_LOOP:
         loops[0].insert(0, "keep_loop()")
         printer.functions.add("keep_loop")
-    return KernelText(name, doc, rows_name, loops, printer.functions)
-
-
-def _rows_text(derived: Derived, with_jacobian: bool) -> str:
-    formula = derived.formula
-    parts, first = [], 0
-    sizes = [("unknowns", len(formula.unknowns)), ("observations", len(formula.observations))]
-    sizes.append(("residuals", len(derived.residuals)))
-    if with_jacobian:
-        sizes.append(("Jacobian", len(derived.residuals) * len(formula.unknowns)))
-    for label, size in sizes:
-        if size:
-            parts.append(f"{label} {first}" if size == 1 else f"{label} {first}-{first + size - 1}")
-        first += size
-    return ", ".join(parts)
+    doc = f"Rows of each tile: {rows}; one lane per observation."
+    return KernelText(name, doc, rows_name, sum(rows.values()), loops, printer.functions)
 
 
 def residual_names(derived: Derived) -> tuple[str, ...]:
-    """Names of the residuals: the formula's, else those of the measured values if they match, else numbered."""
+    """Names of the residuals: those of the formula, else of the measured values if they match, else numbers."""
     if derived.formula.outputs:
         return derived.formula.outputs
     measured, count = derived.formula.measured, len(derived.residuals)

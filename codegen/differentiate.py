@@ -35,6 +35,32 @@ def jacobians(
     return found
 
 
+def directional(
+    graph: Graph, residuals: list[int], directions: dict[str, str], formula: str
+) -> tuple[Graph, list[int]]:
+    """The derivatives of the residuals along a direction: one pass, whatever the number of unknowns.
+
+    Args:
+        graph: The graph of the residuals.
+        residuals: Their nodes.
+        directions: Name of each unknown, and the name of its component of the direction, a new input.
+        formula: Name of the formula, for messages.
+
+    Returns:
+        A graph that has grown, and a node per residual.
+
+    Raises:
+        FormulaError: An operator on the way has no derivative.
+    """
+    derivatives = _Derivatives(graph.copy(), formula, [graph.input(name) for name in directions])
+    grown = derivatives.graph
+    order = [node for node in grown.reachable(residuals) if node in derivatives.active]
+    seeds = {grown.input(name): grown.input(component) for name, component in directions.items()}
+    tangents = derivatives.tangents(seeds, order)
+    zero = grown.constant(0.0)
+    return grown, [tangents.get(residual, zero) for residual in residuals]
+
+
 class _Derivatives:
     """The partial derivatives of every operation that depends on an unknown, computed once."""
 
@@ -97,13 +123,14 @@ class _Derivatives:
     def forward(self, residuals: list[int]) -> Jacobian:
         """The Jacobian column by column, by tangents from each unknown up to the residuals."""
         order = [node for node in self.graph.reachable(residuals) if node in self.active]
-        columns = [self._tangents(unknown, order) for unknown in self.inputs]
+        one = self.graph.constant(1.0)
+        columns = [self.tangents({unknown: one}, order) for unknown in self.inputs]
         zero = self.graph.constant(0.0)
         return [[column.get(residual, zero) for column in columns] for residual in residuals]
 
-    def _tangents(self, unknown: int, order: list[int]) -> dict[int, int]:
-        graph = self.graph
-        tangents = {unknown: graph.constant(1.0)}
+    def tangents(self, seeds: dict[int, int], order: list[int]) -> dict[int, int]:
+        """The tangents of nodes, given in an order where operands come first, from those of some unknowns."""
+        graph, tangents = self.graph, seeds.copy()
         for node in order:
             if graph.nodes[node].operator == INPUT:
                 continue
