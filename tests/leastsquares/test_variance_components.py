@@ -1,0 +1,217 @@
+"""Variance components against dense algebra and against simulations with known variances."""
+
+import numpy as np
+import pytest
+
+import obseq
+from obseq.errors import InputError
+from obseq.leastsquares.variance_components import (
+    Component,
+    Method,
+    group_components,
+    variance_components,
+)
+
+N_POINTS = 7
+
+
+def network(seed, true=(1.0, 1.0), repeats=1, prior_sigma=None):
+    """Plane points; differences of x and y (group "vectors") and of x alone ("levels") between all pairs."""
+    rng = np.random.default_rng(seed)
+    system = obseq.LeastSquares()
+    places = rng.uniform(0, 100, (N_POINTS, 2))
+    points = system.add_points([f"P{k}" for k in range(N_POINTS)], places)
+    i, j = (np.tile(index, repeats) for index in np.triu_indices(N_POINTS, 1))
+    shift, m = places[j] - places[i], len(i)
+    sigmas = np.array([0.01, 0.03])
+    noise = [sigmas[k] * np.sqrt(true[k]) * rng.normal(size=(2, m)) for k in range(2)]
+    both = [points[i], points[j]]
+    for axis in range(2):
+        rows = np.tile(np.eye(2)[axis], (m, 1))
+        system.add_linear(both, [-rows, rows], shift[:, axis] + noise[0][axis], sigmas[0], group="vectors")
+    rows = np.tile([1.0, 0.0], (m, 1))
+    system.add_linear(both, [-rows, rows], shift[:, 0] + noise[1][0], sigmas[1], group="levels")
+    if prior_sigma is None:
+        system.freeze(points[:1])
+    else:
+        given = places + rng.normal(0, prior_sigma, places.shape)
+        system.add_prior(points, given, 0.02, group="control")
+    return system, points
+
+
+def dense_equations(system, groups):
+    """Traces of D_k R D_l R and sums v' D_k v by dense matrices, for groups of linear rows."""
+    batches = system.equations().batches
+    result = system.solve()
+    A, v, group = [], [], []
+    for batch in batches:
+        rows = np.zeros((batch.n, system.unknowns.n_scalars))
+        for ids, part in zip(batch.blocks, np.split(batch.observations[:, :-1], 2, axis=1), strict=True):
+            for k in range(batch.n):
+                start = system.unknowns.start[ids[k]]
+                rows[k, start : start + 2] += part[k]
+        A.append(rows[:, ~system.unknowns.frozen] / batch.sigmas)
+        v.append(result.normalised_residuals(batch)[:, 0])
+        group += [batch.group] * batch.n
+    A, v, group = np.vstack(A), np.concatenate(v), np.array(group)
+    R = np.eye(len(v)) - A @ np.linalg.solve(A.T @ A, A.T)
+    D = [np.diag((group == name).astype(float)) for name in groups]
+    return np.array([[np.trace(a @ R @ b @ R) for b in D] for a in D]), np.array([v @ d @ v for d in D])
+
+
+def test_one_round_solves_helmerts_equations():
+    system, _ = network(1, (4.0, 0.5))
+    matrix, right = dense_equations(system, ("vectors", "levels"))
+    found = variance_components(system, max_rounds=1)
+    assert found.names == ("vectors", "levels")
+    np.testing.assert_allclose(found.factors, np.linalg.solve(matrix, right), rtol=1e-8)
+    assert not found.converged
+
+
+def test_fixed_point_gives_every_group_a_variance_factor_of_one():
+    system, _ = network(2, (4.0, 0.5))
+    found = variance_components(system, tolerance=1e-8, solve_options={"tolerance": 1e-9})
+    assert found.converged
+    assert found.result.variance_factor == pytest.approx(1.0, abs=1e-6)
+    squares = [found.result.squares[name] for name in found.names]
+    np.testing.assert_allclose(squares, found.redundancy, rtol=1e-5)
+    assert found.redundancy.sum() == pytest.approx(found.result.redundancy, rel=1e-9)
+    matrix, _ = dense_equations(system, found.names)
+    np.testing.assert_allclose(
+        found.covariance, 2 * np.linalg.inv(matrix) * np.outer(found.factors, found.factors), rtol=1e-6
+    )
+
+
+def test_methods_meet_at_the_same_point():
+    results = {}
+    for method in Method:
+        system, _ = network(5, (3.0, 0.3))
+        results[method] = variance_components(system, method=method, tolerance=1e-7, max_rounds=200)
+        assert results[method].converged
+    for found in results.values():
+        np.testing.assert_allclose(found.factors, results[Method.LS_VCE].factors, rtol=1e-4)
+    with pytest.raises(InputError, match='use the method "ls-vce"'):
+        _ = results[Method.REDUNDANCY].precisions
+    assert np.isnan(results[Method.REDUNDANCY].columns()["precision"]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["helmert", "redundancy"])
+def test_estimates_are_unbiased_and_as_precise_as_stated(method):
+    true, trials = np.array([4.0, 0.5]), 200
+    found = [variance_components(network(seed, true, repeats=2)[0], method=method) for seed in range(trials)]
+    factors = np.array([estimate.factors for estimate in found])
+    error = factors.std(axis=0) / np.sqrt(trials)
+    assert (np.abs(factors.mean(axis=0) - true) < 3.5 * error).all(), factors.mean(axis=0)
+    if method == "helmert":
+        stated = np.mean([estimate.precisions for estimate in found], axis=0)
+        np.testing.assert_allclose(factors.std(axis=0), stated, rtol=0.2)
+    assert all(estimate.converged for estimate in found)
+
+
+@pytest.mark.slow
+def test_three_groups_priors_among_them():
+    true, trials = np.array([4.0, 0.5, 2.25]), 150
+    factors = []
+    for seed in range(trials):
+        system, _ = network(seed, true[:2], prior_sigma=0.03)
+        found = variance_components(system)
+        assert found.names == ("vectors", "levels", "control")
+        factors.append(found.factors)
+    error = np.std(factors, axis=0) / np.sqrt(trials)
+    assert (np.abs(np.mean(factors, axis=0) - true) < 3.5 * error).all(), np.mean(factors, axis=0)
+
+
+def distances(seed, constant, ppm, n=9, repeats=3):
+    """Distances from one unknown station offset, of variance constant^2 + (ppm D)^2, each repeated."""
+    rng = np.random.default_rng(seed)
+    lengths = np.tile(np.geomspace(50, 5000, n), repeats)
+    system = obseq.LeastSquares()
+    unknown = system.add_scalars([f"D{k}" for k in range(n)], lengths[:n])
+    spread = np.hypot(constant, ppm * lengths)
+    ids = np.tile(unknown, repeats)
+    batch = system.add_linear(
+        [ids], [np.ones((len(ids), 1))], lengths + spread * rng.normal(size=len(ids)), 0.005
+    )
+    parts = (
+        Component("constant", ((batch, np.full((len(ids), 1), 1e-3**2)),)),
+        Component("proportional", ((batch, np.square(1e-6 * lengths)[:, None]),)),
+    )
+    return system, parts
+
+
+@pytest.mark.slow
+def test_additive_components_are_unbiased():
+    trials, found = 200, []
+    for seed in range(trials):
+        system, parts = distances(seed, constant=0.002, ppm=3e-6, repeats=6)
+        found.append(variance_components(system, parts).factors)
+    error = np.std(found, axis=0) / np.sqrt(trials)
+    assert (np.abs(np.mean(found, axis=0) - [4.0, 9.0]) < 3.5 * error).all(), np.mean(found, axis=0)
+
+
+def test_a_component_that_is_not_there_is_held_and_named():
+    for seed in range(20):
+        system, parts = distances(seed, constant=0.002, ppm=0.0)
+        found = variance_components(system, parts)
+        assert (found.factors > 0).all()
+        if found.negative:
+            assert found.negative == ("proportional",)
+            assert found.factors[1] <= 1e-7
+            break
+    else:
+        pytest.fail("no seed gave a negative estimate")
+
+
+def test_chosen_groups_leave_the_others_as_given():
+    system, _ = network(3, (4.0, 1.0))
+    found = variance_components(system, group_components(system, ["vectors"]))
+    batches = {batch.group: batch for batch in system.equations().batches}
+    assert found.names == ("vectors",)
+    assert found.factors[0] == pytest.approx(4.0, rel=0.6)
+    np.testing.assert_allclose(batches["vectors"].sigmas, 0.01 * np.sqrt(found.factors[0]))
+    np.testing.assert_allclose(batches["levels"].sigmas, 0.03)
+    found.restore()
+    np.testing.assert_allclose(batches["vectors"].sigmas, 0.01)
+
+
+def test_estimated_traces_come_close():
+    exact = variance_components(network(4, (4.0, 0.5), repeats=3)[0])
+    sampled = variance_components(network(4, (4.0, 0.5), repeats=3)[0], probes=200)
+    np.testing.assert_allclose(sampled.factors, exact.factors, rtol=0.01)
+    np.testing.assert_allclose(sampled.precisions, exact.precisions, rtol=0.05)
+
+
+def test_inactive_observations_do_not_count():
+    plain, _ = network(6, (4.0, 0.5))
+    spoiled, points = network(6, (4.0, 0.5))
+    one = np.array([[1.0, 0.0]] * 3)
+    extra = spoiled.add_linear([points[:3], points[3:6]], [-one, one], [1e6] * 3, 0.01, group="vectors")
+    from obseq.leastsquares.reweighting import set_active
+
+    for row in range(3):
+        set_active(extra, row, False)
+    np.testing.assert_allclose(
+        variance_components(spoiled).factors, variance_components(plain).factors, rtol=1e-9
+    )
+
+
+def test_errors_name_the_components_and_restore_the_sigmas():
+    system, _ = network(1)
+    batch = system.equations().batches[0]
+    same = Component("one", ((batch, np.square(batch.sigmas)),))
+    twice = Component("two", ((batch, 2.0 * np.square(batch.sigmas)),))
+    with pytest.raises(InputError, match="'one', 'two' cannot be told apart"):
+        variance_components(system, [same, twice])
+    np.testing.assert_allclose(batch.sigmas, 0.01)
+    with pytest.raises(InputError, match="share observations"):
+        variance_components(system, [same, twice], "helmert")
+    with pytest.raises(InputError, match="expected"):
+        variance_components(system, [Component("flat", ((batch, np.ones(3)),))])
+    with pytest.raises(InputError, match="no group is called 'GNSS'"):
+        group_components(system, ["GNSS"])
+    lonely = system.add_points(["Q"], [[0.0, 0.0]])
+    system.add_linear([lonely, lonely], [[[1.0, 0.0]], [[0.0, 1.0]]], [0.0], 1.0, group="one sight")
+    system.freeze(lonely, ["y"])
+    with pytest.raises(InputError, match="'one sight' has no redundancy"):
+        variance_components(system)
