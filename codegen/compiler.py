@@ -205,7 +205,7 @@ def _kernel(
 
 
 def residual_names(derived: Derived) -> tuple[str, ...]:
-    """Names of the residuals: those of the formula, else of the measured values if they match, else numbers."""
+    """Names of the residuals: the formula's, else the measured values' if they match, else numbered."""
     if derived.formula.outputs:
         return derived.formula.outputs
     measured, count = derived.formula.measured, len(derived.residuals)
