@@ -1,0 +1,158 @@
+"""Free networks: the datum as inner constraints on chosen unknowns, instead of known coordinates.
+
+Observations alone leave the position, orientation or scale of a network undetermined: the normal matrix N has
+a kernel, spanned by the columns of G. Of all the solutions, the one on the datum is closest to the reference
+values of the chosen unknowns D: the sum of squares of their changes is minimal, that is G_D' (x - x0)_D = 0.
+
+The solution is computed with as many unknowns held as the kernel has dimensions (which ones does not
+matter), and carried to the datum by the S-transformation of Baarda: with
+
+    S = I - G (G_D' G_D)^-1 G_D',        Q = S M^-1 S',
+
+M^-1 any generalised inverse of N. So the sparse factor stays sparse, and precisions cost as many extra
+solutions as the kernel has dimensions. (W. Baarda, S-transformations and criterion matrices, 1973.)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.solvers import SingularMatrixError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+
+WEAKEST_DATUM = 1e-12
+"""Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
+
+
+class DatumSolver:
+    """A solver of singular systems on a datum, behind the protocol of all solvers.
+
+    Args:
+        solver: The solver of the regular systems.
+        chosen: (n,) True for the unknowns that define the datum.
+    """
+
+    def __init__(self, solver: Solver, chosen: BoolArray) -> None:
+        self._solver = solver
+        self._chosen = chosen
+        self._held: IntArray | None = None
+        self._kernel = np.zeros((len(chosen), 0))
+        self._to_kernel = np.zeros((0, len(chosen)))
+        self._pattern: SymmetricPattern | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the solver behind."""
+        return self._solver.name
+
+    @property
+    def statistics(self) -> SolverStatistics:
+        """Size and cost of the factorisation."""
+        return self._solver.statistics
+
+    @property
+    def dimension(self) -> int:
+        """Number of datum parameters that the observations leave free."""
+        return self._kernel.shape[1]
+
+    def analyse(self, pattern: SymmetricPattern) -> None:
+        """Prepares for matrices of this pattern."""
+        self._pattern = pattern
+        self._solver.analyse(pattern)
+
+    def factor(self, values: FloatArray) -> None:
+        """Factors a matrix of known rank defect; the first one tells the defect.
+
+        Raises:
+            InputError: The chosen unknowns do not fix the datum.
+            SingularMatrixError: The defect has grown since the first factorisation.
+        """
+        if self._held is None:
+            self._held = self._find_held(values)
+        self._solver.factor(self._regularised(values))
+        self._kernel = self._kernel_of(values)
+        seen = self._kernel[self._chosen]
+        fixed = seen.T @ seen
+        if self.dimension and np.linalg.eigvalsh(fixed)[0] < WEAKEST_DATUM:
+            raise InputError(
+                f"the chosen datum does not fix the {self.dimension} free parameters of the network: choose "
+                "more points, not all on one line or in one plane"
+            )
+        self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
+        self._to_kernel[:, self._chosen] = np.linalg.solve(fixed, seen.T)
+
+    def solve(self, rhs: ArrayLike) -> FloatArray:
+        """S M^-1 S' times one right-hand side (n,) or several (n, k)."""
+        right = np.asarray(rhs, dtype=np.float64)
+        right = right - self._to_kernel.T @ (self._kernel.T @ right)
+        solved = self._solver.solve(right)
+        return np.asarray(solved - self._kernel @ (self._to_kernel @ solved))
+
+    def settled(self, step: FloatArray, offset: FloatArray) -> FloatArray:
+        """The step (n,) that ends on the datum, from unknowns `offset` (n,) away from the reference."""
+        return np.asarray(step - self._kernel @ (self._to_kernel @ (step + offset)))
+
+    def selected_inverse(self) -> FloatArray:
+        """(nnz,) entries of S M^-1 S' on the pattern: Q - G A' - A G' + G C G', A = M^-1 H', C = H A."""
+        if self._pattern is None:
+            raise InputError("call analyse(pattern) first")
+        entries = self._solver.selected_inverse()
+        across = self._solver.solve(np.ascontiguousarray(self._to_kernel.T))
+        within = self._to_kernel @ across
+        rows, columns = self._pattern.indices, self._pattern.columns()
+        half = across - 0.5 * self._kernel @ within
+        for kernel, shift in zip(self._kernel.T, half.T, strict=True):
+            entries -= kernel[rows] * shift[columns] + shift[rows] * kernel[columns]
+        return entries
+
+    def defect(self) -> Defect:
+        """Empty after a successful factorisation: the datum takes the defect away."""
+        return self._solver.defect()
+
+    def null_vectors(self) -> FloatArray:
+        """(n, k) orthonormal basis of the kernel that the datum takes away."""
+        return self._kernel
+
+    def _find_held(self, values: FloatArray) -> IntArray:
+        try:
+            self._solver.factor(values)
+        except SingularMatrixError as error:
+            return error.indices
+        return np.zeros(0, np.int64)
+
+    def _regularised(self, values: FloatArray) -> FloatArray:
+        """The matrix with the diagonal entries of the held unknowns doubled."""
+        regular = np.array(values)
+        regular[self._diagonal()] += self._weights(values)
+        return regular
+
+    def _weights(self, values: FloatArray) -> FloatArray:
+        diagonal = values[self._diagonal()]
+        return np.where(diagonal > 0.0, diagonal, 1.0)
+
+    def _diagonal(self) -> IntArray:
+        if self._pattern is None or self._held is None:
+            raise InputError("call analyse(pattern), then factor(values)")
+        return self._pattern.diagonal[self._held]
+
+    def _kernel_of(self, values: FloatArray) -> FloatArray:
+        """(n, k) orthonormal kernel of N, from M = N + E W E': N z = 0 means z = M^-1 E (W E' z)."""
+        vectors = np.zeros((len(self._chosen), len(self._held if self._held is not None else ())))
+        start = np.eye(vectors.shape[1])
+        for _ in range(2 if vectors.size else 0):
+            right = np.zeros_like(vectors)
+            right[self._held] = self._weights(values)[:, None] * start
+            vectors = np.linalg.qr(self._solver.solve(right))[0]
+            start = vectors[self._held]
+        return vectors
