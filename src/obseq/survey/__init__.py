@@ -17,6 +17,7 @@ from obseq.survey.model import (
 )
 from obseq.survey.network import Network
 from obseq.survey.obs_file import read_obs, write_obs
+from obseq.survey.point_file import PointFileOptions, read_points
 
 __all__ = [
     "Adjustment",
@@ -26,6 +27,7 @@ __all__ = [
     "ObservationType",
     "Observations",
     "Orientation",
+    "PointFileOptions",
     "Points",
     "Stations",
     "automatic_fix",
@@ -35,6 +37,7 @@ __all__ = [
     "merge_points",
     "read_cor",
     "read_obs",
+    "read_points",
     "write_cor",
     "write_obs",
 ]

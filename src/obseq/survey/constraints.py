@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from obseq.survey.sights import Graph, Sight
 
 _ITERATIONS = 4
+_SINGULAR = 1e-6
 _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a constraint speaks against a position."""
 
@@ -263,11 +264,13 @@ def refine(
         g0s = station_g0s(state, constraints, position, vertical)
         jacobian, residuals = _linearised(state, constraints, position, vertical, g0s, layout)
         left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
-        if jacobian.shape[0] < jacobian.shape[1] or not singular[-1] > 1e-6:
+        if jacobian.shape[0] < jacobian.shape[1]:
             return Refined(position, 0.0)
+        if not singular[-1] > _SINGULAR:
+            return Refined(position, _SINGULAR)
         step = -(right.T @ ((left.T @ residuals) / singular))[: len(axes)]
         if not np.abs(step).max() < 1.0:
-            return Refined(position, 0.0)
+            return Refined(position, _SINGULAR)
         position = plus(position, _to_frame(vertical, axes, step.tolist(), length))
         if np.abs(step).max() < 1e-10:
             break
@@ -283,7 +286,8 @@ def _expected_misfits(
     state: State, constraints: Sequence[Constraint], position: Space, sigmas: Sequence[float], length: float
 ) -> list[float]:
     """Expected size of the scaled misfits: noise of observations, and of points relative to the best one."""
-    best = min((c.other for c in constraints), key=lambda other: state.spreads[other])
+    located = [c.other for c in constraints if state.positions[c.other] is not None]
+    best = min(located, key=lambda other: state.spreads[other])
     expected = []
     for c in constraints:
         other = state.positions[c.other]

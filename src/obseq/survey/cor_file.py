@@ -24,7 +24,15 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.survey.model import Points, merge_points
-from obseq.survey.text_file import TextFile, check_writable, parse_number, quoted, read_text, write_text
+from obseq.survey.text_file import (
+    LEAST_SIGMA,
+    TextFile,
+    check_writable,
+    parse_number,
+    quoted,
+    read_text,
+    write_text,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,6 +131,8 @@ def _given_sigmas(file: TextFile, index: int, fields: list[str]) -> tuple[list[f
     if len(numbers) == 2:
         raise file.error(index, "two sigmas are given where one (for x, y, z) or three are needed")
     checked = [_number(file, index, text) for text in fields[: len(numbers)]]
+    if any(0.0 < sigma < LEAST_SIGMA for sigma in checked):
+        raise file.error(index, "the sigma makes the weight infinite; give 0 to hold the coordinate")
     info = " ".join(fields[len(numbers) :])
     return (checked * 3 if len(checked) == 1 else checked), quoted(info)
 

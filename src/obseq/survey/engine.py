@@ -265,6 +265,7 @@ class Engine:
                 self._touch(other)
                 if self.state.heights[other] is None:
                     self.state.heights[other] = height - above
+                    self.state.spreads[other] = self.state.spreads[known]
                     self.touched_points.append(other)
                     waiting.append(other)
 

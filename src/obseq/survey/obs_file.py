@@ -29,6 +29,7 @@ from obseq.survey.model import (
     group_by_station,
 )
 from obseq.survey.text_file import (
+    LEAST_SIGMA,
     TextFile,
     check_writable,
     parse_number,
@@ -226,8 +227,11 @@ def _slow_code(file: TextFile, index: int, text: str) -> int:
 def _check_measure(
     file: TextFile, index: int, kind: int, fields: list[str], value: float, sigma: float
 ) -> None:
-    if sigma == 0.0:
-        raise file.error(index, "the sigma is 0: the weight would be infinite; give the standard deviation")
+    if sigma < LEAST_SIGMA:
+        raise file.error(
+            index,
+            f"the sigma {fields[4]} makes the weight infinite; give the standard deviation of the measure",
+        )
     if kind == ObservationType.Dist and value <= 0.0:
         raise file.error(index, f"the distance {fields[3]} is not positive; correct it or switch it off")
     if kind in (ObservationType.Hz, ObservationType.Zen) and abs(value) > _FULL_TURN_GON:

@@ -10,6 +10,10 @@ from obseq.errors import InputError
 
 _MARKS_OF_OTHER_ENCODINGS = ((b"\xff\xfe", "UTF-16"), (b"\xfe\xff", "UTF-16"))
 _LONGEST_QUOTE = 160
+LEAST_SIGMA = 1e-12
+"""Sigmas below it (m, gon) would make weights infinite."""
+LARGEST_LENGTH = 1e9
+"""Lengths and coordinates beyond this (m) are mistakes: no survey reaches a million kilometres."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def quoted(text: str) -> str:
 
 
 def parse_number(text: str) -> float:
-    """A finite decimal number, written in ASCII with a point.
+    """A finite decimal number up to `LARGEST_LENGTH`, written in ASCII with a point.
 
     Raises:
         ValueError: with the reason, to be completed with file and line by the caller.
@@ -116,6 +120,8 @@ def parse_number(text: str) -> float:
         raise ValueError(f"{quoted(text)!r} is not a number{hint}")
     if not math.isfinite(value):
         raise ValueError(f"{quoted(text)!r} is not a finite number")
+    if abs(value) > LARGEST_LENGTH:
+        raise ValueError(f"{quoted(text)!r} is beyond {LARGEST_LENGTH:g}")
     return value
 
 

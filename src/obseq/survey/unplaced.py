@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -110,12 +110,20 @@ def _reason(state: State, graph: Graph, choice: Choice | None, linked: set[int],
             f"its horizontal position is found, not its height (it has {has}); a zenith angle, a height "
             "difference or a distance is needed"
         )
-    if choice is not None and choice.strength > 0.0:
+    if (choice is not None and choice.strength > 0.0) or _are_enough(constraints):
         return (
             f"the geometry is too weak (it has {has}): sights nearly parallel, or a point near the circle "
             "through the targets; an observation in another direction is needed"
         )
     return f"it has only {has}; {_advice(constraints)}"
+
+
+def _are_enough(constraints: list[Constraint]) -> bool:
+    """Enough observations for a position, in number."""
+    readings = Counter(c.station for c in constraints if c.kind == Kind.READING_AT)
+    rays = {c.other for c in constraints if c.kind == Kind.AZIMUTH}
+    spheres = {c.other for c in constraints if c.kind == Kind.DISTANCE}
+    return max(readings.values(), default=0) >= 3 or len(rays) >= 2 or len(spheres) >= 3
 
 
 def _unhelpful_neighbours(state: State, graph: Graph, point: int, neighbours: list[int]) -> str:

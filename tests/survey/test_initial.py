@@ -1,0 +1,391 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from obseq.errors import InputError
+from obseq.survey import InitialValues, Orientation, initial_values, join, make_points, read_obs
+
+GON = 200.0 / math.pi
+
+
+def flat(points):
+    return np.tile(np.eye(3), (len(points), 1, 1))
+
+
+class Sketch:
+    """Points with true coordinates, and exact observations of them in a flat frame."""
+
+    def __init__(self, folder: Path, **points: tuple[float, float, float]):
+        self.file = folder / "sketch.obs"
+        self.truth = {name: np.array(xyz, float) for name, xyz in points.items()}
+        self.lines: list[str] = []
+
+    def _add(self, code, origin, target, value):
+        self.lines.append(f"{code} {origin} {target} {value!r} 0.001")
+
+    def write(self, text):
+        self.lines.append(text)
+        return self
+
+    def hz(self, station, *targets, g0=0.0):
+        for target in targets:
+            east, north, _ = self.truth[target] - self.truth[station]
+            reading = math.remainder(math.atan2(east, north) - g0, 2 * math.pi)
+            self._add(5, station, target, float(reading * GON))
+        return self
+
+    def zen(self, station, *targets):
+        for target in targets:
+            east, north, up = self.truth[target] - self.truth[station]
+            self._add(6, station, target, float(math.atan2(math.hypot(east, north), up) * GON))
+        return self
+
+    def dist(self, a, *others):
+        for b in others:
+            self._add(3, a, b, float(np.linalg.norm(self.truth[b] - self.truth[a])))
+        return self
+
+    def dh(self, a, *others):
+        for b in others:
+            self._add(4, a, b, float(self.truth[b][2] - self.truth[a][2]))
+        return self
+
+    def dxyz(self, station, *targets, rotation=None, codes=(14, 15, 16)):
+        """Vectors in the instrument; `rotation` is instrument -> frame."""
+        turn = np.eye(3) if rotation is None else np.asarray(rotation)
+        for target in targets:
+            vector = turn.T @ (self.truth[target] - self.truth[station])
+            for code, value in zip((14, 15, 16), vector, strict=True):
+                if code in codes:
+                    self._add(code, station, target, float(value))
+        return self
+
+    def full(self, station, *targets, g0=0.0):
+        return self.hz(station, *targets, g0=g0).zen(station, *targets).dist(station, *targets)
+
+    def solve(self, *known, hints=None, vertical=flat, recompute=False) -> "Solution":
+        self.file.write_text("\n".join(self.lines))
+        names, hints = [*known, *(hints or {})], hints or {}
+        rows = [self.truth[name] for name in known] + list(hints.values())
+        sigmas = np.full((len(names), 3), 0.001)
+        sigmas[len(known) :] = np.nan
+        points, book = join(make_points(names, rows, sigmas), read_obs(self.file))
+        return Solution(self, points.names, initial_values(points, book, vertical, recompute_free=recompute))
+
+
+class Solution:
+    def __init__(self, sketch: Sketch, names: tuple[str, ...], values: InitialValues):
+        self.sketch, self.names, self.values = sketch, names, values
+
+    def method(self, name):
+        step = self.values.point_steps[self.names.index(name)]
+        return None if step is None else step.method
+
+    def reason(self, name):
+        found = [item.reason for item in self.values.unplaced if item.what == f"point {name}"]
+        assert len(found) == 1, self.values.unplaced
+        return found[0]
+
+    def assert_true(self, *methods):
+        """All points are where they are in truth, the unknown ones placed by one of the methods."""
+        assert self.values.unplaced == ()
+        for name, xyz in zip(self.names, self.values.coordinates, strict=True):
+            np.testing.assert_allclose(xyz, self.sketch.truth[name], rtol=0, atol=1e-6, err_msg=name)
+            if self.method(name) != "given" and methods:
+                assert self.method(name) in methods, name
+
+
+A, B, C = (0.0, 0.0, 10.0), (100.0, 0.0, 12.0), (40.0, 90.0, 15.0)
+P, Q = (55.0, 35.0, 20.0), (30.0, -60.0, 3.0)
+
+
+def test_polar_point_from_a_plumb_station_gives_g0(tmp_path):
+    solution = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", g0=2.2).full("A", "P", g0=2.2).solve("A", "B")
+    solution.assert_true("azimuth and distance")
+    assert solution.values.g0[0] == pytest.approx(2.2, abs=1e-9)
+    # R0 is instrument -> frame: the y axis of the instrument (its zero) points to azimuth G0
+    np.testing.assert_allclose(solution.values.rotations[0] @ [0, 1, 0], [math.sin(2.2), math.cos(2.2), 0])
+
+
+def test_distance_measured_from_the_target_counts(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P", g0=1.0).zen("A", "P").dist("P", "A")
+    sketch.solve("A", "B").assert_true("azimuth and distance")
+
+
+def test_zenith_angle_of_another_station_set_on_the_same_point_counts(tmp_path):
+    sketch = (
+        Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P", g0=1.0).write("#NEW").zen("A", "P").dist("A", "P")
+    )
+    solution = sketch.solve("A", "B")
+    solution.assert_true("azimuth and distance")
+    assert list(solution.values.orientations) == [Orientation.VERT, Orientation.FIX]
+
+
+def test_reciprocal_zenith_angle_gives_the_height(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P", g0=1.0).zen("P", "A").dist("A", "P")
+    sketch.solve("A", "B").assert_true("azimuth and distance")
+
+
+def test_fix_station_needs_no_target(tmp_path):
+    sketch = Sketch(tmp_path, A=A, P=P).write("#FIX").full("A", "P")
+    solution = sketch.solve("A")
+    solution.assert_true("azimuth and distance")
+    assert solution.values.g0[0] == 0.0
+
+
+def test_fix_station_in_a_frame_without_vertical(tmp_path):
+    Sketch(tmp_path, A=A, P=P).write("#FIX").dxyz("A", "P").solve("A", vertical=None).assert_true()
+
+
+def test_fix_station_on_the_unknown_point(tmp_path):
+    Sketch(tmp_path, A=A, P=P).write("#FIX").full("P", "A").solve("A").assert_true("azimuth and distance")
+
+
+def test_intersection_of_two_directions(tmp_path):
+    sketch = (
+        Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P", g0=1.0).hz("B", "A", "P", g0=-2.0).zen("A", "P")
+    )
+    sketch.solve("A", "B").assert_true("intersection")
+
+
+def test_intersection_with_a_levelled_height(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).hz("A", "B", "P").hz("B", "A", "P", "Q").hz("A", "Q")
+    sketch.dh("B", "Q").dh("P", "Q").solve("A", "B").assert_true("intersection")
+
+
+def test_intersection_in_the_vertical_plane_of_the_stations(tmp_path):
+    sketch = Sketch(tmp_path, A=(0, 0, 0), B=(100, 0, 0), C=C, P=(150.0, 0.0, 60.0))
+    for station in "AB":
+        sketch.hz(station, "C", "P", g0=0.5).zen(station, "P")
+    sketch.solve("A", "B", "C").assert_true("intersection in space")
+
+
+def test_resection_from_three_directions(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P).hz("P", "A", "B", "C", g0=0.7).zen("P", "C")
+    solution = sketch.solve("A", "B", "C")
+    solution.assert_true("resection")
+    assert solution.values.g0[0] == pytest.approx(0.7, abs=1e-9)
+
+
+def test_resection_on_the_circle_of_the_targets_is_refused(tmp_path):
+    circle = {
+        n: (50 * math.sin(a), 50 * math.cos(a), 10.0) for n, a in zip("ABCP", (0, 1, 2.5, 4), strict=True)
+    }
+    solution = Sketch(tmp_path, **circle).hz("P", "A", "B", "C").zen("P", "A").solve("A", "B", "C")
+    assert "too weak" in solution.reason("P")
+    assert "circle" in solution.reason("P")
+
+
+def test_free_station_on_two_vectors(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("P", "A", "B", "Q", g0=-1.1)
+    sketch.solve("A", "B").assert_true("free station", "azimuth and distance")
+
+
+def test_trilateration_with_a_fourth_distance(tmp_path):
+    truth = {"A": A, "B": B, "C": C, "P": P, "Q": Q}
+    Sketch(tmp_path, **truth).dist("P", "A", "B", "C", "Q").solve("A", "B", "C", "Q").assert_true(
+        "trilateration"
+    )
+
+
+def test_trilateration_alone_is_ambiguous_and_a_hint_decides(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P).dist("P", "A", "B", "C")
+    reason = sketch.solve("A", "B", "C").reason("P")
+    assert "several positions" in reason
+    assert "(55.000, 35.000, 20.000)" in reason
+    near = {"P": np.array([50.0, 30.0, 22.0])}
+    sketch.solve("A", "B", "C", hints=near, recompute=True).assert_true("trilateration")
+
+
+def test_free_point_keeps_the_coordinates_of_the_file(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P).dist("P", "A", "B", "C")
+    solution = sketch.solve("A", "B", "C", hints={"P": np.array([50.0, 30.0, 22.0])})
+    assert list(solution.values.coordinates[3]) == [50.0, 30.0, 22.0]
+    assert solution.method("P") == "given"
+
+
+def test_two_distances_and_heights_with_a_deciding_direction(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).dist("P", "A", "B").dh("A", "P")
+    assert "several positions" in sketch.solve("A", "B").reason("P")
+    sketch.hz("A", "B", "P", g0=1.0).solve("A", "B").assert_true()
+
+
+def test_direction_and_distance_from_two_points(tmp_path):
+    # the distance from B cuts the direction from A twice; the second cut is behind A
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=(150.0, 120.0, 10.0)).hz("A", "B", "P").zen("A", "P")
+    sketch.dist("B", "P").dist("P", "C").solve("A", "B", "C").assert_true("direction and distance")
+
+
+def test_angle_and_distance(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, C=C).hz("P", "A", "B", g0=0.4).dist("P", "A").zen("P", "A")
+    sketch.dist("P", "C").solve("A", "B", "C").assert_true()
+
+
+def test_direction_to_and_angle_at_the_point(tmp_path):
+    sketch = (
+        Sketch(tmp_path, A=A, B=B, C=C, P=P).hz("A", "B", "P", g0=1.0).hz("P", "B", "C", g0=0.3).zen("A", "P")
+    )
+    sketch.zen("B", "P").solve("A", "B", "C").assert_true("direction and angle")
+
+
+def test_sight_both_ways_orients_the_instrument_on_the_new_point(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P", g0=1.0).hz("P", "A", "B", g0=2.0).zen("P", "B")
+    sketch.solve("A", "B").assert_true("intersection")
+
+
+def test_levelled_heights_go_through_points_without_horizontal_position(tmp_path):
+    sketch = (
+        Sketch(tmp_path, A=A, B=B, P=P, Q=Q).dh("A", "Q").dh("Q", "P").hz("A", "B", "P").hz("B", "A", "P")
+    )
+    solution = sketch.solve("A", "B")
+    assert "nothing gives its horizontal position" in solution.reason("Q")
+    np.testing.assert_allclose(solution.values.coordinates[2 + (solution.names[2] != "P")], P, atol=1e-6)
+
+
+def test_horizontal_position_first_height_later(tmp_path):
+    # P has no height of its own until Q, which is resected on it, is levelled and sights it
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).hz("A", "B", "P").hz("B", "A", "P")
+    sketch.hz("Q", "A", "B", "P", g0=0.3).dh("A", "Q").zen("Q", "P")
+    solution = sketch.solve("A", "B")
+    solution.assert_true()
+
+
+def test_horizontal_position_without_height_is_told(tmp_path):
+    reason = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P").hz("B", "A", "P").solve("A", "B").reason("P")
+    assert "horizontal position is found, not its height" in reason
+
+
+ROTATION = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+
+
+def test_free_rotation_from_three_vectors_places_the_station(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P, Q=Q).write("#BASC")
+    solution = sketch.dxyz("P", "A", "B", "C", "Q", rotation=ROTATION).solve("A", "B", "C")
+    solution.assert_true("isometry on three or more points", "azimuth and distance")
+    np.testing.assert_allclose(solution.values.rotations[0], ROTATION, atol=1e-9)
+
+
+def test_free_rotation_is_composed_with_the_vertical(tmp_path):
+    # MMVII's T7: with a tilted vertical the rotation of the instrument in the frame is the same,
+    # and G0 is read from R_(vertical -> instrument)
+    tilt = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]])
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P).write("#BASC").dxyz("P", "A", "B", "C", rotation=ROTATION)
+    solution = sketch.solve("A", "B", "C", vertical=lambda points: np.tile(tilt, (len(points), 1, 1)))
+    np.testing.assert_allclose(solution.values.rotations[0], ROTATION, atol=1e-9)
+    to_instrument = ROTATION.T @ tilt.T
+    assert solution.values.g0[0] == pytest.approx(math.atan2(to_instrument[1, 0], to_instrument[0, 0]))
+
+
+def test_free_rotation_on_a_known_point_from_two_directions(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P).write("#BASC").dxyz("A", "P", rotation=ROTATION)
+    for target in "BC":
+        x, y, z = ROTATION.T @ (sketch.truth[target] - sketch.truth["A"])
+        sketch.write(f"5 A {target} {math.atan2(x, y) * GON!r} 0.001")
+        sketch.write(f"6 A {target} {math.atan2(math.hypot(x, y), z) * GON!r} 0.001")
+    solution = sketch.solve("A", "B", "C")
+    solution.assert_true("azimuth and distance")
+    np.testing.assert_allclose(solution.values.rotations[0], ROTATION, atol=1e-9)
+
+
+def test_free_rotation_with_targets_on_a_line_is_refused(tmp_path):
+    line = {"A": (0.0, 0.0, 0.0), "B": (10.0, 0.0, 0.0), "C": (30.0, 0.0, 0.0), "P": P}
+    solution = Sketch(tmp_path, **line).write("#BASC").dxyz("P", "A", "B", "C").solve("A", "B", "C")
+    assert solution.method("P") is None
+
+
+def test_dx_dy_of_a_plumb_station_orient_it(tmp_path):
+    turn = np.array(
+        [[math.cos(0.4), math.sin(0.4), 0.0], [-math.sin(0.4), math.cos(0.4), 0.0], [0.0, 0.0, 1.0]]
+    )
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).dxyz("A", "B", "P", rotation=turn)
+    solution = sketch.solve("A", "B")
+    solution.assert_true("azimuth and distance")
+    assert solution.values.g0[0] == pytest.approx(0.4, abs=1e-9)
+
+
+def test_two_known_stations_that_do_not_see_each_other(tmp_path):
+    # P and Q are seen from both; neither station has a known azimuth
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "P", "Q", g0=1.0).full("B", "P", "Q", g0=-2.0)
+    solution = sketch.solve("A", "B")
+    solution.assert_true()
+    assert "local frame of station A" in solution.method("P")
+    np.testing.assert_allclose(solution.values.g0, [1.0, -2.0], atol=1e-9)
+
+
+def test_traverse_between_two_known_points_without_azimuth(tmp_path):
+    sketch = Sketch(tmp_path, A=A, P=(60, 20, 11), Q=(110, 80, 12), R=(170, 90, 9), B=(240, 60, 5))
+    chain = ["A", "P", "Q", "R", "B"]
+    for k, station in enumerate(chain):
+        for target in chain[max(k - 1, 0) : k] + chain[k + 1 : k + 2]:
+            sketch.full(station, target, g0=0.3 * k)
+    sketch.solve("A", "B").assert_true()
+
+
+def test_unconnected_point_is_told(tmp_path):
+    solution = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "B").dist("P", "Q").solve("A", "B")
+    assert "not connected to any known point" in solution.reason("P")
+    assert "not connected" in solution.reason("Q")
+
+
+def test_direction_without_distance_is_told(tmp_path):
+    reason = Sketch(tmp_path, A=A, B=B, P=P).hz("A", "B", "P").zen("A", "P").solve("A", "B").reason("P")
+    assert "one direction from A and one zenith angle from A" in reason
+    assert "a distance, or a direction from another point, is needed" in reason
+
+
+def test_nearly_parallel_directions_are_told(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=(9000.0, 0.5, 10.0)).hz("A", "B", "P").hz("B", "A", "P")
+    assert "too weak" in sketch.zen("A", "P").solve("A", "B").reason("P")
+
+
+def test_point_behind_an_unplaced_one_is_told(tmp_path):
+    solution = (
+        Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "B").dist("A", "P").dist("P", "Q").solve("A", "B")
+    )
+    assert solution.reason("Q") == "observed only with points that have no position either: P"
+
+
+def test_require_complete_lists_everything(tmp_path):
+    solution = (
+        Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "B").dist("A", "P").dist("P", "Q").solve("A", "B")
+    )
+    with pytest.raises(
+        InputError, match=r"(?s)point P: it has only one distance to A.*point Q: observed only"
+    ):
+        solution.values.require_complete()
+
+
+def test_station_whose_targets_are_all_on_its_vertical_is_told(tmp_path):
+    sketch = Sketch(tmp_path, A=A, T=(0.0, 0.0, 30.0)).write("5 A T 12 0.001")
+    values = sketch.solve("A", "T").values
+    assert [item.what for item in values.unplaced] == [f"station A ({sketch.file}:1)"]
+    assert "on its vertical" in values.unplaced[0].reason
+
+
+def test_plumb_station_in_a_frame_without_vertical_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"sketch.obs:1.*#VERT station needs a frame"):
+        Sketch(tmp_path, A=A, B=B).hz("A", "B").solve("A", "B", vertical=None)
+
+
+def test_blunder_in_one_direction_does_not_move_the_point(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, Q=Q, P=P)
+    for station in "ABCQ":
+        sketch.hz(station, *(set("ABCQ") - {station}), "P", g0=0.2)
+    sketch.zen("A", "P").zen("B", "P")
+    sketch.lines = [x if not x.startswith("5 Q P") else "5 Q P 137 0.001" for x in sketch.lines]
+    sketch.solve("A", "B", "C", "Q").assert_true("intersection")
+
+
+def test_order_of_lines_changes_nothing_but_the_order(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P, Q=Q).full("P", "A", "B", "Q", g0=0.3).hz("C", "A", "Q", "P")
+    first = sketch.solve("A", "B", "C")
+    sketch.lines.reverse()
+    second = sketch.solve("A", "B", "C")
+    for name in "PQ":
+        np.testing.assert_allclose(
+            first.values.coordinates[first.names.index(name)],
+            second.values.coordinates[second.names.index(name)],
+            atol=1e-9,
+        )
