@@ -45,6 +45,13 @@ def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystem
     return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)
 
 
+def eliminated_error(table: UnknownTable, block: int, component: int) -> SingularSystemError:
+    """The error for an eliminated block whose own observations do not determine one of its unknowns."""
+    (name,) = table.component_names(table.start[block] + component)
+    reason = f"{name} is to be eliminated, and the observations of {table.names[block]} do not determine it"
+    return SingularSystemError(f"{reason}: {REMEDY}", (name,))
+
+
 def _participants(solver: Solver) -> IntArray:
     """Unknowns that move without changing any residual to first order."""
     vectors = np.abs(solver.null_vectors())

@@ -110,12 +110,11 @@ def _solved(
 ) -> tuple[FloatArray, float]:
     """The step for all unknowns (zero where frozen) and its length sqrt(dx' N dx)."""
     factor(equations, solver, linearisation)
-    step = np.zeros(equations.table.n_scalars)
     solved = solver.solve(-linearisation.gradient)
     if not np.isfinite(solved).all():
         raise DivergenceError("the step of the unknowns is not finite")
-    step[equations.free.scalars] = solved
-    return step, float(np.sqrt(max(0.0, -float(solved @ linearisation.gradient))))
+    squared = linearisation.eliminated - float(solved @ linearisation.gradient)
+    return equations.step(solved, linearisation), float(np.sqrt(max(0.0, squared)))
 
 
 def factor(equations: NormalEquations, solver: Solver, linearisation: Linearisation) -> None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.elimination import elimination_groups
 from obseq.leastsquares.pattern import block_pairs, free_unknowns, matrix_pattern, role_pairs
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.leastsquares.batches import Batch
+    from obseq.leastsquares.elimination import Groups
     from obseq.leastsquares.pattern import BlockPairs, FreeUnknowns
     from obseq.leastsquares.solvers import SymmetricPattern
     from obseq.leastsquares.unknowns import UnknownTable
@@ -69,6 +71,9 @@ class StoreLayout:
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles; 0 where it has none.
         stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column.
         batches: one layout per batch.
+        groups: the eliminated blocks.
+        fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
+        first_eliminated: where the blocks of eliminated unknowns begin; they last until the next assembly.
     """
 
     free: FreeUnknowns
@@ -77,11 +82,25 @@ class StoreLayout:
     diagonal: IntArray
     stored: IntArray
     batches: tuple[BatchLayout, ...]
+    groups: Groups
+    fill: PositionArray
+    first_eliminated: int
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Place and code of each distinct pair, and as last entry those of the spare block."""
+    """Where blocks of their own begin (0 where a block has none), in doubles, and how long the store is."""
+
+    pair: IntArray
+    diagonal: IntArray
+    spare: int
+    first_eliminated: int
+    size: int
+
+
+@dataclass(frozen=True)
+class _Addresses:
+    """What the drivers are told of each distinct pair, and as last entry of the spare block."""
 
     position: IntArray
     height: IntArray
@@ -89,30 +108,83 @@ class _Places:
     spare: int
 
 
-def store_layout(table: UnknownTable, batches: Sequence[Batch], used: BoolArray) -> StoreLayout:
-    """Works out the layout; `used` (n_blocks,) tells the blocks that some equation or prior touches."""
-    free = free_unknowns(table, used)
-    pairs = block_pairs(batches, free.count > 0)
-    matrix, offsets = matrix_pattern(free, pairs)
+def store_layout(
+    table: UnknownTable, batches: Sequence[Batch], used: BoolArray, eliminated: BoolArray
+) -> StoreLayout:
+    """Works out the layout.
+
+    Args:
+        table: unknowns.
+        batches: equations.
+        used: (n_blocks,) True for the blocks that some equation or prior touches.
+        eliminated: (n_blocks,) True for the blocks to be eliminated before the matrix is formed.
+
+    Raises:
+        InputError: an observation joins two eliminated blocks, or the matrix is too large.
+    """
+    free = free_unknowns(table, used & ~eliminated)
+    loose = _with_free_unknowns(table, used & eliminated)
+    pairs = block_pairs(batches, (free.count > 0) | loose)
+    groups = elimination_groups(table, pairs, loose)
+    low, high = groups.pairs()
+    kept = ~(loose[pairs.rows] | loose[pairs.columns])
+    matrix, found = matrix_pattern(
+        free, np.concatenate([pairs.low[kept], low]), np.concatenate([pairs.high[kept], high])
+    )
+    offsets = np.zeros(len(kept), dtype=np.int64)
+    offsets[kept] = found[: np.count_nonzero(kept)]
+    direct = _direct(table.size, free, pairs)
+    places = _places(table, matrix, free, pairs, direct, loose)
+    top = matrix.indptr[free.first[pairs.low[direct]]]
+    position, height = places.pair.copy(), np.full(len(kept), 2 * STORED_HEIGHT)
+    position[direct] = top + offsets[direct]
+    height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
+    height[direct] += (pairs.rows < pairs.columns)[direct]
+    addressed = _Addresses(
+        np.append(position, places.spare), np.append(height, 2 * STORED_HEIGHT), places.diagonal, places.spare
+    )
+    stored = np.column_stack([places.pair, pairs.rows, pairs.columns, offsets])[kept & ~direct]
+    return StoreLayout(
+        free=free,
+        matrix=matrix,
+        size=places.size,
+        diagonal=places.diagonal // 4,
+        stored=np.ascontiguousarray(stored),
+        batches=_batch_layouts(batches, addressed, pairs.occurrence),
+        groups=groups.placed(places.pair),
+        fill=found[np.count_nonzero(kept) :].astype(np.uint32),
+        first_eliminated=places.first_eliminated,
+    )
+
+
+def _with_free_unknowns(table: UnknownTable, blocks: BoolArray) -> BoolArray:
+    """(n_blocks,) True for those of the blocks that have a free unknown."""
+    taken = ~table.frozen & np.repeat(blocks, table.size)
+    return np.asarray(np.add.reduceat(taken, table.start, dtype=np.int64) > 0) if len(table) else blocks
+
+
+def _places(
+    table: UnknownTable,
+    matrix: SymmetricPattern,
+    free: FreeUnknowns,
+    pairs: BlockPairs,
+    direct: BoolArray,
+    loose: BoolArray,
+) -> _Places:
+    """Places behind the matrix: spare block, diagonal blocks, pairs; then the same for eliminated blocks."""
     spare = (matrix.nnz + 11) // 8 * 8
     widths = part_width(table.size) * (table.size + 1)
     diagonal, end = _consecutive(widths, free.count > 0, spare + int(widths.max(initial=0)))
-    direct = _direct(table.size, free, pairs)
     width = part_width(table.size)[pairs.rows] * table.size[pairs.columns]
-    places, end = _consecutive(width, ~direct, end)
+    joining = loose[pairs.rows] | loose[pairs.columns]
+    pair, middle = _consecutive(width, ~direct & ~joining, end)
+    loose_diagonal, end = _consecutive(widths, loose, middle)
+    loose_pair, end = _consecutive(width, joining, end)
     if end > np.iinfo(np.uint32).max:
         raise InputError(
             "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
         )
-    top = matrix.indptr[free.first[pairs.low[direct]]]
-    position, height = places.copy(), np.full(len(places), 2 * STORED_HEIGHT)
-    position[direct] = top + offsets[direct]
-    height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
-    height[direct] += (pairs.rows < pairs.columns)[direct]
-    found = _Places(np.append(position, spare), np.append(height, 2 * STORED_HEIGHT), diagonal, spare)
-    stored = np.column_stack([places, pairs.rows, pairs.columns, offsets])[~direct]
-    layouts = _batch_layouts(batches, found, pairs.occurrence)
-    return StoreLayout(free, matrix, end, diagonal // 4, np.ascontiguousarray(stored), layouts)
+    return _Places(pair + loose_pair, diagonal + loose_diagonal, spare, middle, end)
 
 
 def part_width(size: IntArray) -> IntArray:
@@ -134,7 +206,7 @@ def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntA
 
 
 def _batch_layouts(
-    batches: Sequence[Batch], places: _Places, occurrence: IntArray
+    batches: Sequence[Batch], places: _Addresses, occurrence: IntArray
 ) -> tuple[BatchLayout, ...]:
     result, first = [], 0
     for batch in batches:
@@ -144,7 +216,7 @@ def _batch_layouts(
     return tuple(result)
 
 
-def _batch_layout(batch: Batch, places: _Places, occurrence: IntArray) -> BatchLayout:
+def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BatchLayout:
     sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
     widths = part_width(sizes)
     part = np.cumsum(widths) - widths

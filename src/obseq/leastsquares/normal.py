@@ -9,7 +9,8 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.batches import aligned_zeros, padded_length
-from obseq.leastsquares.layout import store_layout
+from obseq.leastsquares.diagnosis import eliminated_error
+from obseq.leastsquares.layout import part_width, store_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,11 +39,16 @@ class Linearisation:
         values: (nnz,) lower triangle of N = J' W J in the order of the pattern.
         gradient: (n_free,) J' W r.
         squares: sum of weighted squared residuals by group.
+        eliminated: sum of g_t' N_tt^-1 g_t over the eliminated blocks, whose share of matrix and gradient is
+            already subtracted.
+        damping: what was added to the diagonal of N, as a share of it.
     """
 
     values: FloatArray
     gradient: FloatArray
     squares: dict[str, float]
+    eliminated: float = 0.0
+    damping: float = 0.0
 
     @property
     def cost(self) -> float:
@@ -51,33 +57,50 @@ class Linearisation:
 
 
 class NormalEquations:
-    """Assembles the equations of a table of unknowns; the pattern is that of its creation."""
+    """Assembles the equations of a table of unknowns; the pattern is that of its creation.
 
-    def __init__(self, table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> None:
+    Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
+    """
+
+    def __init__(
+        self,
+        table: UnknownTable,
+        batches: Sequence[Batch],
+        priors: Sequence[Prior],
+        eliminated: BoolArray | None = None,
+    ) -> None:
         self.table = table
         self.batches = tuple(batches)
         self.priors = tuple(priors)
         self.used = _used_blocks(table, batches, priors)
-        self.layout = store_layout(table, self.batches, self.used)
+        none = np.zeros(len(table), dtype=bool)
+        self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
         self.pattern = self.layout.matrix
         self.free = self.layout.free
         self._store = aligned_zeros(self.layout.size)  # behind the matrix, all zero between two assemblies
 
     @property
     def n_unknowns(self) -> int:
-        """Number of free unknowns."""
-        return self.pattern.n
+        """Number of free unknowns, eliminated ones included."""
+        blocks = self.layout.groups.blocks
+        taken = np.repeat(np.isin(np.arange(len(self.table)), blocks), self.table.size) & ~self.table.frozen
+        return self.pattern.n + int(np.count_nonzero(taken))
 
-    def assemble(self) -> Linearisation:
+    def assemble(self, damping: float = 0.0) -> Linearisation:
         """Normal matrix, gradient and sums of squares at the current values.
 
         The values are the same array at each call: they last until the next one.
 
+        Args:
+            damping: share of each diagonal entry of N that is added to it (Levenberg-Marquardt).
+
         Raises:
             DivergenceError: a residual or a derivative is not finite.
+            SingularSystemError: the observations of an eliminated block do not determine it.
         """
         squares: dict[str, float] = {}
         self._store[: self.pattern.nnz] = 0.0
+        self._store[self.layout.first_eliminated :] = 0.0
         for batch, layout in zip(self.batches, self.layout.batches, strict=True):
             total = self._assemble_batch(batch, layout)
             if not np.isfinite(total):
@@ -86,9 +109,35 @@ class NormalEquations:
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         values, gradient = self._poured()
         self._add_priors(values, gradient, squares)
+        values[self.pattern.diagonal] *= 1.0 + damping
+        eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
-        return Linearisation(values, gradient, squares)
+        return Linearisation(values, gradient, squares, eliminated, damping)
+
+    def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
+        """(n_scalars,) step of all unknowns from that of the matrix's (n_free,): zero where frozen.
+
+        The linearisation must be that of the last assembly.
+        """
+        from obseq.leastsquares.elimination_loops import substitute_back
+
+        table, groups = self.table, self.layout.groups
+        step = np.zeros(table.n_scalars)
+        step[self.free.scalars] = solved
+        substitute_back(
+            self._store,
+            self.layout.diagonal,
+            groups.blocks,
+            groups.links,
+            groups.link_bounds,
+            table.start,
+            table.size,
+            table.frozen,
+            linearisation.damping,
+            step,
+        )
+        return step
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
@@ -134,18 +183,63 @@ class NormalEquations:
         store, number, first = self._store, self.free.number, self.free.first
         start, size, indptr = self.table.start, self.table.size, self.pattern.indptr
         gradient = np.zeros(self.pattern.n)
-        pour_diagonal(store, self.layout.diagonal, start, size, number, indptr, gradient)
+        poured = self.layout.diagonal.copy()
+        poured[self.layout.groups.blocks] = 0
+        pour_diagonal(store, poured, start, size, number, indptr, gradient)
         pour_pairs(store, self.layout.stored, start, size, number, first, indptr)
         return store[: self.pattern.nnz], gradient
 
     def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
         for prior in self.priors:
             squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
+            weight = np.square(prior.weights)
+            pull = weight * prior.residuals(self.table.values)
             row = self.free.number[prior.scalars]
             free = row >= 0
-            weight = np.square(prior.weights[free])
-            np.add.at(values, self.pattern.diagonal[row[free]], weight)
-            np.add.at(gradient, row[free], weight * prior.residuals(self.table.values)[free])
+            np.add.at(values, self.pattern.diagonal[row[free]], weight[free])
+            np.add.at(gradient, row[free], pull[free])
+            if len(self.layout.groups.blocks):
+                self._add_to_eliminated(prior.scalars, weight, pull)
+
+    def _add_to_eliminated(self, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
+        """Adds priors to the diagonal blocks and gradients of eliminated blocks."""
+        table = self.table
+        block = np.searchsorted(table.start, scalars, side="right") - 1
+        chosen = np.isin(block, self.layout.groups.blocks)
+        block, scalars = block[chosen], scalars[chosen]
+        size, within = table.size[block], scalars - table.start[block]
+        width, at = part_width(size), 4 * self.layout.diagonal[block]
+        np.add.at(self._store, at + within * width + within, weight[chosen])
+        np.add.at(self._store, at + size * width + within, pull[chosen])
+
+    def _eliminate(self, gradient: FloatArray, damping: float) -> float:
+        from obseq.leastsquares.elimination_loops import eliminate
+
+        table, layout, free = self.table, self.layout, self.free
+        groups, failed = layout.groups, np.full(2, -1, dtype=np.int64)
+        decrease = eliminate(
+            self._store,
+            layout.diagonal,
+            groups.blocks,
+            groups.bounds,
+            groups.neighbours,
+            groups.links,
+            groups.link_bounds,
+            table.start,
+            table.size,
+            table.frozen,
+            free.number,
+            free.first,
+            free.count,
+            self.pattern.indptr,
+            layout.fill,
+            damping,
+            gradient,
+            failed,
+        )
+        if failed[0] >= 0:
+            raise eliminated_error(table, int(failed[0]), int(failed[1]))
+        return float(decrease)
 
     def _explain(self, *batches: Batch) -> str:
         for batch in batches:

@@ -95,13 +95,19 @@ def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
     return BlockPairs(distinct % n, distinct // n, occurrence)
 
 
-def matrix_pattern(free: FreeUnknowns, pairs: BlockPairs) -> tuple[SymmetricPattern, IntArray]:
-    """Pattern of the lower triangle; offset (n_pairs,) of each pair below the top of its column."""
+def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[SymmetricPattern, IntArray]:
+    """Pattern of the lower triangle; offset (n_pairs,) of each pair below the top of its block column.
+
+    Args:
+        free: numbering.
+        low: (n_pairs,) first block of each pair of different blocks that meet; pairs may come more than once.
+        high: (n_pairs,) second block.
+    """
     from obseq.leastsquares.pouring import pattern_rows
 
     n, count = len(free.count), free.count
     live = np.flatnonzero(count)
-    keys = np.concatenate([live * (n + 1), pairs.low * n + pairs.high])
+    keys = np.concatenate([live * (n + 1), low * n + high])
     distinct, inverse = np.unique(keys, return_inverse=True)
     column, row = distinct // max(n, 1), distinct % max(n, 1)
     above = np.cumsum(count[row]) - count[row]

@@ -50,8 +50,9 @@ class LeastSquares:
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
         self._solver_name = solver
-        self._bound: tuple[tuple[object, ...], NormalEquations] | None = None
-        self._solver: Solver | None = None
+        self._bound: dict[bool, NormalEquations] = {}
+        self._version = -1
+        self._solvers: dict[bool, Solver] = {}
 
     # Unknowns
 
@@ -112,6 +113,19 @@ class LeastSquares:
     def unfreeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
         """Frees unknowns again."""
         self.unknowns.set_frozen(ids, components, False)
+
+    def eliminate(self, ids: ArrayLike, eliminated: bool = True) -> None:
+        """Marks blocks to be eliminated from the normal equations before these are solved (Schur complement).
+
+        The solution is the same, and so are residuals, redundancy and covariances; it comes sooner when
+        there are many such blocks that meet few others each, such as tie points. No observation may join
+        two of them.
+
+        Args:
+            ids: blocks.
+            eliminated: False to treat them as others again.
+        """
+        self.unknowns.set_eliminated(ids, eliminated)
 
     # Equations
 
@@ -186,12 +200,12 @@ class LeastSquares:
         """
         prior = Prior(self.unknowns, ids, values, sigmas, group)
         self._priors.append(prior)
-        self._bound = None
+        self._version = -1
         return prior
 
     def _added(self, batch: Batch) -> Batch:
         self._batches.append(batch)
-        self._bound = None
+        self._version = -1
         return batch
 
     # Counting
@@ -207,24 +221,34 @@ class LeastSquares:
         return sum(prior.n_scalars for prior in self._priors)
 
     @property
+    def n_unknowns(self) -> int:
+        """Number of free scalar unknowns."""
+        return int(np.count_nonzero(~self.unknowns.frozen))
+
+    @property
     def redundancy(self) -> int:
         """Equations minus free unknowns: the one definition that every statistic uses."""
-        return self.n_observations + self.n_constraints - self.equations().n_unknowns
+        return self.n_observations + self.n_constraints - self.n_unknowns
 
     # Solution
 
-    def equations(self) -> NormalEquations:
+    def equations(self, reduced: bool = False) -> NormalEquations:
         """The normal equations; their pattern is kept while equations and frozen unknowns stay.
+
+        Args:
+            reduced: without the blocks that are to be eliminated.
 
         Raises:
             SingularSystemError: no equation touches some unknowns that are not frozen.
         """
-        key = (len(self.unknowns), self.unknowns.freeze_count)
-        if self._bound is None or self._bound[0] != key:
+        if self._version != self.unknowns.version:
             self._refuse_untouched()
-            self._bound = key, NormalEquations(self.unknowns, self._batches, self._priors)
-            self._solver = None
-        return self._bound[1]
+            self._bound, self._solvers, self._version = {}, {}, self.unknowns.version
+        reduced = reduced and bool(self.unknowns.eliminated.any())
+        if reduced not in self._bound:
+            eliminated = self.unknowns.eliminated if reduced else None
+            self._bound[reduced] = NormalEquations(self.unknowns, self._batches, self._priors, eliminated)
+        return self._bound[reduced]
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
@@ -256,19 +280,20 @@ class LeastSquares:
             DivergenceError: an equation became undefined; the observation is named, and the unknowns are
                 back at their last accepted values.
         """
-        equations, options = self.equations(), Options(max_iterations, tolerance, sigma0_groups)
+        equations = self.equations(reduced=True)
+        options = Options(max_iterations, tolerance, sigma0_groups)
 
         def before(number: int) -> None:
             if before_iteration is not None:
                 before_iteration(self, number)
 
         redundancy, done = self.redundancy, Progress(reason=StopReason.NO_UNKNOWNS)
-        if equations.n_unknowns:
-            solver = self._analysed(equations)
+        if self.n_unknowns:
+            solver = self._analysed(reduced=True)
             done = iterate(equations, solver, options, redundancy, before, progress or _silent)
         before(len(done.iterations))
-        wanted = covariance is not None and covariance is not False and equations.n_unknowns > 0
-        cofactors = self._cofactors(equations, done) if wanted else None
+        wanted = covariance is not None and covariance is not False and self.n_unknowns > 0
+        cofactors = self._cofactors(done) if wanted else None
         return self._result(equations, options, redundancy, done, cofactors)
 
     def _refuse_untouched(self) -> None:
@@ -284,18 +309,21 @@ class LeastSquares:
         if untouched.size:
             raise untouched_error(self.unknowns, untouched)
 
-    def _analysed(self, equations: NormalEquations) -> Solver:
-        if self._solver is None:
-            self._solver = choose_solver(equations.pattern, self._solver_name)
-            self._solver.analyse(equations.pattern)
-        return self._solver
+    def _analysed(self, reduced: bool = False) -> Solver:
+        equations = self.equations(reduced)
+        reduced = equations is not self._bound.get(False)
+        if reduced not in self._solvers:
+            self._solvers[reduced] = choose_solver(equations.pattern, self._solver_name)
+            self._solvers[reduced].analyse(equations.pattern)
+        return self._solvers[reduced]
 
-    def _cofactors(self, equations: NormalEquations, done: Progress) -> Cofactors:
-        """Cofactors of the solution; the factor is made anew unless the last step was negligible."""
-        solver = self._analysed(equations)
-        if done.reason is StopReason.ITERATIONS:
+    def _cofactors(self, done: Progress) -> Cofactors:
+        """Cofactors of all unknowns; the factor of a negligible last step serves."""
+        equations, fresh = self.equations(), False not in self._solvers
+        solver = self._analysed()
+        if fresh or done.reason is StopReason.ITERATIONS:
             factor(equations, solver, equations.assemble())
-        self._solver = None  # the result keeps this one, for covariances between any two unknowns
+        del self._solvers[False]  # the result keeps this one, for covariances between any two unknowns
         return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 
     def _result(
@@ -314,7 +342,7 @@ class LeastSquares:
             done.reason,
             self.n_observations,
             self.n_constraints,
-            equations.n_unknowns,
+            self.n_unknowns,
             redundancy,
             sigma0_of(squares, options.sigma0_groups, redundancy),
             None if overall is None else overall**2,

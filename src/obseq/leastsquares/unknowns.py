@@ -118,7 +118,8 @@ class UnknownTable:
         self._values = Column(np.float64)
         self._context = Column(np.float64)
         self._frozen = Column(np.bool_)
-        self.freeze_count = 0
+        self._eliminated = Column(np.bool_)
+        self.version = 0
 
     def __len__(self) -> int:
         return len(self.names)
@@ -164,6 +165,11 @@ class UnknownTable:
         return self._frozen.view
 
     @property
+    def eliminated(self) -> BoolArray:
+        """(n_blocks,) True for the blocks to be eliminated before the matrix is formed."""
+        return self._eliminated.view
+
+    @property
     def n_scalars(self) -> int:
         """Number of scalar unknowns, frozen ones included."""
         return len(self._values)
@@ -186,10 +192,12 @@ class UnknownTable:
         self._start.extend(self.n_scalars + size * np.arange(n))
         self._values.extend(values)
         self._frozen.extend(np.zeros(n * size, dtype=bool))
+        self._eliminated.extend(np.zeros(n, dtype=bool))
         width = 0 if context is None else context.shape[1]
         self._context_start.extend((len(self._context) if width else 0) + width * np.arange(n))
         if context is not None:
             self._context.extend(context)
+        self.version += 1
         return np.arange(first, first + n)
 
     def _register(self, kind: Kind, names: Sequence[str]) -> None:
@@ -269,7 +277,12 @@ class UnknownTable:
         """Freezes or frees chosen components (all when None) of blocks that are alike."""
         index = self.component_index(ids, components, "freeze" if frozen else "unfreeze")
         self.frozen[index] = frozen
-        self.freeze_count += 1
+        self.version += 1
+
+    def set_eliminated(self, ids: ArrayLike, eliminated: bool) -> None:
+        """Marks blocks as to be eliminated, or not."""
+        self.eliminated[self.checked(ids, "eliminate")] = eliminated
+        self.version += 1
 
     def read(self, ids: ArrayLike, state: State | None = None) -> FloatArray:
         """Current values: (n, size) for points, vectors, scalars; (n, 3, 3) rotations; (n, 3) directions."""
