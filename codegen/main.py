@@ -1,15 +1,17 @@
 """The command `gencode`: writes the generated modules, or checks that they are what they should be."""
 
 import argparse
-import difflib
 import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from obseq.codegen.files import Change, apply, changes, render_all
+from obseq.codegen import ondemand
+from obseq.codegen.documentation import FOLDER, render_pages
+from obseq.codegen.files import Change, apply, changes, render_all, render_modules
+from obseq.codegen.modules import Module
 from obseq.errors import FormulaError, ObseqError
-from obseq.formulas import REGISTRY, Formula
+from obseq.formulas import REGISTRY, Formula, families
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,17 +29,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def select(names: Sequence[str]) -> list[Formula]:
-    """The formulas of the registry with these names, all of them without names.
+    """The formulas with these names, those of the registry without names.
 
     Raises:
-        FormulaError: A name is not in the registry; the message gives the nearest ones.
+        FormulaError: A name means nothing; the message gives the nearest ones.
     """
-    registry = {formula.name: formula for formula in REGISTRY}
-    for name in names:
-        if name not in registry:
-            near = ", ".join(difflib.get_close_matches(name, registry, n=4, cutoff=0.5)) or "none"
-            raise FormulaError(f"no formula is named {name!r}; nearest names: {near} (gencode --list gives all)")
-    return [registry[name] for name in names] if names else list(REGISTRY)
+    return [families.formula(name) for name in names] if names else list(REGISTRY)
 
 
 def generated_folder() -> Path:
@@ -46,6 +43,12 @@ def generated_folder() -> Path:
     if spec is None or not spec.submodule_search_locations:
         raise FormulaError("the package obseq.generated is not installed")
     return Path(next(iter(spec.submodule_search_locations)))
+
+
+def documentation_folder(generated: Path) -> Path | None:
+    """The folder of the pages on formulas beside the generated folder of a checkout; None elsewhere."""
+    root = generated.resolve().parent
+    return root / FOLDER if (root / "pyproject.toml").is_file() else None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -57,18 +60,34 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(formulas: list[Formula], folder: Path, check: bool, partial: bool) -> int:
-    texts = render_all(formulas, _progress if sys.stderr.isatty() else None)
-    found = changes(folder, texts)
+    registered = {formula.name for formula in REGISTRY}
+    modules = render_modules(
+        [formula for formula in formulas if formula.name in registered],
+        _progress if sys.stderr.isatty() else None,
+    )
+    found = changes(folder, render_all(modules))
     if partial:
-        wanted = {name for name in texts if name not in ("index.py", "REPORT.md")}
+        wanted = {f"{name}.py" for name in modules}
         found = [change for change in found if change.path.name in wanted]
+    else:
+        found += _pages(modules, documentation_folder(folder))
     if check:
         return _show(found)
     apply(found)
     for change in found:
         print(f"{'deleted' if change.due is None else 'wrote'} {change.path.name}")  # noqa: T201
+    for formula in formulas:
+        if formula.name not in registered:
+            print(f"wrote {ondemand.keep(formula)}")  # noqa: T201
     print(f"{len(formulas)} formulas, {len(found)} files changed")  # noqa: T201
     return 0
+
+
+def _pages(modules: dict[str, Module], folder: Path | None) -> list[Change]:
+    """The pages of the documentation that are not what they should be, in a checkout."""
+    if folder is None:
+        return []
+    return changes(folder, render_pages((module.formula, module.residuals) for module in modules.values()))
 
 
 def _show(found: list[Change]) -> int:

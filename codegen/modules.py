@@ -8,8 +8,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-
 from obseq.codegen.compiler import (
     Derived,
     KernelText,
@@ -19,20 +17,30 @@ from obseq.codegen.compiler import (
     residual_names,
     value_kernel,
 )
+from obseq.codegen.documentation import equation_text, inputs
+from obseq.codegen.templating import template
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 
 WIDTH = 110
 FROM_MATH = frozenset({"sqrt"})
-TEMPLATES = Path(__file__).parent / "templates"
 PENDING = "pending"
 
 
 @dataclass(frozen=True)
 class Module:
-    """A generated module: the formula's name, the module's name, its text, and its line of the report."""
+    """A generated module.
 
-    name: str
+    Attributes:
+        formula: The formula.
+        residuals: Names of its residuals.
+        module: Name of the module.
+        text: Its text.
+        report: Its line of the report.
+    """
+
+    formula: Formula
+    residuals: tuple[str, ...]
     module: str
     text: str
     report: dict[str, object]
@@ -48,19 +56,19 @@ def render_module(formula: Formula) -> Module:
     """The module of one formula."""
     derived = derive(formula)
     kernels = [value_kernel(derived), jacobian_kernel(derived)]
-    pending = _template("module.py.jinja").render(_context(derived, kernels))
+    pending = template("module.py.jinja").render(_context(derived, kernels))
     text = pending.replace(f"text sha256:{PENDING}", f"text sha256:{text_hash(pending)}", 1)
-    return Module(formula.name, module_name(formula.name), text, _report(derived))
+    return Module(formula, residual_names(derived), module_name(formula.name), text, _report(derived))
 
 
 def render_index(modules: Iterable[tuple[str, str]]) -> str:
     """The index: (formula name, module name) of everything generated."""
-    return _template("index.py.jinja").render(modules=sorted(modules))
+    return template("index.py.jinja").render(modules=sorted(modules))
 
 
 def render_report(rows: Iterable[dict[str, object]]) -> str:
     """The report of operations, one line per formula."""
-    return _template("report.md.jinja").render(rows=sorted(rows, key=lambda row: str(row["name"])))
+    return template("report.md.jinja").render(rows=sorted(rows, key=lambda row: str(row["name"])))
 
 
 def text_hash(text: str) -> str:
@@ -91,18 +99,6 @@ def _is_docstring(statement: ast.stmt) -> bool:
     return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 
-def _template(name: str) -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-    return environment.get_template(name)
-
-
 def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
     formula = derived.formula
     called = sorted(set().union(*(kernel.functions for kernel in kernels)))
@@ -121,6 +117,9 @@ def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
         "residuals": _tuple([_quoted(name) for name in residual_names(derived)]),
         "blocks": _tuple(_blocks(formula), one_per_line=True),
         "measured": _tuple([str(formula.observations.index(name)) for name in formula.measured]),
+        "inputs": _tuple(_inputs(formula), one_per_line=True),
+        "equation": equation_text(formula, residual_names(derived)),
+        "source": formula.source,
         "typical": _typical(formula),
         "constants": _tuple([f"({i}, {j}, {value!r})" for i, j, value in derived.constant_entries()]),
         "operations": _tuple([str(count) for count in operation_counts(derived)]),
@@ -143,9 +142,18 @@ def _blocks(formula: Formula) -> list[str]:
         if atom.context:
             first = formula.observations.index(atom.context[0])
             text += f", context=({first}, {first + len(atom.context)})"
-        text += ", transposed=True)" if atom.transposed else ")"
-        texts.append(text)
+        text += ", transposed=True" if atom.transposed else ""
+        texts.append(text + (f', unit="{atom.unit}")' if atom.unit else ")"))
         start += len(atom.scalars)
+    return texts
+
+
+def _inputs(formula: Formula) -> list[str]:
+    texts = []
+    for name, atom in inputs(formula):
+        first = formula.observations.index(atom.scalars[0])
+        unit = f', "{atom.unit}"' if atom.unit else ""
+        texts.append(f'Input("{name}", "{atom.kind}", {first}, {len(atom.scalars)}{unit})')
     return texts
 
 
@@ -156,11 +164,7 @@ def _typical(formula: Formula) -> str:
     scalars |= {name: (name,) for name in (*formula.unknowns, *formula.observations)}
     if unknown := [name for name in formula.typical if name not in scalars]:
         raise FormulaError(f"{formula.name}: typical names nothing of the formula: {', '.join(unknown)}")
-    typical = {
-        scalar: interval
-        for name, interval in formula.typical.items()
-        for scalar in scalars[name]
-    }
+    typical = {scalar: interval for name, interval in formula.typical.items() for scalar in scalars[name]}
     items = [f'"{name}": {interval!r}' for name, interval in typical.items()]
     return "{" + _tuple(items)[1:-1].rstrip(",") + "}" if len(items) == 1 else "{" + _tuple(items)[1:-1] + "}"
 

@@ -9,6 +9,7 @@ from obseq.codegen.modules import render_module
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
+from obseq.kernels.ondemand import folder
 
 
 def compile_formula(formula: Formula) -> Kernel:
@@ -35,9 +36,19 @@ def write(name: str, path: Path) -> bool:
         path: File to write; its folder is created.
     """
     formula = find(name)
-    if formula is None:
-        return False
+    if formula is not None:
+        _write(formula, path)
+    return formula is not None
+
+
+def keep(formula: Formula) -> Path:
+    """Writes the module of a formula where those built on demand are kept; the file."""
+    path = folder() / f"{formula.name}.py"
+    _write(formula, path)
+    return path
+
+
+def _write(formula: Formula, path: Path) -> None:
     text = render_module(formula).text
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, text)
-    return True

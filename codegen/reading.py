@@ -18,7 +18,7 @@ from obseq.formulas.blocks import Atom, InverseRotation, Matrix3, Point2, Point3
 class Term(NamedTuple):
     """A vector or a matrix: what it is made by, and from what.
 
-    Kinds of vectors: `name`, `add`, `sub`, `scale`, `cross`, `apply` (matrix, vector), `row` (matrix, number).
+    Kinds of vectors: `name`, `add`, `sub`, `scale`, `cross`, `apply` (matrix, vector), `row` (matrix, k).
     Kinds of matrices: `name`, `transpose`, `product`, `difference`, `turn` (I minus the cross product of a
     vector). Kinds of scalars: `component` (vector, axis), `dot`.
     """
@@ -74,11 +74,13 @@ class Reading:
 
     def point3(self, term: Term) -> "WholePoint3":
         """The vector of space of a term."""
-        return WholePoint3(*(self.component(term, axis) for axis in "xyz"), term, self)
+        x, y, z = (self.component(term, axis) for axis in "xyz")
+        return WholePoint3(x, y, z, term, self)
 
     def point2(self, term: Term) -> "WholePoint2":
         """The vector of the plane of a term."""
-        return WholePoint2(*(self.component(term, axis) for axis in "xy"), term, self)
+        x, y = (self.component(term, axis) for axis in "xy")
+        return WholePoint2(x, y, term, self)
 
     def matrix(self, term: Term) -> "WholeMatrix":
         """The matrix of a term."""
@@ -246,7 +248,9 @@ def read(formula: Formula) -> tuple[Reading, list[Any]]:
             else:
                 keyword[argument.name] = whole
         residual = formula.residual(*positional, **keyword)
-        return reading, [part if hasattr(part, "term") else reading.cleaned(part) for part in _parts(residual)]
+        return reading, [
+            part if hasattr(part, "term") else reading.cleaned(part) for part in _parts(residual)
+        ]
 
 
 def _parts(residual: Any) -> Iterator[Any]:

@@ -383,7 +383,9 @@ def repeated(reading: Reading, values: list[Any]) -> frozenset[Any]:
     weights: dict[Any, int] = {}
     shared = set()
     for value in order:
-        weights[value] = _own_weight(value, reading) + sum(weights[part] for part in _parts_of(value, reading))
+        weights[value] = _own_weight(value, reading) + sum(
+            weights[part] for part in _parts_of(value, reading)
+        )
         if _has_name(value):
             weights[value] = 0
         elif uses[value] > 1 and weights[value] >= SHARED and value not in reading.terms:

@@ -5,13 +5,13 @@ import inspect
 import re
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import sympy
 
 from obseq.errors import FormulaError
-from obseq.formulas.blocks import Atom, Declaration, Matrix3, Point2, Point3
+from obseq.formulas.blocks import Atom, Declaration, Matrix3, Point2, Point3, Unit
 from obseq.formulas.functions import Scalar
 
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -160,7 +160,12 @@ def _declare(argument: str, annotation: Any, formula: Formula) -> Declaration:
         block, *labels = typing.get_args(annotation)
     if not hasattr(block, "declare"):
         raise FormulaError(f"{formula.name}: the argument {argument!r} is not annotated with a block type")
+    units = [label.name for label in labels if isinstance(label, Unit)]
+    labels = [label for label in labels if not isinstance(label, Unit)] or [argument]
     declaration: Declaration = block.declare(labels, formula)
+    if units:
+        atoms = tuple(replace(atom, unit=units[0]) for atom in declaration.atoms)
+        return replace(declaration, atoms=atoms)
     return declaration
 
 

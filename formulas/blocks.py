@@ -42,6 +42,13 @@ class Atom:
 
 
 @dataclass(frozen=True)
+class Unit:
+    """The unit of an argument when it is not its block's: `Annotated[Point2, "Im", Unit("pixel")]`."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Declaration:
     """What an argument of a formula is made of: its atomic blocks and how they become the argument.
 

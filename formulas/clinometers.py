@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import Angle, Direction, Matrix3, Point2, Point3, Pose, Rotation, Vector, norm
+from obseq.formulas.blocks import (
+    Angle,
+    Direction,
+    Matrix3,
+    Point2,
+    Point3,
+    Pose,
+    Rotation,
+    Unit,
+    Vector,
+    norm,
+)
 from obseq.formulas.functions import Scalar, cos, let, sin
 
 
@@ -74,7 +85,7 @@ class ClinoBloc(Formula):
         boresight: Annotated[Rotation, "W1", "mB"],
         camera: Annotated[Pose, "CA", "WA", "mR"],
         *,
-        vertical: Annotated[Point3, "mVert_0_0", "mVert_0_1", "mVert_0_2"],
+        vertical: Annotated[Point3, "mVert_0_0", "mVert_0_1", "mVert_0_2", Unit("")],
         angle: Annotated[Angle, "C"],
     ) -> tuple[Scalar, Scalar]:
         """Cosine and sine of the angle computed, minus those of the angle observed."""

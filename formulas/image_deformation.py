@@ -8,13 +8,13 @@ minus image, in grey levels: the opposite order of the other formulas, MMVII's.
 from typing import Annotated, ClassVar
 
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import Number, Point2, Radiometry
+from obseq.formulas.blocks import Number, Point2, Radiometry, Unit
 from obseq.formulas.functions import Scalar, let
 
 SOURCE = "MMVII Formulas_ImagesDeform.h"
 
-Origin = Annotated[Point2, "PtX0_H", "PtY0_H"]
-Translation = Annotated[Point2, "GeomTrX", "GeomTrY"]
+Origin = Annotated[Point2, "PtX0_H", "PtY0_H", Unit("pixel")]
+Translation = Annotated[Point2, "GeomTrX", "GeomTrY", Unit("pixel")]
 ModelPoint = Annotated[Point2, "xMod", "yMod"]
 ModelValue = Annotated[Radiometry, "ValueMod"]
 Gain = Annotated[Number, "RadSc"]
@@ -89,7 +89,7 @@ class LGrad_DeformImHomotethy(Formula):  # noqa: N801  (MMVII's name)
         *,
         origin: Origin,
         image: Annotated[Radiometry, "Im_H"],
-        gradient: Annotated[Point2, "Gx_H", "Gy_H"],
+        gradient: Annotated[Point2, "Gx_H", "Gy_H", Unit("grey level/pixel")],
         point: ModelPoint,
         value: ModelValue,
     ) -> Scalar:

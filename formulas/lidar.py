@@ -23,6 +23,7 @@ from obseq.formulas.blocks import (
     Pose,
     Radiometry,
     Rotation,
+    Unit,
     component_names,
     norm,
 )
@@ -60,12 +61,12 @@ class Sighting:
             return component_names((pattern.format(prefix + "_{}"),), suffixes)
 
         atoms = (
-            Atom("Point3", names("mPScan", "xyz"), unit="m"),
-            Atom("Point3", names("mPCam0", "xyz"), unit="m"),
-            Atom("Point3", names("mGradPCam_i", "xyz"), unit="pixel/m"),
-            Atom("Point3", names("mGradPCam_j", "xyz"), unit="pixel/m"),
-            Atom("Scalar", (pattern.format("Rad0"),), unit="grey level"),
-            Atom("Point2", names("GradRad", "xy"), unit="grey level/pixel"),
+            Atom("Point3", names("mPScan", "xyz"), part="point", unit="m"),
+            Atom("Point3", names("mPCam0", "xyz"), part="current", unit="m"),
+            Atom("Point3", names("mGradPCam_i", "xyz"), part="gradient_i", unit="pixel/m"),
+            Atom("Point3", names("mGradPCam_j", "xyz"), part="gradient_j", unit="pixel/m"),
+            Atom("Scalar", (pattern.format("Rad0"),), part="radiometry", unit="grey level"),
+            Atom("Point2", names("GradRad", "xy"), part="gradient", unit="grey level/pixel"),
         )
 
         def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Sighting:
@@ -279,10 +280,10 @@ class EqLidarLidar(Formula):
         *,
         point: Annotated[Point3, "PScanA"],
         current: Annotated[Point3, "PScanB0"],
-        gradient_i: Annotated[Point3, "GradProjBI"],
-        gradient_j: Annotated[Point3, "GradProjBJ"],
+        gradient_i: Annotated[Point3, "GradProjBI", Unit("pixel/m")],
+        gradient_j: Annotated[Point3, "GradProjBJ", Unit("pixel/m")],
         distance: Annotated[Length, "DistB0"],
-        gradient: Annotated[Point2, "GradDistB"],
+        gradient: Annotated[Point2, "GradDistB", Unit("m/pixel")],
     ) -> Scalar:
         """The distance of the point from B, minus that read in the raster of B (m)."""
         sight = let("sight", scan_a @ point - scan_b.centre)

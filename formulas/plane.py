@@ -82,6 +82,11 @@ class RatioDist2DCons(Formula):
         "D23": (10.0, 5.0),
     }
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The differences of ratios, by the sides that they compare."""
+        return ("r_12_13", "r_12_23", "r_13_23")
+
     def residual(
         self,
         p1: Point2,

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import Number, Pixel, Point2, Radiometry, Vector
+from obseq.formulas.blocks import Number, Pixel, Point2, Radiometry, Unit, Vector
 from obseq.formulas.functions import Scalar, let
 
 SOURCE = "MMVII Formulas_Radiom.h"
 
-PixelPosition = Annotated[Point2, "xIm", "yIm"]
-Centre = Annotated[Point2, "Cx", "Cy"]
+PixelPosition = Annotated[Point2, "xIm", "yIm", Unit("pixel")]
+Centre = Annotated[Point2, "Cx", "Cy", Unit("pixel")]
 Extent = Annotated[Pixel, "NormR"]
 GreyLevel = Annotated[Radiometry, "RadIm"]
 ImageCoefficients = Annotated[Vector, "image_coefficients"]
@@ -148,6 +148,11 @@ class RadiomCalibPolIm(Formula):
     def name(self) -> str:
         """MMVII's name: the degree."""
         return f"RadiomCalibPolIm_{self.degree}"
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The value of the polynomial."""
+        return ("correction",)
 
     @property
     def image_coefficients(self) -> tuple[str, ...]:

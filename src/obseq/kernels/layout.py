@@ -19,6 +19,7 @@ class Block(NamedTuple):
         size: Number of its scalars.
         context: Half-open range of its context values among the observations, or None.
         transposed: True when the context matrix is the transpose of the block's matrix (both row by row).
+        unit: Unit of its scalars.
     """
 
     name: str
@@ -27,3 +28,22 @@ class Block(NamedTuple):
     size: int
     context: tuple[int, int] | None = None
     transposed: bool = False
+    unit: str = ""
+
+
+class Input(NamedTuple):
+    """What is given with each observation of a formula: one argument, or one part of it.
+
+    Attributes:
+        name: Argument of the formula, with the part after a dot for composite ones.
+        kind: What it is: a kind of block, or `Matrix3`.
+        start: Position of its first scalar among the observations.
+        size: Number of its scalars.
+        unit: Unit of its scalars.
+    """
+
+    name: str
+    kind: str
+    start: int
+    size: int
+    unit: str = ""

@@ -9,7 +9,7 @@ from typing import Any
 
 from obseq.errors import FormulaError
 from obseq.kernels import ondemand
-from obseq.kernels.layout import Block
+from obseq.kernels.layout import Block, Input
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,9 @@ class Kernel:
         residuals: Names of the residuals.
         blocks: Atomic unknown blocks, contiguous, in the order of the unknowns.
         measured: Indices of the observations that are not context: what is given per observation.
+        inputs: The same, argument by argument, with units.
+        equation: The equation in plain text, a definition or a residual per line.
+        source: Where the equation comes from.
         typical: (centre, half width) of scalars for random checks.
         constant_jacobian: (residual, unknown, value) of the entries that kernels do not write.
         value_rows: Rows of a tile of the value kernel.
@@ -36,6 +39,9 @@ class Kernel:
     residuals: tuple[str, ...]
     blocks: tuple[Block, ...]
     measured: tuple[int, ...]
+    inputs: tuple[Input, ...]
+    equation: str
+    source: str
     typical: dict[str, tuple[float, float]]
     constant_jacobian: tuple[tuple[int, int, float], ...]
     value_rows: int
@@ -106,6 +112,9 @@ def describe(module: ModuleType) -> Kernel:
         residuals=module.RESIDUALS,
         blocks=module.BLOCKS,
         measured=module.MEASURED,
+        inputs=module.INPUTS,
+        equation=module.EQUATION,
+        source=module.SOURCE,
         typical=module.TYPICAL,
         constant_jacobian=module.CONSTANT_JACOBIAN,
         value_rows=module.VALUE_ROWS,
