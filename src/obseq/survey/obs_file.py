@@ -219,9 +219,7 @@ def _slow_code(file: TextFile, index: int, text: str) -> int:
     hint = _COMP3D_HINTS.get(code, "")
     if code < 0:
         hint = "to switch an observation off, give it a negative sigma"
-    raise file.error(
-        index, f"unknown code {code}; known: {known}" + (f". {hint[0].upper()}{hint[1:]}" if hint else "")
-    )
+    raise file.error(index, f"unknown code {code} (known: {known})" + (f"; {hint}" if hint else ""))
 
 
 def _check_measure(

@@ -79,8 +79,8 @@ def read_points(path: str | Path, field_format: str, options: PointFileOptions |
         options: everything else.
 
     Raises:
-        InputError: a wrong format or option; a line with a missing, unreadable or surplus field; a point given
-            twice; no point at all.
+        InputError: a wrong format or option; a line with a missing, unreadable or surplus field; a point
+            given twice; no point at all.
     """
     chosen = options or PointFileOptions()
     layout = _parse_format(field_format)
