@@ -155,7 +155,7 @@ def variance_components(
         system: the system.
         components: parts of the variances; one per group when None (`group_components`).
         method: "ls-vce"; "helmert", the same for components that do not overlap; "redundancy" for large
-            systems: each group's sum of squares over its redundancy, the same fixed point without covariances.
+            systems: each group's sum of squares over its redundancy, the same fixed point, no covariances.
         max_rounds: solutions at most.
         tolerance: ends when no factor changes by more than this share.
         probes: with more than 3000 unknowns, number of random vectors that traces are estimated from.
