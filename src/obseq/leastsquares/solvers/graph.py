@@ -83,9 +83,8 @@ def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Groupi
 @compiled
 def neighbourhood_signatures(indptr: Array, indices: Array, keys: Array) -> Array:
     """(n,) sum of the keys of the neighbours of each unknown and of its own."""
-    signatures = np.zeros_like(keys)
+    signatures = keys.copy()
     for j in range(len(keys)):
-        signatures[j] += keys[j]
         for k in range(indptr[j] + 1, indptr[j + 1]):
             i = indices[k]
             signatures[i] += keys[j]

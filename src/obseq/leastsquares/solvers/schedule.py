@@ -73,8 +73,9 @@ def plan(structure: Structure, threads: int) -> Schedule:
     front_at = np.zeros_like(update_at)
     update_room = front_room = 0
     for nodes in tasks:
-        update_room = max(update_room, place_updates(nodes, parent, below, is_shared, update_at))
-        front_room = max(front_room, place_fronts(nodes, parent, structure.front, is_shared, front_at))
+        inside = np.where((parent[nodes] >= 0) & ~is_shared[nodes], np.searchsorted(nodes, parent[nodes]), -1)
+        update_room = max(update_room, place_updates(nodes, inside, below, is_shared, update_at))
+        front_room = max(front_room, place_fronts(nodes, inside, structure.front, front_at))
     return Schedule(
         tasks,
         above,
@@ -134,14 +135,14 @@ def assign_tasks(parent: Array, seconds: Array, share: float) -> Array:
 
 
 @compiled
-def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, at: Array) -> int:
+def place_updates(nodes: Array, inside: Array, below: Array, is_shared: Array, at: Array) -> int:
     """Places the update matrices of a task in two stacks, for supernodes of odd and of even depth.
 
     When a supernode comes, its children are alone on top of the other stack: nothing is ever moved.
 
     Args:
         nodes: supernodes of the task, children first.
-        parent: (m,) parents.
+        inside: index in `nodes` of the parent of each, -1 where it has none in the task.
         below: (m,) rows below.
         is_shared: (m,) supernodes whose update matrix has its place elsewhere.
         at: (m,) places, filled for the others of these nodes.
@@ -149,11 +150,10 @@ def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, a
     Returns:
         Numbers in the room that this takes.
     """
-    depth = np.zeros(len(nodes), np.int8)
-    index = np.searchsorted(nodes, parent[nodes])
+    depth = np.zeros(len(nodes), np.int64)
     for k in range(len(nodes) - 1, -1, -1):
-        if index[k] > k and index[k] < len(nodes) and not is_shared[nodes[k]]:
-            depth[k] = 1 - depth[index[k]]
+        if inside[k] >= 0:
+            depth[k] = 1 - depth[inside[k]]
     top = np.zeros(2, np.int64)
     highest = np.zeros(2, np.int64)
     lowest = np.full(len(nodes), -1, np.int64)  # lowest place among the children of each
@@ -166,8 +166,8 @@ def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, a
         at[s] = top[d]
         top[d] += below[s] * below[s]
         highest[d] = max(highest[d], top[d])
-        if parent[s] >= 0 and lowest[index[k]] < 0:
-            lowest[index[k]] = at[s]
+        if inside[k] >= 0 and lowest[inside[k]] < 0:
+            lowest[inside[k]] = at[s]
     for k in range(len(nodes)):
         if not is_shared[nodes[k]] and depth[k] == 1:
             at[nodes[k]] += highest[0]
@@ -175,7 +175,7 @@ def place_updates(nodes: Array, parent: Array, below: Array, is_shared: Array, a
 
 
 @compiled
-def place_fronts(nodes: Array, parent: Array, front: Array, is_shared: Array, at: Array) -> int:
+def place_fronts(nodes: Array, inside: Array, front: Array, at: Array) -> int:
     """Places the fronts of a task, visited from the root down, in two stacks as `place_updates` does.
 
     A front is needed until its last child has been visited, which is the first one in the elimination: the
@@ -183,35 +183,33 @@ def place_fronts(nodes: Array, parent: Array, front: Array, is_shared: Array, at
 
     Args:
         nodes: supernodes of the task, children first.
-        parent: (m,) parents.
+        inside: index in `nodes` of the parent of each, -1 where it has none in the task.
         front: (m,) orders of the fronts.
-        is_shared: (m,) supernodes whose parent is in another task.
         at: (m,) places, filled for these nodes.
 
     Returns:
         Numbers in the room that this takes.
     """
-    index = np.searchsorted(nodes, parent[nodes])
-    has_parent = (parent[nodes] >= 0) & ~is_shared[nodes]
-    first = np.full(len(nodes), -1, np.int64)
-    for k in range(len(nodes)):
-        if has_parent[k] and first[index[k]] < 0:
-            first[index[k]] = k
-    depth = np.zeros(len(nodes), np.int8)
-    free = np.zeros((len(nodes), 2), np.int64)  # where the children of each may start on both stacks
+    count = len(nodes)
+    first_child = np.full(count, -1, np.int64)
+    for k in range(count - 1, -1, -1):
+        if inside[k] >= 0:
+            first_child[inside[k]] = k
+    depth = np.zeros(count, np.int64)
+    free = np.zeros(2 * count, np.int64)  # where the children of each may start, on both stacks
     highest = np.zeros(2, np.int64)
-    for k in range(len(nodes) - 1, -1, -1):
-        if has_parent[k]:
-            p = index[k]
+    for k in range(count - 1, -1, -1):
+        p = inside[k]
+        if p >= 0:
             depth[k] = 1 - depth[p]
-            free[k] = free[p]
-            if first[p] == k:
-                free[k, depth[p]] = at[nodes[p]]
+            free[2 * k], free[2 * k + 1] = free[2 * p], free[2 * p + 1]
+            if first_child[p] == k:
+                free[2 * k + depth[p]] = at[nodes[p]]
         d = depth[k]
-        at[nodes[k]] = free[k, d]
-        free[k, d] += front[nodes[k]] ** 2
-        highest[d] = max(highest[d], free[k, d])
-    for k in range(len(nodes)):
+        at[nodes[k]] = free[2 * k + d]
+        free[2 * k + d] += front[nodes[k]] * front[nodes[k]]
+        highest[d] = max(highest[d], free[2 * k + d])
+    for k in range(count):
         if depth[k] == 1:
             at[nodes[k]] += highest[0]
     return int(highest[0] + highest[1])

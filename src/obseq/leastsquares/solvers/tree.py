@@ -123,9 +123,10 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
         width[s] += weights[v]
         below[s] = counts[v] - weights[v]
         above[s] = parent[v]
+    into = np.empty(m, np.int64)
     for s in range(m):
+        into[s] = s
         above[s] = node[above[s]] if above[s] >= 0 else -1
-    into = np.arange(m)
     absorbed = _absorb(above, width, below, into, m - 1 if has_last else m)
     # Chains of absorptions end in the supernode that stays; number those that stay.
     number = np.empty(m, np.int64)
