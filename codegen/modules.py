@@ -12,6 +12,7 @@ from obseq.codegen.compiler import (
     Derived,
     KernelText,
     derive,
+    directional_kernel,
     jacobian_kernel,
     operation_counts,
     residual_names,
@@ -55,7 +56,7 @@ def module_name(formula_name: str) -> str:
 def render_module(formula: Formula) -> Module:
     """The module of one formula."""
     derived = derive(formula)
-    kernels = [value_kernel(derived), jacobian_kernel(derived)]
+    kernels = [value_kernel(derived), jacobian_kernel(derived), directional_kernel(derived)]
     pending = template("module.py.jinja").render(_context(derived, kernels))
     text = pending.replace(f"text sha256:{PENDING}", f"text sha256:{text_hash(pending)}", 1)
     return Module(formula, residual_names(derived), module_name(formula.name), text, _report(derived))
@@ -102,7 +103,6 @@ def _is_docstring(statement: ast.stmt) -> bool:
 def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
     formula = derived.formula
     called = sorted(set().union(*(kernel.functions for kernel in kernels)))
-    n_inputs, n_residuals = len(formula.unknowns) + len(formula.observations), len(derived.residuals)
     return {
         "origin": f"{type(formula).__module__}.{type(formula).__qualname__}",
         "formula_hash": derived.digest,
@@ -123,8 +123,6 @@ def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
         "typical": _typical(formula),
         "constants": _tuple([f"({i}, {j}, {value!r})" for i, j, value in derived.constant_entries()]),
         "operations": _tuple([str(count) for count in operation_counts(derived)]),
-        "value_rows": n_inputs + n_residuals,
-        "rows": n_inputs + n_residuals * (1 + len(formula.unknowns)),
         "kernels": kernels,
     }
 

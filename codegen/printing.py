@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from obseq.codegen.graph import CONSTANT, INPUT, Graph
+from obseq.codegen.graph import COMMUTATIVE, CONSTANT, INPUT, Graph
 from obseq.codegen.operators import OPERATORS
 
 NOTHING: Mapping[int, str] = MappingProxyType({})
@@ -160,14 +160,21 @@ class Printer:
         if OPERATORS[operator].function:
             self.functions.add(OPERATORS[operator].function)
         precedence = PRECEDENCE.get(operator, ATOM)
+        if operator in COMMUTATIVE:
+            operands = self._constant_first(operands)
         parts = [self._expression(operand) for operand in operands]
         texts = []
         for position, (operand, (text, inner)) in enumerate(zip(operands, parts, strict=True)):
             if len(text) > LONGEST_EXPRESSION // len(operands):
                 text, inner = self._define(operand, text), ATOM
-            tight = inner < precedence or (inner == precedence and position > 0) or inner == SIGN
+            leads = position == 0 and len(operands) > 1
+            tight = inner < precedence or (inner in (precedence, SIGN) and not leads)
             texts.append(f"({text})" if tight and precedence != ATOM else text)
         return OPERATORS[operator].symbol.format(*texts), precedence
+
+    def _constant_first(self, operands: tuple[int, ...]) -> tuple[int, ...]:
+        a, b = operands
+        return (b, a) if self.graph.nodes[b].operator == CONSTANT else (a, b)
 
     def _quotient(self, operands: tuple[int, ...]) -> str:
         """The product a (1/b) as a / b when nothing else uses 1/b; empty when it is not one."""

@@ -74,6 +74,31 @@ class Calculator:
         shape = (len(u), m, len(self.unknowns))
         return np.ascontiguousarray(values), np.ascontiguousarray(derivatives).reshape(shape)
 
+    def directional_derivative(
+        self, unknowns: ArrayLike, observations: ArrayLike, direction: ArrayLike
+    ) -> tuple[Array, Array]:
+        """The residuals and their derivatives along a direction: the Jacobian times a vector, at once.
+
+        Args:
+            unknowns: (n, n_unknowns) float64.
+            observations: (n, n_observations) float64, context of the unknown blocks included.
+            direction: (n, n_unknowns) float64, a vector per row.
+
+        Returns:
+            (n, n_residuals) residuals and (n, n_residuals) derivatives.
+
+        Raises:
+            FormulaError: An array has the wrong shape or is not made of real numbers.
+        """
+        u, o = self._arguments(unknowns, observations)
+        d = self._array("direction", direction, self.unknowns)
+        if len(d) != len(u):
+            raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
+        kernel = self.kernel
+        both = self._evaluate(kernel.directional_address, kernel.directional_rows, (), u, np.hstack([o, d]))
+        values, derivatives = np.split(both, 2, axis=1)
+        return np.ascontiguousarray(values), np.ascontiguousarray(derivatives)
+
     def check_finite(self, values: ArrayLike) -> None:
         """Raises InputError naming the first rows whose values are not finite.
 
@@ -108,7 +133,7 @@ class Calculator:
         self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: Array, o: Array
     ) -> Array:
         tiles = _tiles()
-        first = self.kernel.first_result
+        first = u.shape[1] + o.shape[1]
         results = np.empty((len(u), rows - first))
         n_tiles = max(1, min(SCRATCH_DOUBLES // (rows * STRIDE), -(-len(u) // 32)))
         scratch = tiles.aligned_tiles(rows, n_tiles, constants)

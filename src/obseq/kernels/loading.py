@@ -30,6 +30,7 @@ class Kernel:
         constant_jacobian: (residual, unknown, value) of the entries that kernels do not write.
         value_rows: Rows of a tile of the value kernel.
         rows: Rows of a tile of the kernel with derivatives.
+        directional_rows: Rows of a tile of the kernel with derivatives along a direction.
         module: The generated module.
     """
 
@@ -46,6 +47,7 @@ class Kernel:
     constant_jacobian: tuple[tuple[int, int, float], ...]
     value_rows: int
     rows: int
+    directional_rows: int
     module: ModuleType
 
     @property
@@ -68,6 +70,11 @@ class Kernel:
     def value_and_jacobian_address(self) -> int:
         """Address of the compiled kernel of values and derivatives."""
         return int(_compiled(self.module, "value_and_jacobian").address)
+
+    @property
+    def directional_address(self) -> int:
+        """Address of the compiled kernel of values and derivatives along a direction."""
+        return int(_compiled(self.module, "directional").address)
 
 
 def formula_names() -> tuple[str, ...]:
@@ -119,6 +126,7 @@ def describe(module: ModuleType) -> Kernel:
         constant_jacobian=module.CONSTANT_JACOBIAN,
         value_rows=module.VALUE_ROWS,
         rows=module.ROWS,
+        directional_rows=module.DIRECTIONAL_ROWS,
         module=module,
     )
 
