@@ -16,6 +16,7 @@ OBS = """* a network
 6 A P 98.5 0.001
 3 A P 55.2 0.002
 5 A P -40.62 0.001
+5 A Q -61 0.001
 7 P A 12 0.001
 5 P B 77 0.001
 5 P C 230 0.001
@@ -113,9 +114,10 @@ def compute(obs_path, cor_path) -> bool:
     """True when initial values were computed, false when the input was refused."""
     try:
         points, book = join(read_cor(cor_path, default_sigma=0.01), read_obs(obs_path))
-        values = initial_values(points, book, flat, recompute_free=True)
-        placed = np.array([step is not None for step in values.point_steps])
-        assert np.isfinite(values.coordinates[placed]).all()
+        for recompute_free in (True, False):
+            values = initial_values(points, book, flat, recompute_free=recompute_free)
+            placed = np.array([step is not None for step in values.point_steps])
+            assert np.isfinite(values.coordinates[placed]).all()
         values.require_complete()
     except InputError as error:
         str(error).encode("utf-8")
@@ -133,7 +135,7 @@ def test_mutated_networks(tmp_path, seed):
         obs.write_bytes(mutated(OBS, chance) if chance.random() < 0.8 else OBS.encode())
         cor.write_bytes(mutated(COR, chance) if chance.random() < 0.4 else COR.encode())
         outcomes.append(compute(obs, cor))
-    assert not all(outcomes)
+    assert 0 < sum(outcomes) < len(outcomes)
 
 
 def test_the_network_without_mutation_is_read(tmp_path):
@@ -142,7 +144,7 @@ def test_the_network_without_mutation_is_read(tmp_path):
     cor.write_text(COR)
     points, book = join(read_cor(cor), read_obs(obs))
     values = initial_values(points, book, flat)
-    assert {item.what for item in values.unplaced} == {"point Q"}
+    assert values.unplaced == ()
 
 
 @pytest.mark.parametrize("seed", range(4))
