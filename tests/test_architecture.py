@@ -32,7 +32,7 @@ ARROWS = {
     "kernels": {"generated"},
     "leastsquares": {"kernels", "geometry"},
     "survey": {"leastsquares", "kernels", "geometry", "crs"},
-    "cli": {"report", "survey", "leastsquares", "kernels", "crs"},
+    "cli": {"report", "survey", "leastsquares", "kernels", "crs", "codegen"},  # codegen: to start gencode
 }
 FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
 LOADERS = ("obseq.kernels.loading", "obseq.kernels.ondemand")  # codegen.ondemand alone: kernels under trial
