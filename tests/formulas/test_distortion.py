@@ -99,9 +99,7 @@ def test_decentric_terms_are_derivatives_of_radial_ones() -> None:
     k1_x, k2_x, p1_x, _, p3_x, _, k1_y, k2_y, p1_y, _, p3_y, _ = np.arange(12)
     low, high = map(np.array, moved)
     slope, here = (high - low) / (2 * step), np.array(DistortionBasis(Degree(2, 2, 0)).evaluate(POINT, []))
-    np.testing.assert_allclose(
-        slope[[k1_x, k2_x, k1_y, k2_y]], here[[p1_x, p3_x, p1_y, p3_y]], rtol=1e-9
-    )
+    np.testing.assert_allclose(slope[[k1_x, k2_x, k1_y, k2_y]], here[[p1_x, p3_x, p1_y, p3_y]], rtol=1e-9)
 
 
 @pytest.mark.parametrize("formula", DISTORTIONS, ids=lambda formula: formula.name)
@@ -116,6 +114,8 @@ def test_any_degree_has_a_formula(name: str) -> None:
     assert formula.outputs == ("x", "y")
 
 
-@pytest.mark.parametrize("name", ["EqDist_Dist_Rad03_Dec1_XY1", "EqDist_Dist_Rad3_Dec1", "EqDist_Rad3_Dec1_XY1"])
+@pytest.mark.parametrize(
+    "name", ["EqDist_Dist_Rad03_Dec1_XY1", "EqDist_Dist_Rad3_Dec1", "EqDist_Rad3_Dec1_XY1"]
+)
 def test_other_names_have_none(name: str) -> None:
     assert from_name(name) is None
