@@ -13,6 +13,9 @@ from obseq.codegen.operators import OPERATORS
 MOST_PARKED = 8
 """Values parked, beyond which loading and storing them costs more than the cut gains."""
 
+LEAST_FIRST = 10
+"""Operations of the first loop, below which there is nothing to wait for."""
+
 LEAST_REST = 80
 """Operations of the second loop, below which a kernel is short enough as one loop."""
 
@@ -33,7 +36,7 @@ def parked(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
     rest = [n for n in computed if n not in first]
     live = {operand for n in rest for operand in graph.nodes[n].operands if operand in first}
     live.update(n for n, _ in outputs if n in first)
-    worth = first and len(rest) >= max(LEAST_REST, LEAST_RATIO * len(first))
+    worth = len(first) >= LEAST_FIRST and len(rest) >= max(LEAST_REST, LEAST_RATIO * len(first))
     if not worth or len(live) > min(MOST_PARKED, len(outputs)):
         return {}
     return _rows(sorted(live), outputs)

@@ -221,7 +221,7 @@ def tan(x):  # type: ignore[no-untyped-def]
     return value if abs(x) <= LARGEST_ANGLE else math.nan
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def keep_loop(typing_context):  # type: ignore[no-untyped-def]
     """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
 
@@ -232,7 +232,7 @@ def keep_loop(typing_context):  # type: ignore[no-untyped-def]
     return types.void(), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _bits(typing_context, x):  # type: ignore[no-untyped-def]
     """The bits of a float as a whole number."""
 
@@ -242,7 +242,7 @@ def _bits(typing_context, x):  # type: ignore[no-untyped-def]
     return types.uint64(types.float64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _float(typing_context, bits):  # type: ignore[no-untyped-def]
     """The float that has some bits."""
 

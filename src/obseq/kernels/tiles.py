@@ -13,7 +13,7 @@ TILES_IN_BATCH = 16
 """Tiles that the drivers work on at a time: enough to hide calls, few enough to stay in cache."""
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
     """Calls the compiled kernel at an address; the driver needs no recompilation for another kernel."""
     signature = types.void(types.intp, types.intp, types.intp)
