@@ -3,14 +3,18 @@
 import keyword
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from obseq.codegen.c99_functions import HELPERS, WORDS
-from obseq.codegen.compiler import Derived, residual_names
+from obseq.codegen.compiler import Derived, derive, residual_names
+from obseq.codegen.files import write_atomically
+from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS
 from obseq.codegen.printing import Dialect, Printer, Store
 from obseq.errors import FormulaError
+from obseq.formulas.base import Formula
 
 WIDTH = 100
 
@@ -46,6 +50,25 @@ def statements(derived: Derived, outputs: Sequence[tuple[int, str, str]], inputs
                 f"{derived.formula.name}: the operator {function} has no C text; add it to c99_functions.py"
             )
     return CBody(lines, printer.functions)
+
+
+def write_headers(formulas: Iterable[Formula], folder: Path) -> list[Path]:
+    """Writes a header for each formula in a folder, which is created; gives the files.
+
+    Raises:
+        FormulaError: A formula has no C text, or the folder cannot be written.
+    """
+    written = []
+    for formula in formulas:
+        identifier = module_name(formula.name)
+        text = header(derive(formula), identifier)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(folder / f"{identifier}.h", text)
+        except OSError as error:
+            raise FormulaError(f"{folder}: the C99 headers cannot be written: {error.strerror}") from error
+        written.append(folder / f"{identifier}.h")
+    return written
 
 
 def header(derived: Derived, identifier: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from obseq.codegen import ondemand
+from obseq.codegen.c99 import write_headers
 from obseq.codegen.documentation import FOLDER, render_pages
 from obseq.codegen.files import Change, apply, changes, render_all, render_modules
 from obseq.codegen.modules import Module
@@ -22,6 +23,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.list:
             print("\n".join(sorted(formula.name for formula in formulas)))  # noqa: T201
             return 0
+        if options.c99:
+            return _write_c99(formulas, options.c99)
         return _run(formulas, generated_folder(), options.check, partial=bool(options.names))
     except ObseqError as error:
         print(f"gencode: {error}", file=sys.stderr)  # noqa: T201
@@ -56,6 +59,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas to write (default: all of them)")
     parser.add_argument("--check", action="store_true", help="write nothing; show what is stale and return 1")
     parser.add_argument("--list", action="store_true", help="list the names of the formulas")
+    parser.add_argument(
+        "--c99", type=Path, metavar="DIR", help="only write a C99 header of each in this folder"
+    )
     return parser
 
 
@@ -80,6 +86,12 @@ def _run(formulas: list[Formula], folder: Path, check: bool, partial: bool) -> i
         if formula.name not in registered:
             print(f"wrote {ondemand.keep(formula)}")  # noqa: T201
     print(f"{len(formulas)} formulas, {len(found)} files changed")  # noqa: T201
+    return 0
+
+
+def _write_c99(formulas: list[Formula], folder: Path) -> int:
+    written = write_headers(formulas, folder)
+    print(f"wrote {len(written)} C99 headers in {folder}")  # noqa: T201
     return 0
 
 
