@@ -60,6 +60,7 @@ class NormalEquations:
     """Assembles the equations of a table of unknowns; the pattern is that of its creation.
 
     Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
+    Blocks that only hard constraints touch are in the matrix with zeros.
     """
 
     def __init__(
@@ -68,11 +69,12 @@ class NormalEquations:
         batches: Sequence[Batch],
         priors: Sequence[Prior],
         eliminated: BoolArray | None = None,
+        constraints: Sequence[Batch] = (),
     ) -> None:
         self.table = table
         self.batches = tuple(batches)
         self.priors = tuple(priors)
-        self.used = _used_blocks(table, batches, priors)
+        self.used = used_blocks(table, [*batches, *constraints], priors)
         none = np.zeros(len(table), dtype=bool)
         self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
         self.pattern = self.layout.matrix
@@ -254,7 +256,7 @@ class NormalEquations:
         return "the normal equations overflow: check the sigmas and the units of the observations"
 
 
-def _used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
+def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
     """(n_blocks,) True for the blocks that an active observation or a prior touches."""
     used = np.zeros(len(table), dtype=bool)
     for batch in batches:
