@@ -5,6 +5,7 @@ are sympy expressions in which a symbol may stand for a component or a product o
 becomes a definition. It is what the documentation prints: an equation that cannot differ from the code.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, NamedTuple
@@ -39,10 +40,12 @@ class Reading:
     Attributes:
         terms: What a scalar symbol stands for.
         definitions: What a name stands for: a term of vectors or matrices.
+        made_of: Names of the scalars of each vector or matrix that is given, and of each scalar.
     """
 
     terms: dict[sympy.Symbol, Term] = field(default_factory=dict)
     definitions: dict[str, Term] = field(default_factory=dict)
+    made_of: dict[str, tuple[str, ...]] = field(default_factory=dict)
     scalars: dict[Term, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -86,6 +89,13 @@ class Reading:
         """The matrix of a term."""
         a, b, c = (self.point3(Term("row", (term, k))) for k in range(3))
         return WholeMatrix((a, b, c), term, self)
+
+    def given(self, scalars: Sequence[str], argument: str) -> Term:
+        """The vector or matrix of some scalars, named after what they share, else after their argument."""
+        others = (argument + "'" * k for k in itertools.count())
+        names = itertools.chain([common_name(scalars, argument)], others)
+        name = next(name for name in names if self.made_of.setdefault(name, tuple(scalars)) == tuple(scalars))
+        return named(name)
 
     def define(self, name: str, term: Term) -> Term:
         """The name of a term, made distinct from that of any other term."""
@@ -238,7 +248,7 @@ def transposed(term: Term) -> Term:
 
 def read(formula: Formula) -> tuple[Reading, list[Any]]:
     """A formula with its blocks whole: the reading, and the parts of what `residual` returns."""
-    reading = Reading()
+    reading = Reading(made_of={name: (name,) for name in (*formula.unknowns, *formula.observations)})
     positional, keyword = [], {}
     with sympy.evaluate(False):
         for argument in formula.arguments:
@@ -289,23 +299,23 @@ def _whole_atom(value: Any, atom: Atom, name: str, reading: Reading) -> Any:
     if atom.kind == "Direction":
         return _whole_direction(atom, reading)
     if isinstance(value, Matrix3):
-        return reading.matrix(named(common_name(atom.scalars, name)))
-    term = named(common_name(atom.scalars, name))
+        return reading.matrix(reading.given(atom.scalars, name))
+    term = reading.given(atom.scalars, name)
     for axis, scalar in zip("xyz", atom.scalars, strict=False):
         reading.scalars[Term("component", (term, axis))] = sympy.Symbol(scalar, real=True)
     return reading.point2(term) if isinstance(value, Point2) else reading.point3(term)
 
 
 def _whole_rotation(atom: Atom, name: str, reading: Reading) -> WholeRotation:
-    stored = named(common_name(atom.context, name))
+    stored = reading.given(atom.context, name)
     current = transposed(stored) if atom.transposed else stored
-    small = named(common_name(atom.scalars, name))
+    small = reading.given(atom.scalars, name)
     whole = reading.define(f"R_{name}", Term("product", (current, Term("turn", (small,)))))
     return WholeRotation(reading.matrix(current), reading.point3(small), reading.matrix(whole))
 
 
 def _whole_direction(atom: Atom, reading: Reading) -> WholePoint3:
-    normal, along_u, along_v = (named(common_name(atom.context[k : k + 3], "N")) for k in (0, 3, 6))
+    normal, along_u, along_v = (reading.given(atom.context[k : k + 3], "N") for k in (0, 3, 6))
     du, dv = (sympy.Symbol(scalar, real=True) for scalar in atom.scalars)
     moved = Term("add", (Term("add", (normal, Term("scale", (du, along_u)))), Term("scale", (dv, along_v))))
     name = normal.parts[0].removeprefix("PNorm").lstrip("_")
