@@ -4,6 +4,7 @@ Each model is a formula class of this file, compiled in memory.
 """
 
 import functools
+import inspect
 import json
 import math
 from dataclasses import dataclass
@@ -138,7 +139,8 @@ def digits(found, certified):
     return float(-np.log10(np.max(error, initial=1e-16)))
 
 
-DAMPED_OPTIONS = None
+HAS_STRATEGIES = "strategy" in inspect.signature(obseq.LeastSquares.solve).parameters
+DAMPED_OPTIONS = {"strategy": "levenberg-marquardt"} if HAS_STRATEGIES else None
 """Options of `solve` that damp the steps; None as long as there are Gauss-Newton steps only."""
 
 FAR_STARTS = {("Hahn1", "start1"), ("Gauss3", "start2"), ("BoxBOD", "start1")}

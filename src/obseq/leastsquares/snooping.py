@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -139,7 +139,7 @@ def snoop(
     overall: bool = True,
     batches: Collection[Batch] | None = None,
     max_rejections: int | None = None,
-    solve_options: Mapping[str, int | float] | None = None,
+    solve_options: Mapping[str, Any] | None = None,
 ) -> Snooping:
     """Finds blunders one at a time: solves, rejects the worst observation if it fails its test, solves again.
 
@@ -150,14 +150,14 @@ def snoop(
         overall: whether the level is that of all tests of one adjustment together (Sidak), or of each.
         batches: the batches whose observations may be rejected; all when None. Priors are not tested.
         max_rejections: ends after as many; no limit when None.
-        solve_options: `max_iterations` and `tolerance` of the solutions.
+        solve_options: arguments of `LeastSquares.solve` for the solutions.
     """
     checked_probability(level, "level")
     settings = _Settings(Statistic(statistic), level, overall, batches)
     rejections: list[Rejection] = []
     try:
         while True:
-            result = system.solve(covariance=True, **dict(solve_options or {}))  # type: ignore[arg-type]
+            result = system.solve(covariance=True, **dict(solve_options or {}))
             quality = reliability(system, result)
             outcome = _tested(quality, settings)
             if outcome.rejection is not None and len(rejections) == max_rejections:

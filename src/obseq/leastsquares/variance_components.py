@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -145,7 +145,7 @@ def variance_components(
     tolerance: float = 1e-4,
     probes: int | None = None,
     seed: int = 0,
-    solve_options: Mapping[str, int | float] | None = None,
+    solve_options: Mapping[str, Any] | None = None,
 ) -> VarianceComponents:
     """Estimates variance components; the system is left with the sigmas found, solved.
 
@@ -160,7 +160,7 @@ def variance_components(
         tolerance: ends when no factor changes by more than this share.
         probes: with more than 3000 unknowns, number of random vectors that traces are estimated from.
         seed: of the random vectors.
-        solve_options: `max_iterations` and `tolerance` of the solutions.
+        solve_options: arguments of `LeastSquares.solve` for the solutions.
 
     Raises:
         InputError: components without redundancy, or that cannot be told apart; they are named.
@@ -186,7 +186,7 @@ class _Rounds:
     equations: ComponentEquations
     method: Method
     traces: Traces
-    options: dict[str, int | float]
+    options: dict[str, Any]
     negative: tuple[int, ...] = ()
 
     def run(
@@ -217,7 +217,7 @@ class _Rounds:
     def _solved(self, factors: FloatArray) -> LeastSquaresResult:
         for source, variances in self.equations.variances(factors):
             set_sigmas(source, np.sqrt(variances))
-        return self.system.solve(covariance=True, **self.options)  # type: ignore[arg-type]
+        return self.system.solve(covariance=True, **self.options)
 
     def _equations(
         self, factors: FloatArray, result: LeastSquaresResult
