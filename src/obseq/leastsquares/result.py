@@ -29,6 +29,7 @@ class StopReason(Enum):
     STEP = "the last step is below the tolerance, in standard deviations of the unknowns"
     ROUNDING = "the last step is at the level of rounding"
     STALLED = "the last steps are negligible and the sum of squares no longer decreases"
+    NO_DECREASE = "no step decreases the cost any more, and the last one is not negligible"
     NO_UNKNOWNS = "every unknown is frozen"
     ITERATIONS = "the number of iterations asked for is reached"
 
