@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from obseq.leastsquares.constraints import substitution
 from obseq.leastsquares.diagnosis import singular_error
 from obseq.leastsquares.normal import DivergenceError
 from obseq.leastsquares.result import Iteration, StopReason
 from obseq.leastsquares.solvers import SingularMatrixError
+from obseq.leastsquares.substituted import SubstitutedSolver
 from obseq.leastsquares.unknowns import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Sequence
 
     from numpy.typing import NDArray
 
+    from obseq.leastsquares.batches import Batch
     from obseq.leastsquares.normal import Linearisation, NormalEquations
     from obseq.leastsquares.solvers import Solver
 
@@ -48,6 +51,10 @@ class Options:
     sigma0_groups: Collection[str] | None = None
 
 
+Direction: TypeAlias = "Callable[[Linearisation], tuple[FloatArray, float]]"
+"""Linearisation -> step of all unknowns (n_scalars,), and its length sqrt(dx' N dx)."""
+
+
 @dataclass
 class Progress:
     """What the iterations have done so far."""
@@ -66,15 +73,25 @@ def sigma0_of(squares: dict[str, float], groups: Collection[str] | None, redunda
 
 def iterate(
     equations: NormalEquations,
-    solver: Solver,
+    direction: Direction,
     options: Options,
     redundancy: int,
     before: Callable[[int], None],
     progress: Callable[[Iteration], None],
+    damping: float = 0.0,
 ) -> Progress:
     """Runs the iterations; the table of unknowns holds the last accepted state whatever happens.
 
     A state is accepted once all its residuals are finite.
+
+    Args:
+        equations: the system.
+        direction: gives the step of a linearisation.
+        options: when to stop.
+        redundancy: of the system.
+        before: called before each linearisation.
+        progress: receives each record.
+        damping: constant share of the diagonal that is added to it.
     """
     done = Progress()
     table = equations.table
@@ -82,20 +99,15 @@ def iterate(
     for number in range(options.max_iterations):
         before(number)
         try:
-            linearisation = equations.assemble()
+            linearisation = equations.assemble(damping)
             accepted = table.state()
-            step, length = _solved(equations, solver, linearisation)
+            step, length = direction(linearisation)
         except DivergenceError as error:
             table.restore(accepted)
             when = f" (iteration {number + 1}; the unknowns are back at their last accepted values)"
             raise DivergenceError(f"{error}{when if number else ''}") from None
-        record = Iteration(
-            sigma0_of(linearisation.squares, options.sigma0_groups, redundancy),
-            float(np.abs(step).max(initial=0.0)),
-            length,
-            linearisation.squares,
-        )
-        reason = _stop_reason(equations, options, redundancy, done.iterations, record, step)
+        record = recorded(linearisation, options, redundancy, step, length)
+        reason = stop_reason(equations, options, redundancy, done.iterations, record, step)
         table.move(step)
         done.iterations.append(record)
         progress(record)
@@ -105,31 +117,57 @@ def iterate(
     return done
 
 
-def _solved(
-    equations: NormalEquations, solver: Solver, linearisation: Linearisation
+def recorded(
+    linearisation: Linearisation, options: Options, redundancy: int, step: FloatArray, length: float
+) -> Iteration:
+    """The record of an iteration."""
+    return Iteration(
+        sigma0_of(linearisation.squares, options.sigma0_groups, redundancy),
+        float(np.abs(step).max(initial=0.0)),
+        length,
+        linearisation.squares,
+    )
+
+
+def solved(
+    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
 ) -> tuple[FloatArray, float]:
     """The step for all unknowns (zero where frozen) and its length sqrt(dx' N dx)."""
-    factor(equations, solver, linearisation)
-    solved = solver.solve(-linearisation.gradient)
+    offset = factor(equations, solver, constraints, linearisation)
+    gradient = linearisation.gradient
+    if not offset.any():
+        solved = solver.solve(-gradient)
+        squared = linearisation.eliminated - float(solved @ gradient)
+    else:
+        normal = equations.pattern.matrix(linearisation.values)
+        solved = offset + solver.solve(-gradient - normal @ offset)
+        squared = linearisation.eliminated + float(solved @ (normal @ solved))
     if not np.isfinite(solved).all():
         raise DivergenceError("the step of the unknowns is not finite")
-    squared = linearisation.eliminated - float(solved @ linearisation.gradient)
     return equations.step(solved, linearisation), float(np.sqrt(max(0.0, squared)))
 
 
-def factor(equations: NormalEquations, solver: Solver, linearisation: Linearisation) -> None:
-    """Factors the normal matrix.
+def factor(
+    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
+) -> FloatArray:
+    """Factors the normal matrix, reduced by hard constraints; returns the step (n_free,) that these ask for.
 
     Raises:
         SingularSystemError: some unknowns are undetermined; their names are in the error.
     """
+    offset = np.zeros(equations.pattern.n)
+    if isinstance(solver, SubstitutedSolver):
+        found = substitution(equations.table, equations.free, constraints)
+        solver.substitute(found)
+        offset = found.offset
     try:
         solver.factor(linearisation.values)
     except SingularMatrixError:
         raise singular_error(equations, solver) from None
+    return offset
 
 
-def _stop_reason(
+def stop_reason(
     equations: NormalEquations,
     options: Options,
     redundancy: int,
@@ -137,6 +175,7 @@ def _stop_reason(
     record: Iteration,
     step: FloatArray,
 ) -> StopReason | None:
+    """Why the iterations end with this step; None when they go on."""
     if options.tolerance < 0.0:
         return None
     sigma0 = float(np.sqrt(record.cost / redundancy)) if redundancy > 0 else 1.0

@@ -8,14 +8,18 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.batches import Batch, formula_shape, linear_shape
+from obseq.leastsquares.constraints import substitution
 from obseq.leastsquares.covariance import Cofactors
 from obseq.leastsquares.diagnosis import untouched_error
-from obseq.leastsquares.gauss_newton import Options, Progress, factor, iterate, sigma0_of
+from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
-from obseq.leastsquares.normal import NormalEquations, residuals
+from obseq.leastsquares.normal import NormalEquations, residuals, used_blocks
 from obseq.leastsquares.priors import Prior
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
+from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
+from obseq.leastsquares.strategies import strategy_of
+from obseq.leastsquares.substituted import SubstitutedSolver
 from obseq.leastsquares.unknowns import Kind, UnknownTable, finite
 
 if TYPE_CHECKING:
@@ -25,6 +29,7 @@ if TYPE_CHECKING:
 
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.solvers import Solver
+    from obseq.leastsquares.strategies import Strategy
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -49,6 +54,7 @@ class LeastSquares:
         self.unknowns = UnknownTable()
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
+        self._constraints: list[Batch] = []
         self._solver_name = solver
         self._bound: dict[bool, NormalEquations] = {}
         self._version = -1
@@ -176,6 +182,17 @@ class LeastSquares:
             labels: (n,) what to call the rows in messages.
             group: name under which sums of squares are kept; "linear" when None.
         """
+        return self._added(self._linear(columns, coefficients, values, sigmas, labels, group))
+
+    def _linear(
+        self,
+        columns: Sequence[ArrayLike],
+        coefficients: Sequence[ArrayLike],
+        values: ArrayLike,
+        sigmas: ArrayLike,
+        labels: Sequence[str] | None,
+        group: str | None,
+    ) -> Batch:
         ids = [self.unknowns.checked(column, "linear rows") for column in columns]
         if not ids or len(ids) != len(coefficients):
             raise InputError(f"linear rows: {len(coefficients)} sets of coefficients for {len(ids)} blocks")
@@ -187,7 +204,7 @@ class LeastSquares:
         ]
         rows = np.column_stack([*parts, finite(values, (n,), "linear rows, values")])
         blocks = {role.name: column for role, column in zip(shape.roles, ids, strict=True)}
-        return self._added(Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None))
+        return Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None)
 
     def add_prior(self, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str = "prior") -> Prior:
         """Adds soft constraints x = value +- sigma for blocks that are alike.
@@ -208,6 +225,57 @@ class LeastSquares:
         self._version = -1
         return batch
 
+    # Hard constraints
+
+    def constrain(
+        self,
+        formula: str | Kernel,
+        blocks: Mapping[str, ArrayLike],
+        observations: ArrayLike | None,
+        labels: Sequence[str] | None = None,
+    ) -> Batch:
+        """Adds equations of a formula that the solution satisfies exactly (arguments as in `add`).
+
+        They are linearised anew at each iteration, and substituted: each takes one unknown out of the system.
+        """
+        shape = formula_shape(formula)
+        return self._constrained(Batch(shape, self.unknowns, blocks, observations, 1.0, labels, None, None))
+
+    def constrain_linear(
+        self,
+        columns: Sequence[ArrayLike],
+        coefficients: Sequence[ArrayLike],
+        values: ArrayLike,
+        labels: Sequence[str] | None = None,
+    ) -> Batch:
+        """Adds linear equations that the solution satisfies exactly (arguments as in `add_linear`)."""
+        return self._constrained(self._linear(columns, coefficients, values, 1.0, labels, None))
+
+    def share(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> Batch:
+        """Makes unknowns of several blocks equal: whole blocks that are alike, or chosen components."""
+        blocks, _, size = self.unknowns.uniform(ids, "share")
+        if len(blocks) < 2:
+            raise InputError("share: it takes two blocks or more")
+        index = self.unknowns.component_index(blocks[:1], components, "share")
+        unit = np.eye(size)[(index - self.unknowns.start[blocks[0]]).ravel()]
+        rows = np.tile(unit, (len(blocks) - 1, 1))
+        other, first = np.repeat(blocks[1:], len(unit)), np.repeat(blocks[:1], len(rows))
+        names = self.unknowns.names
+        labels = [f"{names[block]} = {names[blocks[0]]}" for block in other]
+        return self.constrain_linear([first, other], [-rows, rows], np.zeros(len(rows)), labels)
+
+    def remove_constraint(self, constraint: Batch) -> None:
+        """Takes a constraint out again."""
+        if constraint not in self._constraints:
+            raise InputError(f"this {constraint.name} constraint is not in the system")
+        self._constraints.remove(constraint)
+        self._version = -1
+
+    def _constrained(self, batch: Batch) -> Batch:
+        self._constraints.append(batch)
+        self._version = -1
+        return batch
+
     # Counting
 
     @property
@@ -222,8 +290,11 @@ class LeastSquares:
 
     @property
     def n_unknowns(self) -> int:
-        """Number of free scalar unknowns."""
-        return int(np.count_nonzero(~self.unknowns.frozen))
+        """Number of free scalar unknowns, less the independent hard constraints."""
+        free = int(np.count_nonzero(~self.unknowns.frozen))
+        if not self._constraints:
+            return free
+        return free - substitution(self.unknowns, self.equations(True).free, self._constraints).rank
 
     @property
     def redundancy(self) -> int:
@@ -247,7 +318,9 @@ class LeastSquares:
         reduced = reduced and bool(self.unknowns.eliminated.any())
         if reduced not in self._bound:
             eliminated = self.unknowns.eliminated if reduced else None
-            self._bound[reduced] = NormalEquations(self.unknowns, self._batches, self._priors, eliminated)
+            self._bound[reduced] = NormalEquations(
+                self.unknowns, self._batches, self._priors, eliminated, self._constraints
+            )
         return self._bound[reduced]
 
     def residuals(self, batch: Batch) -> FloatArray:
@@ -262,8 +335,9 @@ class LeastSquares:
         before_iteration: Callable[[LeastSquares, int], None] | None = None,
         progress: Callable[[Iteration], None] | None = None,
         sigma0_groups: Collection[str] | None = None,
+        strategy: str | Strategy = "gauss-newton",
     ) -> LeastSquaresResult:
-        """Solves by Gauss-Newton iterations; the unknowns move to the solution.
+        """Solves by iterations; the unknowns move to the solution.
 
         Args:
             max_iterations: no more iterations than this.
@@ -274,6 +348,8 @@ class LeastSquares:
                 linearisation and before the final residuals; may replace the observations of batches.
             progress: called with the record of each iteration.
             sigma0_groups: groups in the numerator of sigma0; all when None.
+            strategy: how the iterations move; see `strategies` ("gauss-newton", "levenberg-marquardt",
+                "dogleg", "qr", "lsmr", "l1", or an object with parameters).
 
         Raises:
             SingularSystemError: some unknowns are undetermined; they are named.
@@ -288,22 +364,19 @@ class LeastSquares:
                 before_iteration(self, number)
 
         redundancy, done = self.redundancy, Progress(reason=StopReason.NO_UNKNOWNS)
-        if self.n_unknowns:
+        if not self.unknowns.frozen.all():
             solver = self._analysed(reduced=True)
-            done = iterate(equations, solver, options, redundancy, before, progress or _silent)
+            run = runner(strategy_of(strategy), equations, solver, self._constraints)
+            done = run(options, redundancy, before, progress or _silent)
         before(len(done.iterations))
-        wanted = covariance is not None and covariance is not False and self.n_unknowns > 0
+        wanted = covariance is not None and covariance is not False and not self.unknowns.frozen.all()
         cofactors = self._cofactors(done) if wanted else None
         return self._result(equations, options, redundancy, done, cofactors)
 
     def _refuse_untouched(self) -> None:
         if not self._batches and not self._priors:
             raise InputError("the system has no equations: add observations or priors")
-        touched = np.zeros(len(self.unknowns), dtype=bool)
-        for batch in self._batches:
-            touched[batch.blocks[:, batch.active]] = True
-        for prior in self._priors:
-            touched[prior.ids] = True
+        touched = used_blocks(self.unknowns, [*self._batches, *self._constraints], self._priors)
         free = np.add.reduceat(~self.unknowns.frozen, self.unknowns.start, dtype=np.int64) > 0
         untouched = np.flatnonzero(free & ~touched)
         if untouched.size:
@@ -313,16 +386,21 @@ class LeastSquares:
         equations = self.equations(reduced)
         reduced = equations is not self._bound.get(False)
         if reduced not in self._solvers:
-            self._solvers[reduced] = choose_solver(equations.pattern, self._solver_name)
+            self._solvers[reduced] = self._new_solver(equations)
             self._solvers[reduced].analyse(equations.pattern)
         return self._solvers[reduced]
+
+    def _new_solver(self, equations: NormalEquations) -> Solver:
+        if self._constraints:
+            return SubstitutedSolver(self._solver_name)
+        return choose_solver(equations.pattern, self._solver_name)
 
     def _cofactors(self, done: Progress) -> Cofactors:
         """Cofactors of all unknowns; the factor of a negligible last step serves."""
         equations, fresh = self.equations(), False not in self._solvers
         solver = self._analysed()
         if fresh or done.reason is StopReason.ITERATIONS:
-            factor(equations, solver, equations.assemble())
+            factor(equations, solver, self._constraints, equations.assemble())
         del self._solvers[False]  # the result keeps this one, for covariances between any two unknowns
         return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 

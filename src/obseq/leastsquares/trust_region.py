@@ -208,7 +208,7 @@ class DoglegRegion:
         return Trial(step, float(np.sqrt(max(quadratic, 0.0))), predicted, linearisation)
 
     def learn(self, gain: float) -> None:
-        """The radius grows with good gains at its edge, and falls to a part of the last step with bad ones."""
+        """The radius grows with good gains at its edge, and shrinks with bad ones."""
         if gain > 0.75:
             self._radius = max(self._radius or 0.0, 3.0 * self._length)
         elif gain < 0.25:
