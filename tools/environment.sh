@@ -6,6 +6,10 @@
 
 root=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd -P)
 venv=${OBSEQ_VENV:-$root/.venv}
+case $venv in
+    /*) ;;
+    *) venv=$PWD/$venv ;;
+esac
 
 die() {
     printf '%s\n' "$*" >&2
