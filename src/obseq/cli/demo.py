@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Adjust the demo network."""
     out = arguments.out
     results = Results(out / "adjustment.json", out / "adjustment.html", out / "adjustment.txt")
-    data = files("obseq.survey") / "data"
+    data = files("obseq") / "survey" / "data"
     with as_file(data / "demo.obs") as observations, as_file(data / "demo.cor") as points:
         return adjust(
             Request([observations], [points], {"frame": FRAME, "points_crs": POINTS_CRS}, {}, results)
