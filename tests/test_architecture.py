@@ -56,7 +56,7 @@ def imports_of(path: Path) -> Iterator[tuple[int, str]]:
 
 def tracked_files() -> list[Path]:
     if not (ROOT / ".git").exists():
-        pytest.skip("this copy of the project is not a git repository")
+        pytest.skip(reason="this copy of the project is not a git repository")
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
