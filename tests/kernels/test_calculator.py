@@ -1,0 +1,125 @@
+"""The calculator: plain arrays in and out, and errors that name the argument and the formula."""
+
+import numpy as np
+import pytest
+
+import obseq
+from obseq.errors import FormulaError, InputError
+
+POINTS = [[0.0, 0.0, 0.0, 3.0, 4.0, 0.0], [1.0, 1.0, 1.0, 1.0, 1.0, 4.0]]
+
+
+@pytest.fixture(scope="module")
+def distance() -> obseq.Calculator:
+    return obseq.calculator("Dist3D")
+
+
+def test_values_and_derivatives(distance: obseq.Calculator) -> None:
+    """A 3-4-5 triangle, and two points 3 m apart on a vertical."""
+    values, jacobian = distance.values_and_jacobian(POINTS, [[4.0], [3.5]])
+    np.testing.assert_allclose(values, [[1.0], [-0.5]], rtol=1e-15)
+    np.testing.assert_allclose(jacobian[0, 0], [-0.6, -0.8, 0.0, 0.6, 0.8, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(jacobian[1, 0], [0.0, 0.0, -1.0, 0.0, 0.0, 1.0], rtol=1e-15)
+    np.testing.assert_array_equal(distance.values(POINTS, [[4.0], [3.5]]), values)
+
+
+def test_structural_zeros_and_constants_are_there() -> None:
+    """Entries that kernels do not write, such as the derivative of each component by its own rotation."""
+    formula = obseq.calculator("TopoSubFrame")
+    constants = formula.kernel.constant_jacobian
+    assert constants
+    u = np.random.default_rng(1).normal(size=(40, 9))
+    _, jacobian = formula.values_and_jacobian(u, np.random.default_rng(2).normal(size=(40, 12)))
+    for residual, unknown, value in constants:
+        assert (jacobian[:, residual, unknown] == value).all()
+
+
+def test_along_a_direction(distance: obseq.Calculator) -> None:
+    """Moving the second point along x by 1 and along y by 2: 0.6 + 2 0.8."""
+    direction = [[0.0, 0.0, 0.0, 1.0, 2.0, 5.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]
+    values, along = distance.directional_derivative(POINTS, [[4.0], [3.5]], direction)
+    np.testing.assert_allclose(values, [[1.0], [-0.5]], rtol=1e-15)
+    np.testing.assert_allclose(along, [[2.2], [-1.0]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["TopoHz", "TopoZen", "TopoSubFrame", "BlocRigid_RE", "Clino_0_3"])
+def test_along_a_direction_is_the_jacobian_times_the_direction(name: str) -> None:
+    formula = obseq.calculator(name)
+    random = np.random.default_rng(5)
+    u, d = random.uniform(0.1, 1.0, (2, 70, len(formula.unknowns)))
+    o = random.uniform(0.1, 1.0, (70, len(formula.observations)))
+    values, along = formula.directional_derivative(u, o, d)
+    expected, jacobian = formula.values_and_jacobian(u, o)
+    np.testing.assert_allclose(values, expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(along, np.einsum("nij,nj->ni", jacobian, d), rtol=1e-11, atol=1e-12)
+
+
+def test_no_rows(distance: obseq.Calculator) -> None:
+    values, jacobian = distance.values_and_jacobian(np.empty((0, 6)), np.empty((0, 1)))
+    assert values.shape == (0, 1) and jacobian.shape == (0, 1, 6)
+
+
+def test_other_types_and_layouts(distance: obseq.Calculator) -> None:
+    expected = distance.values(POINTS, [[4.0], [3.5]])
+    whole = np.array(POINTS, dtype=np.int32)
+    np.testing.assert_array_equal(distance.values(whole, [[4.0], [3.5]]), expected)
+    columns = np.asfortranarray(POINTS, dtype=np.float32)
+    np.testing.assert_array_equal(distance.values(columns, [[4.0], [3.5]]), expected)
+
+
+def test_arguments_are_left_alone(distance: obseq.Calculator) -> None:
+    u, o = np.array(POINTS), np.array([[4.0], [3.5]])
+    copies = u.copy(), o.copy()
+    distance.values_and_jacobian(u, o)
+    np.testing.assert_array_equal(u, copies[0])
+    np.testing.assert_array_equal(o, copies[1])
+
+
+def test_only_the_undefined_row_is_not_finite(distance: obseq.Calculator) -> None:
+    rows = [POINTS[0], [1.0, 2.0, 3.0, 1.0, 2.0, 3.0], POINTS[1]]
+    values, jacobian = distance.values_and_jacobian(rows, np.zeros((3, 1)))
+    np.testing.assert_allclose(values[:, 0], [5.0, 0.0, 3.0])
+    assert np.isfinite(jacobian[[0, 2]]).all() and not np.isfinite(jacobian[1]).any()
+    with pytest.raises(InputError, match=r"Dist3D: not finite in 1 of 3 rows: 1$"):
+        distance.check_finite(jacobian)
+    distance.check_finite(values)
+
+
+def test_long_lists_of_bad_rows_are_cut(distance: obseq.Calculator) -> None:
+    with pytest.raises(InputError, match=r"in 9 of 9 rows: 0, 1, 2, 3, 4, \.\.\."):
+        distance.check_finite(np.full((9, 1), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("u", "o", "message"),
+    [
+        (np.zeros((2, 5)), np.zeros((2, 1)), r"Dist3D: unknowns must have .* \(n, 6\).*p1_x.*it has \(2, 5\)"),
+        (np.zeros((2, 6)), np.zeros((2, 2)), r"Dist3D: observations must have the shape \(n, 1\).*of D;"),
+        (np.zeros(6), np.zeros((1, 1)), r"Dist3D: unknowns must have the shape .* it has \(6,\)"),
+        (np.zeros((2, 6)), np.zeros((3, 1)), r"Dist3D: 2 rows of unknowns but 3 rows of observations"),
+        ([["a"] * 6], np.zeros((1, 1)), r"Dist3D: unknowns must be real numbers, not <U1"),
+        (np.zeros((1, 6)), np.zeros((1, 1), complex), r"Dist3D: observations must be real numbers, not"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments(distance: obseq.Calculator, u, o, message: str) -> None:
+    for function in (distance.values, distance.values_and_jacobian):
+        with pytest.raises(FormulaError, match=message):
+            function(u, o)
+
+
+def test_wrong_directions(distance: obseq.Calculator) -> None:
+    with pytest.raises(FormulaError, match=r"Dist3D: direction must have the shape \(n, 6\)"):
+        distance.directional_derivative(POINTS, [[4.0], [3.5]], np.zeros((2, 1)))
+    with pytest.raises(FormulaError, match="Dist3D: 2 rows of unknowns but 1 rows of direction"):
+        distance.directional_derivative(POINTS, [[4.0], [3.5]], np.zeros((1, 6)))
+
+
+def test_an_unknown_name_gets_the_nearest_ones() -> None:
+    with pytest.raises(FormulaError, match=r"no formula is named 'Dist3d'; nearest names: Dist3D"):
+        obseq.calculator("Dist3d")
+
+
+def test_its_description(distance: obseq.Calculator) -> None:
+    assert repr(distance) == "<Calculator Dist3D: 6 unknowns, 1 observations, 1 residuals>"
+    assert distance.unknowns == ("p1_x", "p1_y", "p1_z", "p2_x", "p2_y", "p2_z")
+    assert (distance.observations, distance.residuals) == (("D",), ("D",))

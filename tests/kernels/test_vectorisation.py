@@ -1,0 +1,87 @@
+"""The lane loops of kernels are vectorised: packed operations, no scalar floating-point arithmetic.
+
+The optimised code is read as LLVM keeps it with the compiled kernel; for a few kernels, as machine code.
+"""
+
+import platform
+import re
+from types import ModuleType
+from typing import Any
+
+import pytest
+from numba import cfunc
+
+from obseq.kernels import formula_names, load
+from obseq.kernels.loading import _compiled
+
+KERNELS = ("value", "value_and_jacobian", "directional")
+
+SCALAR = re.compile(
+    r"= (?:tail )?(?:f(?:add|sub|mul|div|neg|rem) [^<\n]*\bdouble\b|load double|call [^<\n]*\bdouble @)"
+)
+PACKED = re.compile(r"= f\w+ [^\n]*<\d+ x double>")
+
+SCALAR_MACHINE = re.compile(r"\bv?(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d{3})sd\b")
+PACKED_MACHINE = re.compile(r"\bv?(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d{3})pd\b")
+
+
+def _optimised(module: ModuleType, function: str) -> str:
+    return str(_compiled(module, function)._library._get_module_for_linking())
+
+
+def _computes(module: ModuleType, function: str) -> bool:
+    """Whether a kernel does any arithmetic: that of a formula without residuals does none."""
+    values, everything = module.OPERATIONS
+    return bool(values if function == "value" else everything)
+
+
+@pytest.mark.parametrize("name", formula_names())
+def test_every_kernel_is_vectorised(name: str) -> None:
+    module = load(name).module
+    for function in KERNELS[:2]:
+        code = _optimised(module, function)
+        scalar = SCALAR.findall(code)
+        assert not scalar, f"{name}.{function}: {len(scalar)} scalar operations, such as {scalar[0]}"
+        if _computes(module, function):
+            assert PACKED.search(code), f"{name}.{function}: no packed operation"
+
+
+@pytest.mark.parametrize(
+    "name", ["Dist3D", "TopoHz", "TopoDH", "Dir_Stenope", "BlocRigid_RE", "EqLidarImCensus"]
+)
+def test_kernels_along_a_direction_are_vectorised(name: str) -> None:
+    code = _optimised(load(name).module, "directional")
+    assert not SCALAR.findall(code)
+    assert PACKED.search(code)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", formula_names())
+def test_every_kernel_along_a_direction_is_vectorised(name: str) -> None:
+    assert not SCALAR.findall(_optimised(load(name).module, "directional"))
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the mnemonics are those of x86-64")
+@pytest.mark.parametrize("name", ["Dist3D", "Dir_Stenope", "TopoHz"])
+def test_machine_code_is_vectorised(name: str) -> None:
+    """The last step too: what the processor runs. Compiled afresh, since numba does not keep this text."""
+    for function in ("value", "value_and_jacobian"):
+        code = _assembly(getattr(load(name).module, function))
+        assert not SCALAR_MACHINE.findall(code)
+        assert PACKED_MACHINE.search(code)
+
+
+def _assembly(function: Any) -> str:
+    compiled = cfunc("void(CPointer(float64), int64)", error_model="numpy", fastmath={"contract"})(function)
+    return str(compiled._library.get_asm_str())
+
+
+def test_the_check_sees_a_loop_that_is_not_vectorised() -> None:
+    def chained(tiles, n_tiles):  # type: ignore[no-untyped-def]
+        for k in range(1, n_tiles):
+            tiles[k] = tiles[k] + tiles[k - 1] * tiles[k]
+
+    compiled = cfunc("void(CPointer(float64), int64)", error_model="numpy")(chained)
+    assert SCALAR.search(str(compiled._library._get_module_for_linking()))
+    if platform.machine() in ("x86_64", "AMD64"):
+        assert SCALAR_MACHINE.search(str(compiled._library.get_asm_str()))
