@@ -141,6 +141,47 @@ def test_free_networks_are_never_taken_for_regular(solver_name, build):
         assert len(error.indices) == 3
 
 
+def test_long_free_networks_are_singular_although_rounding_is_large(solver_name, build):
+    points, pairs = build.network(100, seed=3, radius=0.3)
+    jacobian = build.trilateration(points * [100.0, 1.0], pairs)
+    solver, error = singular(solver_name, build.normal_matrix(jacobian))
+    assert len(error.indices) == 3
+    assert np.max(np.abs(jacobian @ solver.null_vectors())) < 1e-9
+
+
+def test_network_held_by_a_weak_prior_is_regular(solver_name, build):
+    points, pairs = build.network(40, seed=1, radius=0.4)
+    normal = build.normal_matrix(build.trilateration(points, pairs))
+    motions = np.linalg.qr(build.plane_motions(points))[0]
+    for prior in (1e-9, 1e-11):
+        solver, pattern = factored(solver_name, normal + prior * np.eye(80))
+        assert solver.defect().dimension == 0
+        inverse = motions @ motions.T / prior  # what the prior alone holds dominates
+        found = pattern.matrix(solver.selected_inverse()).toarray() * prior
+        present = pattern.matrix(np.ones(pattern.nnz)).toarray()
+        np.testing.assert_allclose(found, inverse * prior * present, atol=1e-3)
+
+
+def test_only_the_undetermined_part_is_named_beside_a_weak_one(solver_name, build):
+    points, pairs = build.network(25, seed=1, radius=0.6)
+    normal = build.normal_matrix(build.trilateration(points, pairs))
+    zero = np.zeros((50, 50))
+    matrix = np.block([[normal + 1e-10 * np.eye(50), zero], [zero, normal]])
+    solver, error = singular(solver_name, matrix)
+    assert len(error.indices) == 3
+    assert np.all(error.indices >= 50)
+    vectors = solver.null_vectors()
+    np.testing.assert_allclose(vectors[:50], 0.0, atol=1e-9)
+    assert_same_space(vectors[50:], build.plane_motions(points))
+
+
+def test_many_unknowns_never_observed_are_all_named(solver_name, build):
+    matrix = np.zeros((150, 150))
+    matrix[40:60, 40:60] = build.dense(20)
+    _, error = singular(solver_name, matrix)
+    np.testing.assert_array_equal(error.indices, np.setdiff1d(np.arange(150), np.arange(40, 60)))
+
+
 def test_each_disconnected_levelling_line_lacks_a_height(solver_name, build):
     free = [build.normal_matrix(build.levelling(np.array([[0, 1], [1, 2], [2, 3]]), 4)) for _ in range(3)]
     matrix = build.blocks(*free, build.chain(6))

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.solvers.protocol import Defect, SingularMatrixError, SolverStateError
+from obseq.leastsquares.solvers.rank import SUSPICIOUS, kernel, undetermined
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,27 +23,21 @@ if TYPE_CHECKING:
         SymmetricPattern,
     )
 
-PIVOT_TOLERANCE = 1e-12
-"""A pivot below this share of its diagonal entry has vanished: the unknown is a combination of the others."""
-
 
 class BaseSolver(ABC):
     """A solver that knows which of its steps were done.
 
-    A vanishing pivot of unknown j is replaced by w_j = a_jj (1 if that is zero) and the rest of its column
-    by zero, so that the factor is that of N + sum_j w_j e_j e_j'. The kernel of N follows from it.
-
-    Args:
-        pivot_tolerance: bound of the ratio pivot / diagonal entry under which a pivot has vanished.
+    A suspicious pivot of unknown j is replaced by w_j = a_jj (1 if that is zero) and the rest of its column
+    by zero, so that the factor is that of N + sum_j w_j e_j e_j'. What that shows decides (see `rank`).
     """
 
     name: ClassVar[str]
 
-    def __init__(self, *, pivot_tolerance: float = PIVOT_TOLERANCE) -> None:
-        self._pivot_tolerance = pivot_tolerance
+    def __init__(self) -> None:
         self._analysed: SymmetricPattern | None = None
         self._found: Defect | None = None
-        self._replaced = np.empty(0)
+        self._replaced: IntArray = np.empty(0, dtype=np.int64)
+        self._values = np.empty(0)
 
     def analyse(self, pattern: SymmetricPattern) -> None:
         """Prepares for matrices of this pattern: elimination order, structure of the factor."""
@@ -59,10 +54,16 @@ class BaseSolver(ABC):
         """
         values = self._checked(values)
         self._invalidate()
-        defect = self._factor(values) if len(values) else defect_of(values, self._pivot_tolerance)
-        diagonal = values[self._pattern.diagonal[defect.indices]]
-        self._replaced = replacement_pivots(diagonal)
-        self._found = defect
+        if not len(values):
+            self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
+            return
+        suspects = self._factor(values, SUSPICIOUS)
+        self._replaced = suspects.indices
+        self._found = undetermined(suspects, self._pattern, values, self._solve)
+        if suspects.dimension and not self._found.dimension:
+            self._found = self._factor(values, 0.0)
+            self._replaced = self._found.indices
+        self._values = values.copy() if self._found.dimension else np.empty(0)
         self._require_regular()
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
@@ -87,22 +88,10 @@ class BaseSolver(ABC):
         return self._found
 
     def null_vectors(self) -> FloatArray:
-        """(n, k) orthonormal basis of the kernel of the last matrix; k = 0 for a regular matrix.
-
-        With M = N + E W E', N z = 0 gives z = M^-1 E (W E' z): M^-1 E spans the kernel, and the same
-        equation is an inverse iteration that removes rounding errors.
-        """
-        defect = self.defect()
-        vectors = np.zeros((self._pattern.n, defect.dimension))
-        if not defect.dimension:
-            return vectors
-        start = np.eye(defect.dimension)
-        for _ in range(2):
-            vectors[:] = 0.0
-            vectors[defect.indices] = self._replaced[:, None] * start
-            vectors = np.linalg.qr(self._solve(vectors))[0]
-            start = vectors[defect.indices]
-        return vectors
+        """(n, k) orthonormal basis of the kernel of the last matrix; k = 0 for a regular matrix."""
+        if not self.defect().dimension:
+            return np.empty((self._pattern.n, 0))
+        return kernel(self._replaced, self._pattern, self._values, self._solve)
 
     def _invalidate(self) -> None:
         """Forgets the last factorisation."""
@@ -138,8 +127,8 @@ class BaseSolver(ABC):
     def _analyse(self, pattern: SymmetricPattern) -> None: ...
 
     @abstractmethod
-    def _factor(self, values: FloatArray) -> Defect:
-        """Factors, with vanishing pivots replaced by `replacement_pivots`, and says which they are."""
+    def _factor(self, values: FloatArray, tolerance: float) -> Defect:
+        """Factors; replaces pivots not above this share of the diagonal entry, and says which they are."""
 
     @abstractmethod
     def _solve(self, rhs: FloatArray) -> FloatArray:
@@ -147,22 +136,6 @@ class BaseSolver(ABC):
 
     @abstractmethod
     def _selected_inverse(self) -> FloatArray: ...
-
-
-def replacement_pivots(diagonal: FloatArray) -> FloatArray:
-    """What replaces vanishing pivots: the diagonal entries of the matrix, 1 where they are not positive."""
-    return np.where(diagonal > 0.0, diagonal, 1.0)
-
-
-def relative_pivots(pivots: FloatArray, diagonal: FloatArray) -> FloatArray:
-    """Pivots divided by the diagonal entries; 0 where the diagonal entry is zero or negative."""
-    return np.where(diagonal > 0.0, pivots / replacement_pivots(diagonal), np.minimum(diagonal, 0.0))
-
-
-def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
-    """The unknowns whose relative pivots ((n,), in the order of the unknowns) vanish."""
-    indices: IntArray = np.flatnonzero(~(pivots > tolerance))
-    return Defect(indices, pivots[indices])
 
 
 def inverse_by_columns(

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.solvers.base import PIVOT_TOLERANCE, BaseSolver, defect_of
+from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
 from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
 from obseq.leastsquares.solvers.ordering import resolve_ordering
 from obseq.leastsquares.solvers.protocol import SingularMatrixError, SolverStateError, SolverStatistics
+from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
 from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
@@ -37,7 +38,6 @@ class SupernodalCholesky(BaseSolver):
         ordering: "auto", "metis", "minimum-degree" or "natural".
         threads: subtrees of the elimination are shared among so many threads; the numbers do not change.
         last: indices of unknowns to be eliminated last.
-        pivot_tolerance: bound of the ratio pivot / diagonal entry under which a pivot has vanished.
     """
 
     name = "supernodal"
@@ -48,9 +48,8 @@ class SupernodalCholesky(BaseSolver):
         ordering: str = "auto",
         threads: int = 1,
         last: ArrayLike = (),
-        pivot_tolerance: float = PIVOT_TOLERANCE,
     ) -> None:
-        super().__init__(pivot_tolerance=pivot_tolerance)
+        super().__init__()
         if threads < 1:
             raise InputError(f"{threads} threads: at least one is needed")
         self._ordering = resolve_ordering(ordering)
@@ -71,15 +70,14 @@ class SupernodalCholesky(BaseSolver):
         self._pivots = np.empty(pattern.n)
         self._schur = np.empty((0, 0))
 
-    def _factor(self, values: FloatArray) -> Defect:
-        stop = self._stop
-        self._factor_until(values, stop)
-        if stop < len(self._structure.parent):
-            self._factor_last()
-        return self._defect_before(self._pattern.n)
+    def _factor(self, values: FloatArray, tolerance: float) -> Defect:
+        self._factor_until(values, tolerance)
+        if len(self._last):
+            self._factor_last(tolerance)
+        return self._defect_before(self._pattern.n, tolerance)
 
-    def _factor_until(self, values: FloatArray, stop: int) -> None:
-        """Factors the supernodes before `stop`, and assembles the others."""
+    def _factor_until(self, values: FloatArray, tolerance: float) -> None:
+        """Factors all supernodes but that of the last unknowns, which is assembled."""
         schedule = self._schedule
 
         def run(nodes: IntArray, worker: int) -> None:
@@ -94,26 +92,26 @@ class SupernodalCholesky(BaseSolver):
                 self._workspace,
                 self._scratch[worker],
                 self._pivots,
-                self._pivot_tolerance,
-                stop,
+                tolerance,
+                self._stop,
                 routine_addresses(),
             )
 
         with one_blas_thread():
             run_tasks(schedule, run, self._threads, upwards=True)
 
-    def _defect_before(self, count: int) -> Defect:
-        """The vanishing pivots among the first `count` unknowns eliminated."""
+    def _defect_before(self, count: int, tolerance: float) -> Defect:
+        """The pivots not above the tolerance among the first `count` unknowns eliminated."""
         pivots = np.ones(self._pattern.n)
         pivots[self._structure.unknowns[:count]] = self._pivots[:count]
-        return defect_of(pivots, self._pivot_tolerance)
+        return defect_of(pivots, tolerance)
 
     @property
     def _stop(self) -> int:
         """Number of supernodes before that of the unknowns to be eliminated last."""
         return len(self._structure.parent) - (len(self._last) > 0)
 
-    def _factor_last(self) -> None:
+    def _factor_last(self, tolerance: float) -> None:
         size, s = len(self._last), self._structure
         self._schur = self._last_block().copy()
         factor_panel(
@@ -124,7 +122,7 @@ class SupernodalCholesky(BaseSolver):
             self._scratch[0],
             self._pivots,
             int(s.start[-2]),
-            self._pivot_tolerance,
+            tolerance,
             routine_addresses(),
         )
 
@@ -146,10 +144,15 @@ class SupernodalCholesky(BaseSolver):
         if not len(self._last):
             raise SolverStateError("eliminate: name the unknowns to be kept, SupernodalCholesky(last=...)")
         self._invalidate()
-        self._factor_until(values, self._stop)
-        defect = self._defect_before(self._pattern.n - len(self._last))
-        if defect.dimension:
-            raise SingularMatrixError(defect.indices, defect.pivots)
+        count = self._pattern.n - len(self._last)
+        for tolerance in (SUSPICIOUS, 0.0):
+            self._factor_until(values, tolerance)
+            suspects = self._defect_before(count, tolerance)
+            defect = undetermined(suspects, self._pattern, values, self._solve_inner)
+            if defect.dimension:
+                raise SingularMatrixError(defect.indices, defect.pivots)
+            if not suspects.dimension:
+                break
         self._schur = self._last_block().copy()
 
     def schur_complement(self) -> FloatArray:
@@ -199,6 +202,14 @@ class SupernodalCholesky(BaseSolver):
         solution = np.empty(x.T.shape)
         solution[self._structure.unknowns] = x.T
         return solution
+
+    def _solve_inner(self, rhs: FloatArray) -> FloatArray:
+        """Solves for the unknowns eliminated, the last ones being zero."""
+        x = np.ascontiguousarray(rhs[self._structure.unknowns].T)
+        self._sweep(substitute_forward, x, self._stop)
+        x[:, self._pattern.n - len(self._last) :] = 0.0
+        self._sweep(substitute_backward, x, self._stop)
+        return self._unpermuted(x)
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
         x = np.ascontiguousarray(rhs[self._structure.unknowns].T)

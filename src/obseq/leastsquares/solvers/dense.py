@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-from obseq.leastsquares.solvers.base import BaseSolver, defect_of, relative_pivots, replacement_pivots
+from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
 
 if TYPE_CHECKING:
     from obseq.leastsquares.solvers.protocol import Defect, FloatArray, SymmetricPattern
@@ -23,15 +24,15 @@ class DenseCholesky(BaseSolver):
         self._entries = (pattern.indices, pattern.columns())
         self._lower = np.zeros((pattern.n, pattern.n), order="F")
 
-    def _factor(self, values: FloatArray) -> Defect:
+    def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         diagonal = values[self._pattern.diagonal]
         self._fill(values)
         self._lower, info = dpotrf(self._lower, lower=True, clean=False, overwrite_a=True)
         pivots = relative_pivots(np.square(np.diagonal(self._lower)), diagonal)
-        if info != 0 or not np.all(pivots > self._pivot_tolerance):
+        if info != 0 or not np.all(pivots > tolerance):
             self._fill(values)
-            pivots = factor_replacing(self._lower, self._pivot_tolerance)
-        return defect_of(pivots, self._pivot_tolerance)
+            pivots = factor_replacing(self._lower, tolerance)
+        return defect_of(pivots, tolerance)
 
     def _fill(self, values: FloatArray) -> None:
         self._lower[:] = 0.0

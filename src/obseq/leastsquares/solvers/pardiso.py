@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import ObseqError
-from obseq.leastsquares.solvers.base import (
-    PIVOT_TOLERANCE,
-    BaseSolver,
-    inverse_by_columns,
-    relative_pivots,
-    replacement_pivots,
-)
+from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SolverUnavailableError
+from obseq.leastsquares.solvers.rank import relative_pivots, replacement_pivots
 
 if TYPE_CHECKING:
     from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
@@ -41,8 +36,8 @@ class Pardiso(BaseSolver):
 
     name = "pardiso"
 
-    def __init__(self, *, pivot_tolerance: float = PIVOT_TOLERANCE) -> None:
-        super().__init__(pivot_tolerance=pivot_tolerance)
+    def __init__(self) -> None:
+        super().__init__()
         try:
             from pypardiso import PyPardisoSolver
         except ImportError as error:
@@ -60,24 +55,24 @@ class Pardiso(BaseSolver):
         _release(self._library, self._handle, self._settings)
         self._indptr = pattern.indptr.astype(np.int32)
         self._indices = pattern.indices.astype(np.int32)
-        self._values = np.ones(pattern.nnz)
+        self._entries = np.ones(pattern.nnz)
         self._run(ANALYSIS)
 
-    def _factor(self, values: FloatArray) -> Defect:
+    def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         """PARDISO stops at a negative pivot: replaces one after the other, starting again each time."""
-        self._values = values.copy()
+        self._entries = values.copy()
         starts = self._indptr[:-1]
         diagonal = values[starts]
         found: dict[int, float] = {int(j): 0.0 for j in np.flatnonzero(diagonal <= 0.0)}
-        self._values[starts[list(found)]] += replacement_pivots(diagonal[list(found)])
-        while vanishing := self._vanishing(diagonal):
+        self._entries[starts[list(found)]] += replacement_pivots(diagonal[list(found)])
+        while vanishing := self._vanishing(diagonal, tolerance):
             for unknown, pivot in vanishing.items():
                 found.setdefault(unknown, pivot)
-                self._values[starts[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
+                self._entries[starts[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
         indices: IntArray = np.array(sorted(found), dtype=np.int64)
         return Defect(indices, np.array([found[int(j)] for j in indices]))
 
-    def _vanishing(self, diagonal: FloatArray) -> dict[int, float]:
+    def _vanishing(self, diagonal: FloatArray, tolerance: float) -> dict[int, float]:
         """Factors; the unknowns whose pivots vanish, with their relative pivots."""
         if self._run(FACTORISATION) == NOT_POSITIVE_DEFINITE:
             return {int(self._settings[STOPPED_AT]) - 1: 0.0}
@@ -88,7 +83,7 @@ class Pardiso(BaseSolver):
             _pointer(self._handle), _pointer(pivots), _pointer(unused), one, ctypes.byref(status)
         )
         relative = relative_pivots(pivots, replacement_pivots(diagonal))
-        return {int(j): float(relative[j]) for j in np.flatnonzero(~(relative > self._pivot_tolerance))}
+        return {int(j): float(relative[j]) for j in np.flatnonzero(~(relative > tolerance))}
 
     def _run(self, phase: int, rhs: FloatArray | None = None) -> int:
         """Runs one phase; returns PARDISO's status, having raised if it is none that we know to treat."""
@@ -96,7 +91,7 @@ class Pardiso(BaseSolver):
         self._result = np.empty_like(rhs, order="F")
         status = _call(
             self._library, self._handle, self._settings, phase,
-            self._values, self._indptr, self._indices, np.asfortranarray(rhs), self._result,
+            self._entries, self._indptr, self._indices, np.asfortranarray(rhs), self._result,
         )  # fmt: skip
         if status not in (0, NOT_POSITIVE_DEFINITE):
             raise ObseqError(f"MKL PARDISO failed in phase {phase} with its error {status}")

@@ -7,13 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from obseq.leastsquares.solvers.base import (
-    BaseSolver,
-    inverse_by_columns,
-    relative_pivots,
-    replacement_pivots,
-)
+from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
+from obseq.leastsquares.solvers.rank import relative_pivots, replacement_pivots
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU as Factor
@@ -33,20 +29,22 @@ class SuperLU(BaseSolver):
         self._positions = pattern.matrix(np.arange(1.0, pattern.nnz + 1.0))
         self._order = self._positions.data.astype(np.int64) - 1
 
-    def _factor(self, values: FloatArray) -> Defect:
+    def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         """Replaces one vanishing pivot after the other, the first in the order of elimination each time."""
         values = values.copy()
         diagonal = values[self._pattern.diagonal].copy()
         found: dict[int, float] = {int(j): 0.0 for j in np.flatnonzero(diagonal <= 0.0)}
         values[self._pattern.diagonal[list(found)]] += replacement_pivots(diagonal[list(found)])
-        while (vanishing := self._first_vanishing(values, diagonal)) is not None:
+        while (vanishing := self._first_vanishing(values, diagonal, tolerance)) is not None:
             unknown, pivot = vanishing
             found.setdefault(unknown, pivot)
             values[self._pattern.indptr[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
         indices: IntArray = np.array(sorted(found), dtype=np.int64)
         return Defect(indices, np.array([found[int(j)] for j in indices]))
 
-    def _first_vanishing(self, values: FloatArray, diagonal: FloatArray) -> tuple[int, float] | None:
+    def _first_vanishing(
+        self, values: FloatArray, diagonal: FloatArray, tolerance: float
+    ) -> tuple[int, float] | None:
         """Factors; the first unknown whose pivot vanishes, with its relative pivot."""
         try:
             self._lu = self._decompose(values)
@@ -58,7 +56,7 @@ class SuperLU(BaseSolver):
         pivots[self._lu.perm_r != self._lu.perm_c] = 0.0
         relative = relative_pivots(pivots, replacement_pivots(diagonal))
         elimination: IntArray = np.argsort(self._lu.perm_c)
-        vanishing = np.flatnonzero(~(relative[elimination] > self._pivot_tolerance))
+        vanishing = np.flatnonzero(~(relative[elimination] > tolerance))
         if not len(vanishing):
             return None
         unknown = int(elimination[vanishing[0]])

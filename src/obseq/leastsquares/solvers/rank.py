@@ -1,0 +1,108 @@
+"""Which of the unknowns with suspicious pivots the matrix really leaves undetermined.
+
+A pivot alone does not tell: rounding leaves 1e-16 to 1e-10 of the diagonal entry where it should vanish (most
+in long networks), and a system that a weak prior holds has pivots of that size too. The quotient
+z' N z / z' diag(N) z of the vectors in question does: its own rounding stays near 1e-16.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.solvers.protocol import Defect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
+
+SUSPICIOUS = 1e-8
+"""A pivot that is not above this share of its diagonal entry is replaced, and the unknown examined."""
+
+VANISHING = 1e-14
+"""A vector whose quotient is not above this is in the kernel: a prior sigma may be 1e7 times the others."""
+
+LARGEST_EXAMINED = 64
+"""Beyond this number of suspicious unknowns all are taken as undetermined: whole parts are not observed."""
+
+
+def replacement_pivots(diagonal: FloatArray) -> FloatArray:
+    """What replaces vanishing pivots: the diagonal entries of the matrix, 1 where they are not positive."""
+    return np.where(diagonal > 0.0, diagonal, 1.0)
+
+
+def relative_pivots(pivots: FloatArray, diagonal: FloatArray) -> FloatArray:
+    """Pivots divided by the diagonal entries; 0 where the diagonal entry is zero or negative."""
+    return np.where(diagonal > 0.0, pivots / replacement_pivots(diagonal), np.minimum(diagonal, 0.0))
+
+
+def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
+    """The unknowns whose relative pivots ((n,), in the order of the unknowns) are not above the tolerance."""
+    indices: IntArray = np.flatnonzero(~(pivots > tolerance))
+    return Defect(indices, pivots[indices])
+
+
+def undetermined(
+    suspects: Defect,
+    pattern: SymmetricPattern,
+    values: FloatArray,
+    solve: Callable[[FloatArray], FloatArray],
+) -> Defect:
+    """The suspects that the matrix leaves undetermined, as many as its kernel has dimensions.
+
+    Args:
+        suspects: unknowns whose pivots were replaced.
+        pattern: pattern of the matrix.
+        values: (nnz,) entries of the matrix.
+        solve: solves with the factor in which these pivots are replaced.
+    """
+    diagonal = values[pattern.diagonal[suspects.indices]]
+    is_certain = (diagonal <= 0.0) | (suspects.pivots < -SUSPICIOUS)
+    doubtful = suspects.indices[~is_certain]
+    if len(doubtful) == 0 or suspects.dimension > LARGEST_EXAMINED:
+        return suspects
+    vectors = kernel(suspects.indices, pattern, values, solve)
+    dimension = max(0, vectors.shape[1] - np.count_nonzero(diagonal <= 0.0))
+    scaled = vectors[doubtful] * np.sqrt(diagonal[~is_certain])[:, None]
+    chosen = np.sort(
+        np.concatenate([suspects.indices[is_certain], doubtful[_leading_rows(scaled, dimension)]])
+    )
+    return Defect(chosen, suspects.pivots[np.searchsorted(suspects.indices, chosen)])
+
+
+def _leading_rows(vectors: FloatArray, count: int) -> IntArray:
+    """Rows that are the most independent ones."""
+    from scipy.linalg import qr
+
+    return np.asarray(qr(vectors.T, mode="r", pivoting=True)[1][:count], dtype=np.int64)
+
+
+def kernel(
+    replaced: IntArray,
+    pattern: SymmetricPattern,
+    values: FloatArray,
+    solve: Callable[[FloatArray], FloatArray],
+) -> FloatArray:
+    """(n, k) orthonormal basis of the kernel, from a factor in which some pivots are replaced.
+
+    With M = N + E W E', N z = 0 gives z = M^-1 E (W E' z): the kernel is within the columns of M^-1 E. Among
+    them the vectors with the least quotients are found by Rayleigh and Ritz, unknowns scaled by diag(N).
+    """
+    diagonal = replacement_pivots(values[pattern.diagonal])
+    right = np.zeros((pattern.n, len(replaced)))
+    right[replaced, np.arange(len(replaced))] = diagonal[replaced]
+    scale = np.sqrt(diagonal)[:, None]
+    basis = np.linalg.qr(scale * solve(right))[0]
+    quotients, rotation = np.linalg.eigh(basis.T @ (multiply(pattern, values, basis / scale) / scale))
+    return np.linalg.qr((basis @ rotation[:, quotients <= VANISHING]) / scale)[0]
+
+
+def multiply(pattern: SymmetricPattern, values: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Product (n, k) of the matrix and vectors (n, k)."""
+    from scipy.sparse import csc_array
+
+    lower = csc_array((values, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+    diagonal = values[pattern.diagonal][:, None]
+    return np.asarray(lower @ vectors + lower.T @ vectors - diagonal * vectors)
