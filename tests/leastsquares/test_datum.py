@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
+from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.datum import DatumSolver
 from obseq.leastsquares.solvers import SymmetricPattern, choose_solver
 
@@ -24,9 +25,10 @@ def free_network(n_points=12, seed=3):
     return points, jacobian.T @ jacobian
 
 
-def solver_on(matrix, chosen, name):
+def solver_on(matrix, chosen, name, offset=None):
     pattern, values = SymmetricPattern.of(matrix)
-    solver = DatumSolver(choose_solver(pattern, name), chosen)
+    offset = np.zeros(len(matrix)) if offset is None else offset
+    solver = DatumSolver(choose_solver(pattern, name), chosen, lambda: offset)
     solver.analyse(pattern)
     solver.factor(values)
     return solver, pattern
@@ -63,9 +65,9 @@ def test_all_unknowns_chosen_is_the_pseudo_inverse():
 def test_a_settled_step_ends_on_the_datum():
     points, matrix = free_network()
     chosen = np.arange(24) < 10
-    solver, _ = solver_on(matrix, chosen, "dense")
     offset = np.random.default_rng(1).normal(size=24)
-    end = solver.settled(np.zeros(24), offset) + offset
+    solver, _ = solver_on(matrix, chosen, "dense", offset)
+    end = solver.settled(np.zeros(24)) + offset
     turned = np.column_stack([-points[:, 1], points[:, 0]]).ravel()
     for movement in (np.tile([1.0, 0.0], 12), np.tile([0.0, 1.0], 12), turned):
         assert movement[chosen] @ end[chosen] == pytest.approx(0.0, abs=1e-9)
@@ -83,3 +85,49 @@ def test_a_datum_of_one_point_does_not_fix_a_rotation():
     _, matrix = free_network()
     with pytest.raises(InputError, match="3 free parameters"):
         solver_on(matrix, np.arange(24) < 2, "dense")
+
+
+def free_system(seed=5, n=9, noise=0.01):
+    """Distances in the plane without any known point."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(0, 100, (n, 2))
+    system = LeastSquares()
+    ids = system.add_points([f"P{k}" for k in range(n)], start)
+    first, second = np.triu_indices(n, 1)
+    true = start + rng.normal(0, 0.5, start.shape)
+    lengths = np.linalg.norm(true[second] - true[first], axis=1) * (1 + rng.normal(0, noise / 50, len(first)))
+    system.add("Dist2DCons", {"p1": ids[first], "p2": ids[second]}, lengths, noise / 50)
+    return system, ids, start
+
+
+def test_a_free_network_moves_its_datum_points_as_little_as_possible():
+    system, ids, start = free_system()
+    system.set_datum(ids[:4])
+    result = system.solve(covariance="all")
+    assert result.converged
+    assert (system.datum_defect, result.redundancy) == (3, 36 + 3 - 18)
+    moved = (result.values(ids) - start)[:4]
+    points = result.values(ids)[:4]
+    turned = np.column_stack([-points[:, 1], points[:, 0]])
+    assert np.abs(moved.sum(axis=0)).max() < 1e-7
+    assert abs(np.sum(moved * turned)) < 1e-5
+
+
+def test_the_datum_changes_neither_residuals_nor_the_fit():
+    results = []
+    for chosen in (slice(0, 4), slice(None), slice(3, 6)):
+        system, ids, _ = free_system()
+        system.set_datum(ids[chosen])
+        results.append(system.solve(covariance="all"))
+    assert results[0].sigma0 == pytest.approx(results[1].sigma0, rel=1e-9)
+    assert results[0].sigma0 == pytest.approx(results[2].sigma0, rel=1e-9)
+    # The trace of the covariance of all points is least when all of them define the datum.
+    traces = [np.trace(result.covariance(ids), axis1=1, axis2=2).sum() for result in results]
+    assert traces[1] < min(traces[0], traces[2])
+
+
+def test_a_datum_of_points_that_fix_nothing_is_refused():
+    system, ids, _ = free_system()
+    system.set_datum(ids[:1])
+    with pytest.raises(InputError, match="does not fix the 3 free parameters"):
+        system.solve()

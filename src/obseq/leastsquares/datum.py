@@ -23,6 +23,8 @@ from obseq.errors import InputError
 from obseq.leastsquares.solvers import SingularMatrixError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
@@ -41,11 +43,13 @@ class DatumSolver:
     Args:
         solver: The solver of the regular systems.
         chosen: (n,) True for the unknowns that define the datum.
+        offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
     """
 
-    def __init__(self, solver: Solver, chosen: BoolArray) -> None:
+    def __init__(self, solver: Solver, chosen: BoolArray, offset: Callable[[], FloatArray]) -> None:
         self._solver = solver
         self._chosen = chosen
+        self._offset = offset
         self._held: IntArray | None = None
         self._kernel = np.zeros((len(chosen), 0))
         self._to_kernel = np.zeros((0, len(chosen)))
@@ -65,6 +69,11 @@ class DatumSolver:
     def dimension(self) -> int:
         """Number of datum parameters that the observations leave free."""
         return self._kernel.shape[1]
+
+    @property
+    def is_factored(self) -> bool:
+        """Whether a matrix was factored: the defect is known."""
+        return self._held is not None
 
     def analyse(self, pattern: SymmetricPattern) -> None:
         """Prepares for matrices of this pattern."""
@@ -99,9 +108,9 @@ class DatumSolver:
         solved = self._solver.solve(right)
         return np.asarray(solved - self._kernel @ (self._to_kernel @ solved))
 
-    def settled(self, step: FloatArray, offset: FloatArray) -> FloatArray:
-        """The step (n,) that ends on the datum, from unknowns `offset` (n,) away from the reference."""
-        return np.asarray(step - self._kernel @ (self._to_kernel @ (step + offset)))
+    def settled(self, step: FloatArray) -> FloatArray:
+        """The step (n,) that ends on the datum; observations do not see the difference."""
+        return np.asarray(step - self._kernel @ (self._to_kernel @ (step + self._offset())))
 
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of S M^-1 S' on the pattern: Q - G A' - A G' + G C G', A = M^-1 H', C = H A."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from obseq.leastsquares.constraints import substitution
+from obseq.leastsquares.datum import DatumSolver
 from obseq.leastsquares.diagnosis import singular_error
 from obseq.leastsquares.normal import DivergenceError
 from obseq.leastsquares.result import Iteration, StopReason
@@ -142,6 +143,8 @@ def solved(
         normal = equations.pattern.matrix(linearisation.values)
         solved = offset + solver.solve(-gradient - normal @ offset)
         squared = linearisation.eliminated + float(solved @ (normal @ solved))
+    if isinstance(solver, DatumSolver):
+        solved = solver.settled(solved)
     if not np.isfinite(solved).all():
         raise DivergenceError("the step of the unknowns is not finite")
     return equations.step(solved, linearisation), float(np.sqrt(max(0.0, squared)))

@@ -10,6 +10,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.batches import Batch, formula_shape, linear_shape
 from obseq.leastsquares.constraints import substitution
 from obseq.leastsquares.covariance import Cofactors
+from obseq.leastsquares.datum import DatumSolver
 from obseq.leastsquares.diagnosis import untouched_error
 from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
@@ -55,6 +56,8 @@ class LeastSquares:
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
         self._constraints: list[Batch] = []
+        self._datum: IntArray = np.zeros(0, dtype=np.int64)
+        self._reference: FloatArray = np.zeros(0)
         self._solver_name = solver
         self._bound: dict[bool, NormalEquations] = {}
         self._version = -1
@@ -276,6 +279,41 @@ class LeastSquares:
         self._version = -1
         return batch
 
+    # Free networks
+
+    def set_datum(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
+        """Puts a free network on a datum: the changes of these unknowns from their present values are least.
+
+        These inner constraints replace known coordinates: they take away what the observations leave free
+        (position, orientation, scale), whatever it is, and nothing else.
+
+        Args:
+            ids: blocks of points, vectors or scalars that are alike; none for no datum.
+            components: numbers or names of the components that count; all when None.
+
+        Raises:
+            InputError: a rotation or a direction is among them, or some of them are to be eliminated.
+        """
+        blocks = self.unknowns.checked(ids, "datum")
+        kinds = self.unknowns.kind[blocks]
+        if np.isin(kinds, (Kind.ROTATION, Kind.DIRECTION)).any():
+            raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
+        self._datum = np.zeros(0, dtype=np.int64)
+        if blocks.size:
+            self._datum = self.unknowns.component_index(blocks, components, "datum").ravel()
+        self._reference = self.unknowns.values.copy()
+        self._version = -1
+
+    @property
+    def datum_defect(self) -> int:
+        """Number of parameters that the observations leave free and the datum takes; 0 without a datum."""
+        if not self._datum.size:
+            return 0
+        equations, solver = self.equations(reduced=True), self._analysed(reduced=True)
+        if isinstance(solver, DatumSolver) and not solver.is_factored:
+            factor(equations, solver, self._constraints, equations.assemble())
+        return int(solver.null_vectors().shape[1])
+
     # Counting
 
     @property
@@ -298,8 +336,8 @@ class LeastSquares:
 
     @property
     def redundancy(self) -> int:
-        """Equations minus free unknowns: the one definition that every statistic uses."""
-        return self.n_observations + self.n_constraints - self.n_unknowns
+        """Equations and datum parameters minus free unknowns: the one definition of every statistic."""
+        return self.n_observations + self.n_constraints + self.datum_defect - self.n_unknowns
 
     # Solution
 
@@ -392,8 +430,21 @@ class LeastSquares:
 
     def _new_solver(self, equations: NormalEquations) -> Solver:
         if self._constraints:
+            if self._datum.size:
+                raise InputError("a datum and hard constraints do not go together: freeze unknowns instead")
             return SubstitutedSolver(self._solver_name)
-        return choose_solver(equations.pattern, self._solver_name)
+        solver = choose_solver(equations.pattern, self._solver_name)
+        return self._on_datum(equations, solver) if self._datum.size else solver
+
+    def _on_datum(self, equations: NormalEquations, solver: Solver) -> DatumSolver:
+        numbers = equations.free.number[self._datum]
+        free = equations.free.scalars
+        if (numbers[~self.unknowns.frozen[self._datum]] < 0).any():
+            raise InputError("datum: some of its unknowns are to be eliminated; do not eliminate them")
+        chosen = np.zeros(equations.pattern.n, dtype=bool)
+        chosen[numbers[numbers >= 0]] = True
+        reference = self._reference[free]
+        return DatumSolver(solver, chosen, lambda: self.unknowns.values[free] - reference)
 
     def _cofactors(self, done: Progress) -> Cofactors:
         """Cofactors of all unknowns; the factor of a negligible last step serves."""
