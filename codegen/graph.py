@@ -15,7 +15,7 @@ from obseq.codegen.operators import OPERATORS
 CONSTANT = "constant"
 INPUT = "input"
 COMMUTATIVE = frozenset({"add", "mul"})
-MOST_FACTORS = 8
+MOST_FACTORS = 16
 """Products of more factors are not looked for in other orders."""
 
 
