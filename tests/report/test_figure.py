@@ -42,3 +42,17 @@ def test_points_at_one_place_are_drawn(record) -> None:
     for point in record["points"]:
         point |= {"x": 5.0, "y": 5.0, "sx": None, "sy": None}
     assert "nan" not in network_figure(record)
+
+
+def test_names_do_not_cover_each_other_and_stations_come_first(record) -> None:
+    record["points"] = [record["points"][0] | {"name": f"P{k}", "x": k * 1e-4} for k in range(20)] + record[
+        "points"
+    ]
+    named = re.findall(r"<text [^>]*>(\w+)</text>", network_figure(record))
+    assert named == ["A", "B", "C"]
+
+
+def test_a_name_stays_inside_the_figure(record) -> None:
+    record["points"][1]["name"] = "a_very_long_name"
+    (left,) = re.findall(r'<text x="([\d.]+)"[^>]*>a_very_long_name', network_figure(record))
+    assert float(left) + 16 * 7.5 < 900

@@ -12,8 +12,10 @@ TALLEST = 600.0
 LEGEND = 30.0
 MARGIN = 50.0
 MOST_LINES = 5000
-MOST_LABELS = 200
-LARGEST_ELLIPSE = 60.0
+MOST_NAMES = 500
+LETTER = 7.5
+LINE = 12.0
+LARGEST_ELLIPSE = 40.0
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,13 @@ def network_figure(record: AdjustmentRecord) -> str:
     if not points:
         return ""
     view = _view(list(points.values()))
+    stations = {row["origin"] for row in record["stations"]}
     exaggeration = _exaggeration(list(points.values()), view)
     parts = [
         f'<svg viewBox="0 0 {WIDTH:.0f} {view.height:.0f}" role="img" aria-label="plan of the network">',
         f'<path class="sight" d="{_sights(record, points, view)}"/>',
-        *_marks(record, points, view, exaggeration),
+        *_marks(list(points.values()), stations, view, exaggeration),
+        *_names(list(points.values()), stations, view),
         *_legend(view, exaggeration),
         "</svg>",
     ]
@@ -77,19 +81,28 @@ def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View
     )
 
 
-def _marks(
-    record: AdjustmentRecord, points: dict[str, PointRecord], view: View, exaggeration: float
-) -> Iterator[str]:
-    stations = {row["origin"] for row in record["stations"]}
-    for point in points.values():
+def _marks(points: list[PointRecord], stations: set[str], view: View, exaggeration: float) -> Iterator[str]:
+    for point in points:
         x, y = view.place(point)
         yield _precision(point, x, y, exaggeration * view.scale)
         if point["name"] in stations:
             yield f'<path class="station" d="M{x:.1f} {y - 6:.1f}l5.2 9h-10.4z"/>'
         else:
             yield f'<circle class="point" cx="{x:.1f}" cy="{y:.1f}" r="3"/>'
-        if len(points) <= MOST_LABELS:
-            yield f'<text x="{x + 8:.1f}" y="{y - 6:.1f}">{escape(point["name"])}</text>'
+
+
+def _names(points: list[PointRecord], stations: set[str], view: View) -> Iterator[str]:
+    """The names that find room, those of stations first; none where there are too many points."""
+    taken: list[tuple[float, float, float]] = []
+    for point in sorted(points, key=lambda point: point["name"] not in stations):
+        if len(points) > MOST_NAMES:
+            return
+        x, y = view.place(point)
+        width = LETTER * len(point["name"])
+        left = x + 8.0 if x + 8.0 + width < WIDTH else x - 8.0 - width
+        if all(abs(y - other) > LINE or left > end or left + width < start for other, start, end in taken):
+            taken.append((y, left, left + width))
+            yield f'<text x="{left:.1f}" y="{y - 6:.1f}">{escape(point["name"])}</text>'
 
 
 def _precision(point: PointRecord, x: float, y: float, scale: float) -> str:
