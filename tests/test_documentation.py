@@ -73,6 +73,11 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert missing == []
 
 
+def test_every_page_is_reached_from_the_index() -> None:
+    linked = LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8"))
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} - set(linked) == set()
+
+
 def test_the_formula_in_the_readme_is_the_one_in_use() -> None:
     (shown,) = (text for _, _, text in blocks(ROOT / "README.md") if READ_ELSEWHERE in text)
     written = (ROOT / "formulas" / "topography.py").read_text(encoding="utf-8")
