@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.losses import Loss
     from obseq.leastsquares.unknowns import UnknownTable
 
     FloatArray = NDArray[np.float64]
@@ -94,8 +95,8 @@ def _padded(rows: NDArray[Any], dtype: type) -> NDArray[Any]:
 class Batch:
     """Observations of one formula: the blocks they join, what was measured, sigmas and labels.
 
-    The measured values may be replaced between two iterations (`batch.observations = ...`), the rest is
-    fixed.
+    The measured values may be replaced between two iterations (`batch.observations = ...`), and so may
+    `loss`, which gives robust weights (None: none).
     """
 
     def __init__(
@@ -121,6 +122,7 @@ class Batch:
         self.observations = observations
         self.sigmas = self._checked_sigmas(sigmas)
         self.active = self._checked_active(active)
+        self.loss: Loss | None = None
         self.weights = np.zeros((shape.n_residuals, padded_length(self.n)))
         self.weights[:, : self.n] = np.where(self.active, 1.0 / self.sigmas.T, 0.0)
         self._lay_out()
@@ -156,6 +158,17 @@ class Batch:
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")
         self.observation_tiles[:] = _padded(array.T, np.float64)
+
+    def reweight(self, residuals: FloatArray) -> None:
+        """Sets the weights that the loss gives to residuals (n, n_residuals)."""
+        if self.loss is not None:
+            norm = np.linalg.norm(residuals / self.sigmas, axis=1)
+            factor = np.sqrt(self.loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None]
+            self.weights[:, : self.n] = np.where(self.active[:, None], factor / self.sigmas, 0.0).T
+
+    def robust_weights(self) -> FloatArray:
+        """(n,) what the loss makes of the weight of each observation: 1 full, 0 none."""
+        return np.square(self.weights[0, : self.n] * self.sigmas[:, 0])
 
     def label(self, row: int) -> str:
         """What to call one observation in a message: its label, or the blocks it joins."""

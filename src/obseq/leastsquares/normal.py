@@ -100,6 +100,7 @@ class NormalEquations:
             DivergenceError: a residual or a derivative is not finite.
             SingularSystemError: the observations of an eliminated block do not determine it.
         """
+        self.reweight()
         squares: dict[str, float] = {}
         self._store[: self.pattern.nnz] = 0.0
         self._store[self.layout.first_eliminated :] = 0.0
@@ -116,6 +117,12 @@ class NormalEquations:
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
         return Linearisation(values, gradient, squares, eliminated, damping)
+
+    def reweight(self) -> None:
+        """Gives batches that have a loss the weights of their residuals at the current values."""
+        for batch in self.batches:
+            if batch.loss is not None:
+                batch.reweight(residuals(self.table, batch))
 
     def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
         """(n_scalars,) step of all unknowns from that of the matrix's (n_free,): zero where frozen.

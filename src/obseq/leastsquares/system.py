@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.losses import Loss
     from obseq.leastsquares.solvers import Solver
     from obseq.leastsquares.strategies import Strategy
 
@@ -147,6 +148,7 @@ class LeastSquares:
         labels: Sequence[str] | None = None,
         group: str | None = None,
         active: ArrayLike | None = None,
+        loss: Loss | None = None,
     ) -> Batch:
         """Adds observations of one formula.
 
@@ -159,12 +161,15 @@ class LeastSquares:
             group: name under which sums of squares are kept; the formula's when None.
             active: (n,) False for observations that have residuals but no influence; all are active when
                 None.
+            loss: robust weights (see `losses`); None for least squares.
 
         Raises:
             InputError: an argument does not fit; the message names formula, argument and row.
         """
         shape = formula_shape(formula)
-        return self._added(Batch(shape, self.unknowns, blocks, observations, sigmas, labels, group, active))
+        batch = Batch(shape, self.unknowns, blocks, observations, sigmas, labels, group, active)
+        batch.loss = loss
+        return self._added(batch)
 
     def add_linear(
         self,
@@ -463,6 +468,7 @@ class LeastSquares:
         done: Progress,
         cofactors: Cofactors | None,
     ) -> LeastSquaresResult:
+        equations.reweight()
         squares = equations.sums_of_squares()
         overall = sigma0_of(squares, None, redundancy)
         return LeastSquaresResult(
