@@ -43,7 +43,7 @@ def test_the_page_is_well_formed_and_self_contained(record) -> None:
 
 def test_it_shows_the_fit_and_the_worst_residual_first(record) -> None:
     text = page(record)
-    assert "1.25 accepted; between 0.348 and 1.669 is expected" in text
+    assert "1.25 accepted; chi-square test at 95 %: between 0.348 and 1.669 is expected" in text
     assert text.index("-3.100 mgon") < text.index("1.00 mm")
 
 

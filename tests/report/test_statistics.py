@@ -24,6 +24,11 @@ def test_both_sides_are_tested(record, sigma0, headline) -> None:
     assert test.is_accepted == (headline == "accepted")
 
 
+def test_residuals_of_known_points_count_when_the_record_has_them(record) -> None:
+    test = verdict(record | {"sigma0": 1.25, "variance_factor": 4.0})
+    assert (test.sigma0, test.headline) == (2.0, "rejected: too large")
+
+
 def test_an_explanation_says_what_a_rejection_means(record) -> None:
     assert "blunder" in verdict(record | {"sigma0": 9.0}).explanation
     assert "sigmas are too large" in verdict(record | {"sigma0": 0.01}).explanation

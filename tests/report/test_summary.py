@@ -71,6 +71,13 @@ def test_time_and_files(record) -> None:
     assert "Written: a.json, a.html" in text
 
 
+def test_the_number_that_is_tested_is_shown_when_it_is_another(record) -> None:
+    text = summary(record | {"variance_factor": 1.96})
+    assert line_with(text, "of the solution").endswith("1.25  accepted")
+    assert "chi-square test at 95 % (1.4 with the residuals of known points): between" in text
+    assert "known points)" not in summary(record | {"variance_factor": 1.5625})
+
+
 def test_warnings_are_shown_and_counted(record) -> None:
     text = summary(record | {"warnings": [f"w{k}" for k in range(5)]})
     assert text.count("Warning: ") == 3

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from obseq.report import rows
 from obseq.report.record import AdjustmentRecord
 from obseq.report.statistics import verdict
-from obseq.report.summary import how_it_ended, kinds, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, warnings
 from obseq.report.table import lines_of
 from obseq.report.units import significant
 
@@ -31,7 +31,9 @@ def _head(record: AdjustmentRecord) -> Iterator[str]:
     yield f"  constraints   {record['n_constraints']}"
     yield f"  unknowns      {record['n_unknowns']}"
     yield f"  redundancy    {record['redundancy']}"
-    yield f"  sigma0        {significant(test.sigma0)}, {test.headline} (chi-square, 95 %)"
+    yield f"  sigma0        {significant(record['sigma0'])}, {test.headline}"
+    if test.sigma0 is not None:
+        yield f"  {expected(record, test)}"
     yield ""
     yield "  iteration  sigma0 at its start  largest step"
     for number, row in enumerate(record["iterations"], start=1):

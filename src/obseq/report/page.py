@@ -9,7 +9,7 @@ from obseq.report import rows
 from obseq.report.figure import network_figure
 from obseq.report.record import AdjustmentRecord
 from obseq.report.statistics import verdict, worst_first
-from obseq.report.summary import how_it_ended, kinds, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, warnings
 from obseq.report.units import significant
 
 MOST_ROWS = 2000
@@ -29,8 +29,9 @@ def page(record: AdjustmentRecord) -> str:
 
 def _facts(record: AdjustmentRecord) -> str:
     test = verdict(record)
-    expected = f"; between {test.lower:.4g} and {test.upper:.4g} is expected (chi-square, 95 %)"
-    sigma0 = f"{significant(test.sigma0)} {test.headline}{'' if test.sigma0 is None else expected}"
+    sigma0 = f"{significant(record['sigma0'])} {test.headline}"
+    if test.sigma0 is not None:
+        sigma0 = f"{sigma0}; {expected(record, test)}"
     items = [
         ("result", how_it_ended(record), "good" if record["converged"] else "bad"),
         ("observations", f"{record['n_observations']} ({kinds(record)})", ""),

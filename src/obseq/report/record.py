@@ -84,6 +84,8 @@ class AdjustmentRecord(TypedDict):
     redundancy: int
     iterations: list[IterationRecord]
     sigma0: float | None
+    variance_factor: NotRequired[float | None]
+    """Sum of all weighted squared residuals, those of known points included, over the redundancy."""
     converged: bool
     precision: NotRequired[str]
     """"a posteriori": precisions are multiplied by the estimated sigma0; "a priori": they are not."""

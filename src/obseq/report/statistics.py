@@ -13,7 +13,7 @@ class Verdict:
     """The two-sided chi-square test of sigma0.
 
     Attributes:
-        sigma0: The estimate, or None when nothing is redundant.
+        sigma0: The estimate that is tested, from all residuals; None when nothing is redundant.
         lower: Smallest sigma0 that the test accepts.
         upper: Largest sigma0 that the test accepts.
         redundancy: Degrees of freedom.
@@ -57,8 +57,13 @@ class Verdict:
 
 
 def verdict(record: AdjustmentRecord) -> Verdict:
-    """The test of the record's sigma0: redundancy * sigma0^2 follows chi-square with that many degrees."""
-    redundancy, sigma0 = record["redundancy"], record["sigma0"]
+    """The test of sigma0: redundancy * sigma0^2 follows chi-square with that many degrees of freedom.
+
+    What is tested is the root of the variance factor, in which the residuals of known points count, or the
+    record's sigma0 (MMVII's, of the survey observations) where the record has no variance factor.
+    """
+    redundancy, factor = record["redundancy"], record.get("variance_factor")
+    sigma0 = record["sigma0"] if factor is None else math.sqrt(factor)
     if redundancy <= 0 or sigma0 is None or not math.isfinite(sigma0):
         return Verdict(None, math.nan, math.nan, redundancy)
     from scipy.special import gammaincinv

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.report import rows, units
 from obseq.report.record import AdjustmentRecord, PointRecord
-from obseq.report.statistics import verdict, worst_first
+from obseq.report.statistics import Verdict, verdict, worst_first
 from obseq.report.table import lines_of
 
 WIDTH = 100
@@ -52,6 +52,17 @@ def kinds(record: AdjustmentRecord) -> str:
     return f"{text}; {unused} not used" if unused else text
 
 
+def expected(record: AdjustmentRecord, test: Verdict) -> str:
+    """What the test of sigma0 compares, in words."""
+    own = units.significant(test.sigma0, 5)
+    known = (
+        ""
+        if own == units.significant(record["sigma0"], 5)
+        else f" ({own} with the residuals of known points)"
+    )
+    return f"chi-square test at 95 %{known}: between {test.lower:.4g} and {test.upper:.4g} is expected"
+
+
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
     """What the user should know of the input, one line each, at most so many of them."""
     found = record.get("warnings", [])
@@ -75,9 +86,9 @@ def _fit(record: AdjustmentRecord) -> Iterator[str]:
         values = [*values[:half], "...", *values[-half:]]
     test = verdict(record)
     yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
-    yield f"  sigma0 of the solution                 {units.significant(test.sigma0)}  {test.headline}"
+    yield f"  sigma0 of the solution                 {units.significant(record['sigma0'])}  {test.headline}"
     if test.sigma0 is not None:
-        yield f"  chi-square test at 95 %: between {test.lower:.4g} and {test.upper:.4g} is expected"
+        yield f"  {expected(record, test)}"
     yield from textwrap.wrap(test.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
