@@ -129,10 +129,10 @@ class Degree:
         s = x * x + y * y
         functions = [s**n * point for n in range(1, self.radial + 1)]
         for n in range(1, self.decentric + 1):
-            common = s ** (n - 1)
-            crossed = common * (2 * n * x * y)
-            functions.append(Point2(common * (s + 2 * n * x**2), crossed))
-            functions.append(Point2(crossed, common * (s + 2 * n * y**2)))
+            outer, scale = s**n, 2 * n * s ** (n - 1)
+            crossed = scale * x * y
+            functions.append(Point2(outer + scale * x * x, crossed))
+            functions.append(Point2(crossed, outer + scale * y * y))
         for on, i, j, _ in self.monomials:
             value = x**i * y**j
             functions.append(Point2(value, 0 * value) if on == "x" else Point2(0 * value, value))
