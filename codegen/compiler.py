@@ -8,6 +8,7 @@ from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, directional, jacobians
 from obseq.codegen.graph import Graph
 from obseq.codegen.printing import Printer, Store, row_place
+from obseq.codegen.signs import share_signs
 from obseq.codegen.stages import parked
 from obseq.codegen.translate import translate
 from obseq.formulas.base import Formula
@@ -88,7 +89,7 @@ def derive(formula: Formula) -> Derived:
     digest = mathematics_hash(formula, graph, residuals)
     candidates = jacobians(graph, residuals, formula.unknowns, formula.name)
     graph, jacobian = min(candidates, key=lambda candidate: _cost(candidate[0], candidate[1], residuals))
-    return Derived(formula, graph, residuals, jacobian, digest)
+    return Derived(formula, graph, residuals, share_signs(graph, residuals, jacobian), digest)
 
 
 def _cost(graph: Graph, jacobian: Jacobian, residuals: list[int]) -> int:
