@@ -152,8 +152,10 @@ class NormalEquations:
         """Sum of weighted squared residuals by group, from values alone."""
         squares: dict[str, float] = {}
         for batch in self.batches:
-            scaled = residuals(self.table, batch).T * batch.weights[:, : batch.n]
-            total = float(np.sum(np.square(scaled[:, batch.active])))
+            weights = batch.weights[:, : batch.n]
+            with np.errstate(over="ignore", invalid="ignore"):
+                scaled = np.where(weights != 0.0, residuals(self.table, batch).T * weights, 0.0)
+                total = float(np.sum(np.square(scaled)))
             if not np.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total

@@ -413,7 +413,7 @@ class LeastSquares:
             done = run(options, redundancy, before, progress or _silent)
         before(len(done.iterations))
         wanted = covariance is not None and covariance is not False and not self.unknowns.frozen.all()
-        cofactors = self._cofactors(done) if wanted else None
+        cofactors = self._cofactors() if wanted else None
         return self._result(equations, options, redundancy, done, cofactors)
 
     def _refuse_untouched(self) -> None:
@@ -451,12 +451,10 @@ class LeastSquares:
         reference = self._reference[free]
         return DatumSolver(solver, chosen, lambda: self.unknowns.values[free] - reference)
 
-    def _cofactors(self, done: Progress) -> Cofactors:
-        """Cofactors of all unknowns; the factor of a negligible last step serves."""
-        equations, fresh = self.equations(), False not in self._solvers
-        solver = self._analysed()
-        if fresh or done.reason is StopReason.ITERATIONS:
-            factor(equations, solver, self._constraints, equations.assemble())
+    def _cofactors(self) -> Cofactors:
+        """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
+        equations, solver = self.equations(), self._analysed()
+        factor(equations, solver, self._constraints, equations.assemble())
         del self._solvers[False]  # the result keeps this one, for covariances between any two unknowns
         return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 
