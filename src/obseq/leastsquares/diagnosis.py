@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import SingularSystemError
+from obseq.leastsquares.motions import TAKES_PART, explained
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 SHOWN = 12
 """Names given in a message; the error's `unknowns` has them all."""
-
-TAKES_PART = 1e-3
-"""Share of the largest entry of a null vector from which an unknown is said to take part in it."""
 
 REMEDY = "freeze them, give them a prior, or add observations that depend on them"
 
@@ -42,6 +40,9 @@ def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystem
     message = f"the observations leave {len(pivots)} unknown(s) undetermined: {_listed(pivots)}"
     if len(involved) > len(pivots):
         message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
+    meaning = explained(equations, solver.null_vectors())
+    if meaning:
+        message += f". Nothing fixes {'; nor '.join(meaning)}"
     return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)
 
 

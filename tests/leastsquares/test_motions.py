@@ -1,0 +1,93 @@
+"""The kernel of a network, in the words of a surveyor."""
+
+import numpy as np
+import pytest
+
+from obseq.errors import SingularSystemError
+from obseq.leastsquares import LeastSquares
+
+RNG = np.random.default_rng(0)
+
+
+def message(system):
+    with pytest.raises(SingularSystemError) as error:
+        system.solve()
+    return str(error.value)
+
+
+def distances(system, ids, formula="Dist3D", scale=1.0):
+    first, second = np.triu_indices(len(ids), 1)
+    xyz = system.values(ids)
+    lengths = scale * np.linalg.norm(xyz[second] - xyz[first], axis=1)
+    system.add(formula, {"p1": ids[first], "p2": ids[second]}, lengths, 0.01)
+
+
+def cloud(system, n=6, dimension=3, name="P", seed=0):
+    xyz = np.random.default_rng(seed).uniform(0, 100, (n, dimension))
+    return system.add_points([f"{name}{k}" for k in range(n)], xyz)
+
+
+def test_distances_in_space_leave_position_and_orientation():
+    system = LeastSquares()
+    distances(system, cloud(system))
+    assert (
+        "Nothing fixes the position along x, y, z and the rotation about x, y, z of P0, P1, P2, P3, P4, P5"
+        in message(system)
+    )
+
+
+def test_distances_in_the_plane():
+    system = LeastSquares()
+    distances(system, cloud(system, dimension=2), "Dist2DCons")
+    assert "the position along x, y and the orientation of P0" in message(system)
+
+
+def test_a_known_point_leaves_only_the_rotations():
+    system = LeastSquares()
+    ids = cloud(system)
+    distances(system, ids)
+    system.freeze(ids[:1])
+    text = message(system)
+    assert "Nothing fixes the rotation about x, y, z of P1, P2, P3, P4, P5" in text
+    assert "position" not in text
+
+
+def test_two_known_points_leave_the_rotation_about_their_line():
+    system = LeastSquares()
+    ids = cloud(system)
+    xyz = system.values(ids)
+    xyz[:2] = [[0, 0, 0], [0, 0, 50]]
+    system.set_values(ids, xyz)
+    distances(system, ids)
+    system.freeze(ids[:2])
+    assert "Nothing fixes the rotation about z of P2, P3, P4, P5" in message(system)
+
+
+def test_heights_alone_are_named():
+    system = LeastSquares()
+    ids = system.add_points(["A", "B", "C"], RNG.uniform(0, 10, (3, 3)))
+    system.freeze(ids, ("x", "y"))
+    up = np.tile([0.0, 0.0, 1.0], (2, 1))
+    system.add_linear([ids[:2], ids[1:]], [-up, up], [1.0, 2.0], 0.001)
+    assert "Nothing fixes the position along z of A, B, C" in message(system)
+
+
+def test_two_separate_networks_are_told_apart():
+    system = LeastSquares()
+    distances(system, cloud(system, 4, name="A", seed=1))
+    distances(system, cloud(system, 4, name="B", seed=2))
+    text = message(system)
+    assert "of A0, A1, A2, A3; nor the position" in text
+    assert text.count("the rotation about x, y, z") == 2
+
+
+def test_directions_between_points_leave_the_scale():
+    # Parallel to a fixed direction each: differences of coordinates in fixed ratios.
+    system = LeastSquares()
+    xyz = np.array([[0.0, 0.0], [3.0, 1.0], [1.0, 4.0]])
+    ids = system.add_points(["A", "B", "C"], xyz)
+    system.freeze(ids[:1])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        across = np.array([[xyz[j, 1] - xyz[i, 1], xyz[i, 0] - xyz[j, 0]]])
+        system.add_linear([ids[[i]], ids[[j]]], [-across, across], [0.0], 1.0)
+    assert "Nothing fixes the scale of B, C" in message(system)
