@@ -8,6 +8,7 @@ be unit vectors, unless said.
 from dataclasses import dataclass
 from typing import Annotated
 
+from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Direction, Point3, Rotation, norm
 from obseq.formulas.functions import Scalar, let
@@ -33,6 +34,12 @@ class PointOnBundle:
     """
 
     mode: str
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise FormulaError(
+                f"the mode of a point on a ray is one of {', '.join(MODES)}, not {self.mode!r}"
+            )
 
     def distance(self, direction: Point3, sight: Point3) -> Point3:
         """Three components, of rank 2: the one along the ray is 0."""

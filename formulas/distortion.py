@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Point2, Vector
 from obseq.formulas.functions import Scalar
@@ -51,6 +52,10 @@ class Degree:
     decentric: int = 0
     polynomial: int = 0
     fraser: bool = True
+
+    def __post_init__(self) -> None:
+        if min(self.radial, self.decentric, self.polynomial) < 0:
+            raise FormulaError(f"the degrees of a distortion are at least 0, not {self}")
 
     @property
     def name(self) -> str:

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Annotated
 
+from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Point2, Point3, Vector
 from obseq.formulas.distortion import polynomial, polynomial2
@@ -25,6 +26,10 @@ class ImagePolynomial:
     """
 
     degree: int
+
+    def __post_init__(self) -> None:
+        if self.degree < 0:
+            raise FormulaError(f"the degree of a polynomial correction is at least 0, not {self.degree}")
 
     @property
     def powers(self) -> tuple[tuple[int, int], ...]:

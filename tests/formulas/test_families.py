@@ -4,10 +4,12 @@ import pytest
 
 from obseq.errors import FormulaError
 from obseq.formulas import REGISTRY
+from obseq.formulas.bundles import PointOnFirstBundle
 from obseq.formulas.colinearity import Colinearity
 from obseq.formulas.distortion import Degree
 from obseq.formulas.families import formula, from_name
 from obseq.formulas.projections import FE_EquiSolid
+from obseq.formulas.sensors import CorrectedSensor
 
 
 @pytest.mark.parametrize("registered", REGISTRY, ids=lambda registered: registered.name)
@@ -25,3 +27,13 @@ def test_unknown_names_get_the_nearest_ones():
     assert from_name("EqColinearity") is None
     with pytest.raises(FormulaError, match=r"'EqDist_Dist_Rad3_Dec1_X1'.*EqDist_Dist_Rad3_Dec1_XY1"):
         formula("EqDist_Dist_Rad3_Dec1_X1")
+
+
+def test_impossible_members_are_refused():
+    for make in (
+        lambda: Degree(3, -1, 1),
+        lambda: CorrectedSensor(-1),
+        lambda: PointOnFirstBundle("Distance"),
+    ):
+        with pytest.raises(FormulaError, match=r"at least 0|one of Angle, Product"):
+            make()
