@@ -93,7 +93,7 @@ def test_long_lists_of_bad_rows_are_cut(distance: obseq.Calculator) -> None:
 @pytest.mark.parametrize(
     ("u", "o", "message"),
     [
-        (np.zeros((2, 5)), np.zeros((2, 1)), r"Dist3D: unknowns must have .* \(n, 6\).*p1_x.*it has \(2, 5\)"),
+        (np.zeros((2, 5)), np.zeros((2, 1)), r"Dist3D: unknowns .*\(n, 6\).*p1_x.*it has \(2, 5\)"),
         (np.zeros((2, 6)), np.zeros((2, 2)), r"Dist3D: observations must have the shape \(n, 1\).*of D;"),
         (np.zeros(6), np.zeros((1, 1)), r"Dist3D: unknowns must have the shape .* it has \(6,\)"),
         (np.zeros((2, 6)), np.zeros((3, 1)), r"Dist3D: 2 rows of unknowns but 3 rows of observations"),
