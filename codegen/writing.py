@@ -7,14 +7,12 @@ from typing import Any
 
 import sympy
 
+from obseq.codegen.expressions import factors_of, repeated, signed_terms
 from obseq.codegen.reading import Reading, Term, common_name, read
 from obseq.formulas import functions
 from obseq.formulas.base import Formula
 
 SUM, PRODUCT, POWER, ATOM = range(4)
-SHARED = 3
-"""Operations from which a part that comes several times is worth a name."""
-TERM_WEIGHTS = {"apply": 3, "product": 3, "cross": 2}
 
 FUNCTIONS: dict[type[sympy.Basic], str] = {
     functions.WrapAngle: "wrap",
@@ -135,7 +133,7 @@ class Text:
             whole: True for the right side of an equation, which is written out even if it has a name.
         """
         kept = self.shared - {value} if whole else self.shared
-        signed = _signed(value, 1, kept)
+        signed = signed_terms(value, 1, kept)
         if whole and [term for _, term in signed] == [value]:
             terms = [(signed[0][0], self._written_out(value))]
         else:
@@ -171,10 +169,10 @@ class Text:
         return text, ATOM if value >= 0 else SUM
 
     def _sum_or_product(self, value: sympy.Expr) -> tuple[str, int]:
-        terms = _signed(value, 1, self.shared - {value})
+        terms = signed_terms(value, 1, self.shared - {value})
         if len(terms) != 1 or terms[0][0] < 0:
             return " ".join(self.sum_of(value, whole=True)), SUM
-        above, below = _factors(terms[0][1], self.shared - {value})
+        above, below = factors_of(terms[0][1], self.shared - {value})
         if not below and len(above) == 1:
             return self.write(above[0], ATOM), ATOM
         if not below and len(set(above)) == 1:
@@ -199,7 +197,7 @@ class Text:
         if exponent == sympy.Rational(1, 2):
             return self.root(self.write(base)), ATOM
         if exponent.is_number and exponent.is_negative:
-            above, below = _factors(sympy.Pow(base, exponent, evaluate=False), self.shared)
+            above, below = factors_of(sympy.Pow(base, exponent, evaluate=False), self.shared)
             return self._quotient(above, below), self.fraction_binding
         return self.power(self.write(base, ATOM), self.write(exponent)), POWER
 
@@ -259,12 +257,8 @@ class Latex(Text):
         return head + (f"_{{{','.join(words)}}}" if words else "") + primes
 
     def fraction(self, above: str, below: str) -> str:
-        """A fraction."""
-        return rf"\frac{{{above}}}{{{self._bare(below)}}}"
-
-    def _bare(self, text: str) -> str:
-        inner = text.removeprefix(r"\left(").removesuffix(r"\right)")
-        return inner if inner.count(r"\left(") == inner.count(r"\right)") and inner != text else text
+        """A fraction; the bar replaces parentheses around all that is above or below."""
+        return rf"\frac{{{_bare(above)}}}{{{_bare(below)}}}"
 
     def root(self, text: str) -> str:
         """A square root."""
@@ -310,112 +304,15 @@ class Latex(Text):
     fraction_binding = POWER
 
 
-def _signed(value: Any, sign: int, kept: frozenset[Any]) -> list[tuple[int, Any]]:
-    """The terms of a sum with their signs, zeros left out; what is kept is one term."""
-    if value in kept:
-        return [(sign, value)]
-    if isinstance(value, Term):
-        if value.kind not in ("add", "sub", "difference"):
-            return [(sign, value)]
-        a, b = value.parts
-        return _signed(a, sign, kept) + _signed(b, sign if value.kind == "add" else -sign, kept)
-    value = sympy.sympify(value)
-    if isinstance(value, sympy.Add):
-        return [signed for part in value.args for signed in _signed(part, sign, kept)]
-    if isinstance(value, sympy.Mul):
-        return _signed_product(value, sign, kept)
-    if value.is_Number and value.is_negative:
-        return [(-sign, abs(value))]
-    return [] if value.is_zero else [(sign, value)]
-
-
-def _signed_product(value: sympy.Mul, sign: int, kept: frozenset[Any]) -> list[tuple[int, Any]]:
-    """A product as one signed term, its numbers multiplied; a sum times a sign is a sum."""
-    factors = _flat(value, kept - {value})
-    number = sympy.prod([factor for factor in factors if factor.is_Number])
-    if number == 0:
-        return []
-    rest = [factor for factor in factors if not factor.is_Number]
-    sign = -sign if number < 0 else sign
-    if abs(number) != 1:
-        rest = [abs(number), *rest]
-    if len(rest) == 1:
-        return _signed(rest[0], sign, kept)
-    return [(sign, value if rest == factors else sympy.Mul(*rest, evaluate=False))]
-
-
-def _flat(value: sympy.Expr, kept: frozenset[Any]) -> list[sympy.Expr]:
-    """The factors of a product; what is kept is one factor."""
-    if value in kept:
-        return [value]
-    if isinstance(value, sympy.Mul):
-        return [factor for part in value.args for factor in _flat(part, kept)]
-    return [value]
-
-
-def _factors(value: Any, kept: frozenset[Any]) -> tuple[list[Any], list[Any]]:
-    """The factors above and below the fraction bar, ones left out."""
-    above, below = [], []
-    for factor in _flat(value, kept - {value}):
-        if isinstance(factor, sympy.Pow) and factor.args[1].is_number and factor.args[1].is_negative:
-            base, exponent = factor.args
-            below.append(base if exponent == -1 else sympy.Pow(base, -exponent, evaluate=False))
-        elif factor != 1:
-            above.append(factor)
-    return above, below
-
-
-def repeated(reading: Reading, values: list[Any]) -> frozenset[Any]:
-    """The parts of some expressions, of three operations or more, that several others use."""
-    order: dict[Any, None] = {}
-    uses: Counter[Any] = Counter()
-
-    def visit(value: Any) -> None:
-        if value not in order:
-            parts = _parts_of(value, reading)
-            uses.update(parts)
-            for part in parts:
-                visit(part)
-            order[value] = None
-
-    for value in values:
-        visit(value)
-    weights: dict[Any, int] = {}
-    shared = set()
-    for value in order:
-        weights[value] = _own_weight(value, reading) + sum(
-            weights[part] for part in _parts_of(value, reading)
-        )
-        if _has_name(value):
-            weights[value] = 0
-        elif uses[value] > 1 and weights[value] >= SHARED and value not in reading.terms:
-            shared.add(value)
-            weights[value] = 0
-    return frozenset(shared)
-
-
-def _parts_of(value: Any, reading: Reading) -> list[Any]:
-    if isinstance(value, Term):
-        if value.kind == "name":
-            return [reading.definitions[value.parts[0]]] if value.parts[0] in reading.definitions else []
-        return [part for part in value.parts if isinstance(part, Term | sympy.Basic)]
-    if isinstance(value, functions.Named):
-        return [value.args[1]]
-    return [reading.terms[value]] if value in reading.terms else list(value.args)
-
-
-def _has_name(value: Any) -> bool:
-    return isinstance(value, functions.Named) or (isinstance(value, Term) and value.kind == "name")
-
-
-def _own_weight(value: Any, reading: Reading) -> int:
-    """The operations of a part itself; a sign is none."""
-    if isinstance(value, sympy.Symbol) or (isinstance(value, sympy.Mul) and value.args[0] == -1):
-        return 0
-    parts = _parts_of(value, reading)
-    if isinstance(value, Term):
-        return TERM_WEIGHTS.get(value.kind, int(bool(parts)))
-    return max(len(parts) - 1, int(bool(parts)))
+def _bare(latex: str) -> str:
+    """Without the parentheses that hold the whole, if they do."""
+    depth = 0
+    for match in re.finditer(r"\\(left|right)[()]", latex):
+        depth += 1 if match[1] == "left" else -1
+        if depth == 0:
+            whole = latex.startswith(r"\left(") and match.end() == len(latex)
+            return latex[len(r"\left(") : match.start()] if whole else latex
+    return latex
 
 
 def equations(formula: Formula, residuals: tuple[str, ...], style: type[Text]) -> list[Equation]:

@@ -164,8 +164,15 @@ class RationalCamera(Formula):
         x = let("x", (ground.x - offset_in.x) / scale_in.x)
         y = let("y", (ground.y - offset_in.y) / scale_in.y)
         z = let("z", (ground.z - offset_in.z) / scale_in.z)
-        i = cubic(i_numerator, x, y, z) / cubic(i_denominator, x, y, z)
-        j = cubic(j_numerator, x, y, z) / cubic(j_denominator, x, y, z)
+        i_above, i_below = (
+            let("i_above", cubic(i_numerator, x, y, z)),
+            let("i_below", cubic(i_denominator, x, y, z)),
+        )
+        j_above, j_below = (
+            let("j_above", cubic(j_numerator, x, y, z)),
+            let("j_below", cubic(j_denominator, x, y, z)),
+        )
+        i, j = i_above / i_below, j_above / j_below
         return Point3(
             offset_out.x + scale_out.x * i, offset_out.y + scale_out.y * j, offset_out.z + scale_out.z * z
         )
