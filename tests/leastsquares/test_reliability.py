@@ -285,3 +285,77 @@ def test_a_million_and_a_half_observations_take_seconds():
     assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy, rel=1e-9)
     assert quality.of(batch).redundancy.min() > 0.5
     assert elapsed < 20.0, f"{elapsed:.1f} s"
+
+
+def test_robust_weights_count_and_outliers_stand_out():
+    from obseq.leastsquares.losses import Tukey
+
+    system, _, distances, *_ = trilateration(blunder=(7, 0.5))
+    plain = reliability(system, system.solve(covariance=True))
+    distances.loss = Tukey(5.0)
+    result = system.solve(max_iterations=60, covariance=True, tolerance=1e-10)
+    assert distances.robust_weights()[7] == 0.0
+    quality = reliability(system, result)
+    assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy, abs=1e-6)
+    part = quality.of(distances)
+    assert abs(part.w[7, 0]) > 20 > np.abs(np.delete(part.w[:, 0], 7)).max() * 4
+    assert part.w[7, 0] == pytest.approx(plain.of(distances).w[7, 0], rel=0.05)
+    assert -part.left_out_residuals[7, 0] == pytest.approx(0.5, abs=0.06)
+    assert part.external[7, 0] == 0.0
+    np.testing.assert_array_equal(quality.effect_of_bias(distances, 7, bias=1.0), 0.0)
+    left = quality.left_out(distances, 7)
+    np.testing.assert_allclose(left.residuals, result.residuals(distances)[7])
+    # the variance of its residual is its own and that of the distance computed from the others
+    i, j = distances.blocks[:, 7]
+    shift = np.diff(result.values([i, j]), axis=0)[0]
+    along = np.concatenate([-shift, shift]) / np.linalg.norm(shift)
+    computed = along @ result.covariance_between([i, j], [i, j], a_priori=True) @ along
+    assert quality.residual_cofactors(distances)[7, 0, 0] == pytest.approx(0.01**2 + computed, rel=1e-6)
+    assert part.w[7, 0] == pytest.approx(
+        result.residuals(distances)[7, 0] / np.sqrt(0.01**2 + computed), rel=1e-6
+    )
+
+
+def test_weights_that_changed_since_are_refused():
+    system, _, distances, *_ = trilateration()
+    result = system.solve(covariance=True)
+    distances.weights *= 2.0
+    with pytest.raises(InputError, match="weights or sigmas have changed"):
+        reliability(system, result)
+
+
+def test_eliminated_unknowns_and_hard_constraints_keep_the_sum():
+    system, points, distances, *_ = trilateration()
+    plain = reliability(system, system.solve(covariance=True, tolerance=1e-10))
+    system.eliminate(points[4:5])
+    reduced = reliability(system, system.solve(covariance=True, tolerance=1e-10))
+    np.testing.assert_allclose(reduced.of(distances).redundancy, plain.of(distances).redundancy, atol=1e-9)
+    system.eliminate(points[4:5], False)
+    system.share(points[[0, 1]], ["z"])
+    result = system.solve(covariance=True, tolerance=1e-10)
+    shared = reliability(system, result)
+    assert shared.redundancy == plain.redundancy + 1
+    assert shared.sum_of_redundancy_numbers == pytest.approx(result.redundancy, abs=1e-8)
+    left = shared.left_out(distances, 3)
+    change = shared.change_of(points[:2], left.change)
+    assert change[0, 2] == pytest.approx(change[1, 2], abs=1e-12)
+
+
+def test_a_datum_changes_no_redundancy_number():
+    system, points, distances, *_ = trilateration()
+    free = obseq.LeastSquares()
+    names = [f"P{k}" for k in range(len(CORNERS))]
+    ids = free.add_points(names, system.values(points))
+    batch = free.add(
+        "Dist3D", {"p1": distances.blocks[0], "p2": distances.blocks[1]}, distances.observations, 0.01
+    )
+    qualities = []
+    for datum in (ids, ids[:3]):
+        free.set_datum(datum)
+        result = free.solve(covariance=True, tolerance=1e-10)
+        quality = reliability(free, result)
+        assert result.redundancy == 21 - 21 + 6
+        assert quality.sum_of_redundancy_numbers == pytest.approx(6, abs=1e-7)
+        qualities.append(quality.of(batch))
+    np.testing.assert_allclose(qualities[0].redundancy, qualities[1].redundancy, atol=1e-7)
+    np.testing.assert_allclose(qualities[0].w, qualities[1].w, rtol=1e-4)

@@ -215,3 +215,23 @@ def test_errors_name_the_components_and_restore_the_sigmas():
     system.freeze(lonely, ["y"])
     with pytest.raises(InputError, match="'one sight' has no redundancy"):
         variance_components(system)
+
+
+def test_the_datum_changes_no_component():
+    held, points = network(8, (4.0, 0.5))
+    free, _ = network(8, (4.0, 0.5))
+    free.unfreeze(points[:1])
+    free.set_datum(points)
+    expected, found = variance_components(held), variance_components(free)
+    assert found.result.redundancy == expected.result.redundancy
+    np.testing.assert_allclose(found.factors, expected.factors, rtol=1e-6)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-6)
+
+
+def test_robust_batches_are_refused():
+    from obseq.leastsquares.losses import Huber
+
+    system, _ = network(1)
+    system.equations().batches[0].loss = Huber()
+    with pytest.raises(InputError, match="it has a loss"):
+        variance_components(system)

@@ -45,7 +45,7 @@ class FinalState:
     _context: FloatArray = field(repr=False)
 
     def leverages(self, batch: Batch, crossed: bool = False) -> FloatArray:
-        """The products a Q a', with a the row of the Jacobian of an observation divided by its sigma.
+        """The products a Q a', with a the row of the Jacobian of an observation divided by its given sigma.
 
         Returns:
             (n, n_residuals); (n, n_residuals, n_residuals) when `crossed`. Zero for inactive observations.
@@ -60,7 +60,7 @@ class FinalState:
             chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
             leverages(
                 self._derivatives(batch, chosen),
-                np.ascontiguousarray(batch.weights[:, chosen]),
+                np.ascontiguousarray(np.where(batch.active[chosen], 1.0 / batch.sigmas[chosen].T, 0.0)),
                 np.ascontiguousarray(batch.starts[:, chosen]),
                 roles,
                 self.equations.free.number,
@@ -80,7 +80,7 @@ class FinalState:
         """(k, n_residuals, n_free) rows of the Jacobian over the sigmas, for a few observations (k,)."""
         index = np.atleast_1d(np.asarray(chosen, dtype=np.int64))
         k, m, u = len(index), batch.shape.n_residuals, batch.shape.n_unknowns
-        weights = np.where(batch.active[index], batch.weights[:, index], 0.0)
+        weights = np.where(batch.active[index], 1.0 / batch.sigmas[index].T, 0.0)
         weighted = self._derivatives(batch, index).reshape(m, u, k) * weights[:, None, :]
         result = np.zeros((k, m, self.equations.n_unknowns))
         for role, ids in zip(batch.shape.roles, batch.blocks[:, index], strict=True):
@@ -124,11 +124,16 @@ class FinalState:
         return np.ascontiguousarray(results[shape.n_residuals :, : len(index)])
 
 
+def robust_weights(batch: Batch) -> FloatArray:
+    """(n, n_residuals) final weights over the squared inverse sigmas: 1 unless a loss lowers them."""
+    return np.asarray(np.square(batch.weights[:, : batch.n].T * batch.sigmas))
+
+
 def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
     """The state that a result describes.
 
     Raises:
-        InputError: covariances were not asked for, or the system has changed since.
+        InputError: covariances were not asked for, or the system or its weights have changed since.
     """
     cofactors, equations = result._asked(), system.equations()
     if equations.pattern is not cofactors._pattern:
@@ -136,6 +141,16 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
             "equations or unknowns were added, frozen or freed since this result: "
             "solve again with covariance=True"
         )
+    _refuse_new_weights(equations, result)
     values = np.append(result._state.values, np.zeros(PADDING))
     context = np.append(result._state.context, np.zeros(PADDING))
     return FinalState(equations, result, cofactors, values, context)
+
+
+def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
+    cost = sum(prior.sum_of_squares(result._state.values) for prior in equations.priors)
+    for batch in equations.batches:
+        scaled = result.residuals(batch) * batch.weights[:, : batch.n].T
+        cost += float(np.sum(np.square(scaled[batch.active])))
+    if not np.isclose(cost, result.cost, rtol=1e-6, atol=1e-12):
+        raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")

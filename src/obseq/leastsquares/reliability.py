@@ -2,7 +2,9 @@
 
 Everything follows from h = a Q a', with a the row of the Jacobian of an observation divided by its sigma and
 Q the inverse of the normal matrix: the redundancy number is r = 1 - h, the variance of the residual is
-r sigma^2. Only entries of Q on the pattern of N are needed. Formulas and sources: docs/statistics.md.
+r sigma^2. Where a loss gives a robust weight g, from 0 to 1, r = 1 - g h, and residuals are judged by what
+they are against the other observations, v / r, whose variance is (1 + h / r) sigma^2. Only entries of Q on
+the pattern of N are needed. Formulas and sources: docs/statistics.md.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.batches import Batch
-from obseq.leastsquares.final_state import FinalState, final_state
+from obseq.leastsquares.final_state import FinalState, final_state, robust_weights
 from obseq.leastsquares.hypothesis_tests import (
     non_centrality,
     normal_critical,
@@ -208,9 +210,11 @@ class Reliability:
     def residual_cofactors(self, batch: Batch) -> FloatArray:
         """(n, n_residuals, n_residuals) cofactors of residual vectors, in squared units of residuals."""
         sigmas = batch.sigmas
-        remaining = np.eye(batch.shape.n_residuals) - self._state.leverages(batch, crossed=True)
-        remaining[~batch.active] = np.nan
-        return np.asarray(remaining * sigmas[:, :, None] * sigmas[:, None, :])
+        leverages = self._state.leverages(batch, crossed=True)
+        remaining = np.eye(batch.shape.n_residuals) - leverages * robust_weights(batch)[:, None, :]
+        cofactors = (remaining + leverages) @ np.swapaxes(remaining, 1, 2)
+        cofactors[~batch.active] = np.nan
+        return np.asarray(cofactors * sigmas[:, :, None] * sigmas[:, None, :])
 
     def effect_of_bias(
         self, batch: Batch, row: int, component: int = 0, bias: float | None = None
@@ -227,8 +231,8 @@ class Reliability:
             bias = float(self.of(batch).detectable[row, component])
         if not np.isfinite(bias):
             raise InputError(f"{batch.label(row)}: nothing controls this observation; give the bias")
-        normalised = self._state.rows(batch, [row])[0, component] * bias * batch.weights[component, row]
-        return self._unknowns(self._state.solve(normalised))
+        weighted = bias / batch.sigmas[row, component] * robust_weights(batch)[row, component]
+        return self._unknowns(self._state.solve(self._state.rows(batch, [row])[0, component] * weighted))
 
     def left_out(self, batch: Batch, row: int) -> LeftOut:
         """What remains when one observation is left out, by a solve; of first order when not linear.
@@ -240,14 +244,16 @@ class Reliability:
             raise InputError(f"{batch.label(row)}: the observation is not active, it is left out already")
         rows = self._state.rows(batch, [row])[0]
         solved = self._state.solve(np.ascontiguousarray(rows.T))
-        remaining = np.eye(len(rows)) - rows @ solved
-        if np.linalg.eigvalsh(remaining)[0] < UNCONTROLLED:
+        weights = robust_weights(batch)[row]
+        roots = np.sqrt(weights)
+        if np.linalg.eigvalsh(np.eye(len(rows)) - roots[:, None] * (rows @ solved) * roots)[0] < UNCONTROLLED:
             raise InputError(f"{batch.label(row)}: without this observation some unknowns are undetermined")
         sigmas = batch.sigmas[row]
         normalised = self._state.result.residuals(batch)[row] / sigmas
-        predicted = np.linalg.solve(remaining, normalised)
-        cost = self._state.result.cost - float(normalised @ predicted)
-        return LeftOut(batch.label(row), predicted * sigmas, self._unknowns(solved @ predicted), cost)
+        predicted = np.linalg.solve(np.eye(len(rows)) - rows @ solved * weights, normalised)
+        cost = self._state.result.cost - float((normalised * weights) @ predicted)
+        change = self._unknowns(solved @ (weights * predicted))
+        return LeftOut(batch.label(row), predicted * sigmas, change, cost)
 
     def change_of(self, ids: ArrayLike, change: FloatArray) -> FloatArray:
         """(n, k) the part of a change of all unknowns that concerns blocks that are alike."""
@@ -291,15 +297,15 @@ def reliability(
 
 
 def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
-    numbers = np.where(batch.active[:, None], 1.0 - state.leverages(batch), np.nan)
-    residuals = state.result.residuals(batch)
-    return _record(state, batch, residuals, batch.sigmas, numbers, shift, sigma0)
+    leverages = np.where(batch.active[:, None], state.leverages(batch), np.nan)
+    residuals, weights = state.result.residuals(batch), robust_weights(batch)
+    return _record(state, batch, residuals, batch.sigmas, leverages, weights, shift, sigma0)
 
 
 def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | None) -> ObservationReliability:
-    numbers = 1.0 - state.prior_leverages(prior)[:, None]
+    leverages = state.prior_leverages(prior)[:, None]
     residuals, sigmas = state.result.prior_residuals(prior)[:, None], 1.0 / prior.weights[:, None]
-    return _record(state, prior, residuals, sigmas, numbers, shift, sigma0)
+    return _record(state, prior, residuals, sigmas, leverages, np.ones_like(sigmas), shift, sigma0)
 
 
 def _record(
@@ -307,13 +313,17 @@ def _record(
     source: Batch | Prior,
     residuals: FloatArray,
     sigmas: FloatArray,
-    numbers: FloatArray,
+    leverages: FloatArray,
+    weights: FloatArray,
     shift: float,
     sigma0: float | None,
 ) -> ObservationReliability:
+    numbers = 1.0 - weights * leverages
     controlled = numbers > UNCONTROLLED
-    root = np.sqrt(np.where(controlled, numbers, np.nan))
-    w = residuals / (sigmas * root)
+    known = np.where(controlled, numbers, np.nan)
+    spread = sigmas * np.sqrt(1.0 + leverages / known)  # standard deviation of the left-out residual v / r
+    w = residuals / known / spread
+    detectable = shift * spread
     names = None if isinstance(source, Batch) else state.equations.table.component_names(source.scalars)
     missing = np.where(np.isfinite(numbers), np.inf, np.nan)
     return ObservationReliability(
@@ -323,8 +333,8 @@ def _record(
         numbers,
         w,
         w / sigma0 if sigma0 else np.full_like(w, np.nan),
-        np.where(controlled, shift * sigmas / root, missing),
-        np.where(controlled, shift * np.sqrt(np.clip(1.0 - numbers, 0.0, None)) / root, missing),
+        np.where(controlled, detectable, missing),
+        np.where(controlled, weights * np.sqrt(np.clip(leverages, 0.0, None)) * detectable / sigmas, missing),
         state.result.redundancy,
         names,
     )

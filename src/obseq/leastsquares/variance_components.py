@@ -285,6 +285,12 @@ def _check(
             f"{n} unknowns: exact traces need the dense inverse (up to {EXACT_LIMIT}); give probes=32 "
             'or so for estimated ones, or use the method "redundancy"'
         )
+    for batch in system.equations().batches:
+        if batch.loss is not None:
+            raise InputError(
+                f"variance components of {batch.name}: it has a loss, whose weights depend on the sigmas; "
+                "set it to None (after leaving out blunders by data snooping)"
+            )
     known = {id(source) for source in _sources(system)}
     seen: dict[int, str] = {}
     for component in components:
