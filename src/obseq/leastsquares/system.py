@@ -15,6 +15,7 @@ from obseq.leastsquares.diagnosis import untouched_error
 from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
 from obseq.leastsquares.normal import NormalEquations, residuals, used_blocks
+from obseq.leastsquares.objects import matching, synchronise
 from obseq.leastsquares.priors import Prior
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
 from obseq.leastsquares.runners import runner
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.losses import Loss
+    from obseq.leastsquares.objects import UnknownObject
     from obseq.leastsquares.solvers import Solver
     from obseq.leastsquares.strategies import Strategy
 
@@ -57,6 +59,7 @@ class LeastSquares:
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
         self._constraints: list[Batch] = []
+        self._objects: list[UnknownObject] = []
         self._datum: IntArray = np.zeros(0, dtype=np.int64)
         self._reference: FloatArray = np.zeros(0)
         self._solver_name = solver
@@ -104,6 +107,12 @@ class LeastSquares:
         array = finite(values, (len(names),), "add_scalars")
         return self.unknowns.add(Kind.SCALAR, names, array[:, None])
 
+    def attach(self, *objects: UnknownObject) -> None:
+        """Adds the unknowns of objects; they get the values of every accepted state (see `objects`)."""
+        for item in objects:
+            item.attach(self)
+            self._objects.append(item)
+
     def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
         """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar."""
         return self.unknowns.find(names, Kind[kind.upper()])
@@ -119,6 +128,11 @@ class LeastSquares:
     def freeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
         """Keeps unknowns at their current values: whole blocks, or components by number or by name."""
         self.unknowns.set_frozen(ids, components, True)
+
+    def freeze_matching(self, pattern: str, frozen: bool = True) -> None:
+        """Freezes (or frees) all unknowns whose full name (`camera.rotation.z`) matches an expression."""
+        for block, components in matching(self, pattern).items():
+            self.unknowns.set_frozen([block], components, frozen)
 
     def unfreeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
         """Frees unknowns again."""
@@ -403,6 +417,7 @@ class LeastSquares:
         options = Options(max_iterations, tolerance, sigma0_groups)
 
         def before(number: int) -> None:
+            synchronise(self, self._objects)
             if before_iteration is not None:
                 before_iteration(self, number)
 
