@@ -128,8 +128,9 @@ def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
 
 
 def _documentation(formula: Formula) -> str:
-    """The formula's own words, one-line when they are."""
-    doc = inspect.cleandoc(type(formula).__doc__ or formula.name)
+    """The formula's own words, without the parameters of its family; one-line when they are."""
+    paragraphs = inspect.cleandoc(type(formula).__doc__ or formula.name).split("\n\n")
+    doc = "\n\n".join(part for part in paragraphs if not part.startswith("Attributes:"))
     return doc + "\n" if "\n" in doc else doc
 
 

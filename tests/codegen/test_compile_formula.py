@@ -8,6 +8,7 @@ import pytest
 
 import obseq
 from obseq.codegen import compile_formula
+from obseq.codegen.main import main
 from obseq.formulas import Formula
 from obseq.formulas.blocks import Length, Point2, norm
 from obseq.formulas.functions import Scalar
@@ -51,3 +52,13 @@ def test_it_serves_in_an_adjustment() -> None:
     system.add(compile_formula(Dist3D()), {"p1": points[0], "p2": points[1]}, np.array([[3.0]]), 0.01)
     result = system.solve()
     assert result.values(points)[1, 0] == pytest.approx(np.sqrt(8.0), abs=1e-9)
+
+
+def test_gencode_of_a_member_that_is_not_registered_keeps_it_for_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path))
+    assert main(["RadiomVignetLin_1"]) == 0
+    (path,) = tmp_path.glob("*/RadiomVignetLin_1.py")
+    assert f"wrote {path}" in capsys.readouterr().out
+    assert 'NAME = "RadiomVignetLin_1"' in path.read_text("utf-8")
