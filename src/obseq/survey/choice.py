@@ -14,8 +14,9 @@ from obseq.survey.candidates import (
     survey_surroundings,
     unique_positions,
 )
-from obseq.survey.constraints import Constraint, Refined, disagreement, refine
+from obseq.survey.constraints import Constraint, disagreement
 from obseq.survey.placement_state import minus, plus, times, transposed_times
+from obseq.survey.refinement import Refined, agreeing, refine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
 _MARGIN = 0.3
 """Disagreement by which a position must be worse than another to be set aside."""
 _MOST_REFINED = 4
-_MOST_NEIGHBOURS = 30
+_MOST_NEIGHBOURS = 12
+_FARTHEST = 10.0
+"""Expected errors by which averaging may move a position."""
 _SAME = 0.02
 """Candidates nearer to each other than this part of their distance to the neighbours are one solution."""
 
@@ -69,7 +72,7 @@ def choose(
         least_strength: geometries weaker than this are not used (see `constraints.Refined`).
         hint: an approximate position that decides between two solutions.
     """
-    around = survey_surroundings(state, thinned(constraints))
+    around = survey_surroundings(state, thinned(state, constraints))
     if around is None:
         return Choice(None, 0.0)
     strongest = 0.0
@@ -84,12 +87,12 @@ def choose(
     return Choice(None, strongest)
 
 
-def thinned(constraints: list[Constraint]) -> list[Constraint]:
-    """The constraints with at most `_MOST_NEIGHBOURS` known points, spread evenly."""
-    others = list(dict.fromkeys(c.other for c in constraints))
+def thinned(state: State, constraints: list[Constraint]) -> list[Constraint]:
+    """The constraints with the `_MOST_NEIGHBOURS` points that are known best."""
+    others = dict.fromkeys(c.other for c in constraints)
     if len(others) <= _MOST_NEIGHBOURS:
         return constraints
-    kept = {others[k * len(others) // _MOST_NEIGHBOURS] for k in range(_MOST_NEIGHBOURS)}
+    kept = set(sorted(others, key=lambda other: state.spreads[other])[:_MOST_NEIGHBOURS])
     return [c for c in constraints if c.other in kept]
 
 
@@ -145,6 +148,20 @@ def _decide(around: Surroundings, fits: list[Fit], strongest: float, hint: Space
     return _by_hint([best, *rivals], strongest, hint) if rivals else Choice(best, strongest)
 
 
+def averaged(state: State, constraints: list[Constraint], sigmas: Sequence[float], fit: Fit) -> Fit:
+    """The fit made to all constraints that agree with it, weighted; itself when no further one does."""
+    candidate = fit.candidate
+    chosen = agreeing(state, thinned(state, constraints), candidate.used, fit.refined, sigmas)
+    if len(chosen) == len(candidate.used) or not candidate.has_height:
+        return fit
+    refined = refine(state, chosen, candidate.position, sigmas, weighted=True)
+    moved = math.hypot(*minus(refined.position, candidate.position))
+    if not (refined.spread <= fit.refined.spread and moved <= _FARTHEST * fit.refined.spread):
+        return fit
+    better = Candidate(refined.position, candidate.method, tuple(chosen))
+    return Fit(better, refined, fit.disagreement)
+
+
 def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
     """The position clearly nearest to the hint; without one, the alternatives."""
     positions = tuple(fit.candidate.position for fit in fits)
@@ -172,7 +189,7 @@ def choose_height(
         least_strength: geometries weaker than this are not used.
         position: the point at a provisional height.
     """
-    around = survey_surroundings(state, thinned(constraints))
+    around = survey_surroundings(state, thinned(state, constraints))
     if around is None:
         return Choice(None, 0.0)
     east, north, _ = times(around.vertical, minus(position, around.origin))

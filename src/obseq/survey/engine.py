@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.choice import Choice, Fit, choose, choose_height
+from obseq.survey.choice import Choice, Fit, averaged, choose, choose_height
 from obseq.survey.constraints import collect, station_g0s
 from obseq.survey.model import Orientation
 from obseq.survey.orienting import orient
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 SOUND = 0.02
 WEAK = 0.002
 """Least strengths of the geometry (see `constraints.Refined`): an intersection at about 2, and at 0.2 gon."""
+_LARGEST_SPREAD = 1e6
 _ALIKE = 2.0
 """Points whose expected errors differ by less than this factor are placed at the same time."""
 
@@ -173,7 +174,7 @@ class Engine:
         located = []
         for point, fit, spread in found:
             if spread <= _ALIKE * least:
-                self._take_fit(point, fit, spread)
+                self._take_fit(point, self._averaged(point, fit))
                 located.append(point)
             else:
                 self.dirty_geometry.add(point)
@@ -182,7 +183,7 @@ class Engine:
 
     def _spread_of(self, fit: Fit) -> float:
         base = min(self.state.spreads[constraint.other] for constraint in fit.candidate.used)
-        return math.hypot(base, fit.refined.spread)
+        return min(math.hypot(base, fit.refined.spread), _LARGEST_SPREAD)
 
     def _is_ripe(self, fit: Fit, level: Level) -> bool:
         """A horizontal position alone is taken only when nothing better comes."""
@@ -300,7 +301,7 @@ class Engine:
         """A vector with the expected error that orientation and origin add."""
         moved = math.hypot(*offset) * self.state.azimuth_spreads[sight.station]
         spread = math.hypot(self.state.spreads[sight.origin] + moved, noise)
-        return _Polar(sight, offset, rows, noise, spread)
+        return _Polar(sight, offset, rows, noise, min(spread, _LARGEST_SPREAD))
 
     def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
@@ -311,7 +312,20 @@ class Engine:
                 lengths = other.lengths()
                 if lengths is not None:
                     return lengths
-        return None
+        return self._levelled_lengths(sight)
+
+    def _levelled_lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
+        """Horizontal distance and rise from the slope distance and a levelled height of the target."""
+        start, end = self.state.heights[sight.origin], self.state.heights[sight.target]
+        if sight.distance is None or start is None or end is None or abs(end - start) >= sight.distance[0]:
+            return None
+        (distance, row), rise = sight.distance, end - start
+        levelled = (
+            line
+            for other, _, line in self.graph.height_differences[sight.target]
+            if self.state.heights[other] is not None
+        )
+        return (math.sqrt(distance**2 - rise**2), rise), (row, *list(levelled)[:1])
 
     def _take_polar(self, point: int, polar: _Polar) -> None:
         state, sight = self.state, polar.sight
@@ -337,8 +351,15 @@ class Engine:
         self.choices[point] = (key, choice)
         return choice
 
-    def _take_fit(self, point: int, fit: Fit, spread: float) -> None:
-        state, candidate = self.state, fit.candidate
+    def _averaged(self, point: int, fit: Fit) -> Fit:
+        """The fit to everything that agrees with it; a height alone stays as it is."""
+        if self.state.positions[point] is not None:
+            return fit
+        constraints = collect(self.state, self.graph, point, self.allowed)
+        return averaged(self.state, constraints, self.graph.sigmas, fit)
+
+    def _take_fit(self, point: int, fit: Fit) -> None:
+        state, candidate, spread = self.state, fit.candidate, self._spread_of(fit)
         earlier = state.point_steps[point]
         rows = tuple(dict.fromkeys(row for constraint in candidate.used for row in constraint.rows))
         step = Step(candidate.method, rows)
@@ -356,6 +377,7 @@ class Engine:
         self.state.settle([point])
         g0s = station_g0s(self.state, fit.candidate.used, position, self.state.vertical_of(point))
         for station, azimuth_spread in fit.refined.azimuth_spreads.items():
-            self.state.g0[station], self.state.azimuth_spreads[station] = g0s[station], azimuth_spread
+            self.state.g0[station] = g0s[station]
+            self.state.azimuth_spreads[station] = min(azimuth_spread, math.pi)
             self.state.station_steps[station] = Step("together with its position")
             self._spread_orientation(station)

@@ -130,7 +130,7 @@ class Traverse:
         if reading is None or distance == 0.0:
             return
         moved = math.hypot(_honest_spread(state, sight.origin), _honest_spread(state, sight.target))
-        spread = math.hypot(moved / distance, reading_sigma(self.graph, sight, distance))
+        spread = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
         targets = ((sight.target, target),)
         self._push(
             sight.station, Link(None, targets, spread, 0.0, None, "azimuth of a known point", reading[1])
