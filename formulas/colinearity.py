@@ -32,6 +32,7 @@ INTERNAL = {
     "PPy_": (1500.0, 100.0),
 }
 IN_IMAGE = (2000.0, 1000.0)
+IN_FRONT = (5.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Colinearity(CentralCamera, Formula):
 
     observation_order = ("image", "camera")
     source = CAMERA
-    typical = {**INTERNAL, "Im_x": IN_IMAGE, "Im_y": IN_IMAGE}
+    typical = {**INTERNAL, "PGround_z": IN_FRONT, "Im_x": IN_IMAGE, "Im_y": IN_IMAGE}
 
     @property
     def name(self) -> str:
@@ -105,7 +106,13 @@ class LineColinearity(CentralCamera, Formula):
         "camera",
     )
     source = CAMERA
-    typical = {**INTERNAL, "image_point": IN_IMAGE, "abscissa": (0.5, 0.5)}
+    typical = {
+        **INTERNAL,
+        "image_point": IN_IMAGE,
+        "Line3d_Pt1_z": IN_FRONT,
+        "Line3d_Pt2_z": IN_FRONT,
+        "abscissa": (0.5, 0.5),
+    }
 
     @property
     def name(self) -> str:
@@ -142,6 +149,7 @@ class ColinearityOnDirection(Formula):
 
     observation_order = ("image", "camera")
     source = CAMERA
+    typical = {"PGround_z": IN_FRONT}
 
     @property
     def name(self) -> str:
@@ -162,6 +170,7 @@ class ColinearityOnBundle(Formula):
 
     observation_order = ("u", "v", "focal", "camera")
     source = CAMERA
+    typical = {"PGround_z": IN_FRONT}
 
     @property
     def name(self) -> str:
