@@ -151,9 +151,12 @@ def _tiles() -> Any:
 
 
 def calculator(name: str) -> Calculator:
-    """The calculator of a generated formula.
+    """The calculator of a formula: a generated one, or any member of a family, built when first asked for.
+
+    What is not among the generated modules is built by the generator, if it is installed, into a folder of
+    the user (`$OBSEQ_CACHE`, or the platform's place for caches), and found there the next time.
 
     Raises:
-        FormulaError: No generated formula has that name; the message gives close ones.
+        FormulaError: No formula has that name; the message gives close ones.
     """
     return Calculator(load(name))
