@@ -16,7 +16,7 @@ from obseq.formulas.base import Formula
 Array = NDArray[np.float64]
 
 
-class Wrap(sympy.Function):
+class Wrap(sympy.Function):  # type: ignore[misc]
     """An angle brought to (-pi, pi], whose derivative is 1."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:

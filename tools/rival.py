@@ -266,8 +266,13 @@ UNARY: dict[str, Callable[[Inv, int, int, int], int]] = {
     "sin": lambda m, n, f, df: m.mul(df, m.call("cos", f)),
     "cos": lambda m, n, f, df: m.neg(m.mul(df, m.call("sin", f))),
 }
-for _n, _name in POWERS.items():
-    UNARY[_name] = lambda m, n, f, df, k=_n: m.mul(m.mul(m.constant(k), df), m.power(f, k - 1))
+
+
+def _power_slope(exponent: int) -> Callable[[Inv, int, int, int], int]:
+    return lambda m, n, f, df: m.mul(m.mul(m.constant(exponent), df), m.power(f, exponent - 1))
+
+
+UNARY |= {name: _power_slope(exponent) for exponent, name in POWERS.items()}
 
 PARTIALS = {
     "ATan2": ("DerX_ATan2", "DerY_ATan2"),
