@@ -1,9 +1,9 @@
 """Checks every derivative of the catalogue, and compares the errors with a baseline.
 
-Two tables. Differences: the worst error of each formula against sixth-order central differences of its value
-kernel, relative to the largest entry of its row of the Jacobian (as `obseq check-derivatives`). Precision: for
-a sample, the worst errors of value and Jacobian against the formula itself read in 50 digits; errors of values
-are relative to the largest of the value and the inputs.
+Two tables. Differences: the worst error of each formula against sixth-order central differences of its
+value kernel, relative to the largest entry of its row of the Jacobian (as `obseq check-derivatives`).
+Precision: for a sample, the worst errors of value and Jacobian against the formula itself read in 50 digits;
+errors of values are relative to the largest of the value and the inputs.
 
 A figure is worse than the baseline when it is ten times larger and above its floor; the exit code is then 1.
 
@@ -40,7 +40,7 @@ SAMPLED = 6
 
 @dataclass(frozen=True)
 class Figures:
-    """What was found for one formula: errors by kind (`difference`, `value`, `jacobian`), where the worst is."""
+    """What was found for one formula: errors by kind, the worst entry, whether the differences pass."""
 
     name: str
     errors: dict[str, float]
