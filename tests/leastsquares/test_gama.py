@@ -1,7 +1,7 @@
 """Textbook networks and GNU Gama's own, read from .gkf files and adjusted with formulas of this file.
 
-Inside, coordinates are east, north, up whatever the axes of the file, horizontal angles are clockwise, and
-the plane position and the height of a point are two blocks of unknowns.
+Inside, coordinates are east, north, up whatever the axes of the file, and horizontal angles are clockwise.
+All points are points of space; coordinates that a network does not have are frozen at 0.
 """
 
 import functools
@@ -19,62 +19,67 @@ import obseq
 from obseq.codegen import compile_formula
 from obseq.errors import SingularSystemError
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import Angle, Length, Number, Point2, Points2, Vector
+from obseq.formulas.blocks import Angle, Atom, Declaration, Length, Point3, Vector
 from obseq.formulas.functions import Scalar, angle_difference, atan2, sqrt
 
 DATA_SETS = ("gama-textbook-1d", "gama-textbook-2d", "gama-textbook-3d", "gama-local-small")
 GON = math.pi / 200
-AXES = {"n": (0.0, 1.0), "e": (1.0, 0.0), "s": (0.0, -1.0), "w": (-1.0, 0.0)}
-HAS_DATUM = hasattr(obseq.LeastSquares, "set_datum")
-FREE = ("LotherStrehle_Direction3", "LotherStrehle_Direction4", "StrangBorre_Distance_free")
-FREE += ("fixed-constrained", "jezerka-dir", "jezerka-ang")
-NOT_YET = {} if HAS_DATUM else dict.fromkeys(FREE, "free network: LeastSquares has no datum yet")
-NOT_YET["local_3d"] = "free network whose datum is made of blocks of two kinds, plane points and heights"
-"""Networks that cannot be adjusted yet, and why."""
+MOST_ANGLES = 6
+"""Angles of the largest set with a covariance; smaller sets are filled up with angles of factor 0."""
+
+AXES = {"n": (0, 1, 0), "e": (1, 0, 0), "s": (0, -1, 0), "w": (-1, 0, 0)}
 
 
 # The formulas
 
 
-def bearing(a: Point2, b: Point2) -> Scalar:
+class Points3(tuple):
+    """As many points as the attribute (the last label) says, the first label being their prefix."""
+
+    @classmethod
+    def declare(cls, labels, formula):
+        prefix, number = labels
+        count = getattr(formula, number)
+        names = [tuple(f"{prefix}{k}_{axis}" for axis in "xyz") for k in range(count)]
+        atoms = tuple(Atom("Point3", three, part=str(k)) for k, three in enumerate(names))
+        return Declaration(atoms, lambda s, _: tuple(Point3(*s[3 * k : 3 * k + 3]) for k in range(count)))
+
+
+def bearing(a: Point3, b: Point3) -> Scalar:
     return atan2(b.x - a.x, b.y - a.y)
 
 
-def length(a: Point2, b: Point2, up: Scalar = 0.0) -> Scalar:
+def length(a: Point3, b: Point3, up: Scalar = 0.0) -> Scalar:
     return sqrt((b.x - a.x) ** 2 + (b.y - a.y) ** 2 + up * up)
 
 
 class PlaneDistance(Formula):
-    def residual(self, a: Point2, b: Point2, *, distance: Length) -> Scalar:
+    def residual(self, a: Point3, b: Point3, *, distance: Length) -> Scalar:
         return length(a, b) - distance
 
 
 class Reading(Formula):
     """A direction of a set whose zero is unknown."""
 
-    def residual(self, station: Point2, target: Point2, zero: Angle, *, reading: Angle) -> Scalar:
+    def residual(self, station: Point3, target: Point3, zero: Angle, *, reading: Angle) -> Scalar:
         return angle_difference(bearing(station, target) - zero, reading)
 
 
 class Azimuth(Formula):
-    def residual(self, station: Point2, target: Point2, *, azimuth: Angle) -> Scalar:
+    def residual(self, station: Point3, target: Point3, *, azimuth: Angle) -> Scalar:
         return angle_difference(bearing(station, target), azimuth)
 
 
 class HorizontalAngle(Formula):
-    def residual(self, station: Point2, back: Point2, fore: Point2, *, angle: Angle) -> Scalar:
+    def residual(self, station: Point3, back: Point3, fore: Point3, *, angle: Angle) -> Scalar:
         return angle_difference(bearing(station, fore) - bearing(station, back), angle)
 
 
 @dataclass(frozen=True)
-class CorrelatedAngles(Formula):
-    """Angles of one station, combined by a lower triangular matrix that makes them independent."""
+class CombinedAngles(Formula):
+    """A combination of angles of one station, independent of others where the angles themselves are not."""
 
     number: int
-
-    @property
-    def name(self) -> str:
-        return f"CorrelatedAngles{self.number}"
 
     @property
     def angles(self) -> tuple[str, ...]:
@@ -82,44 +87,39 @@ class CorrelatedAngles(Formula):
 
     @property
     def factors(self) -> tuple[str, ...]:
-        return tuple(f"factor{k}_{j}" for k in range(self.number) for j in range(k + 1))
+        return tuple(f"factor{k}" for k in range(self.number))
 
     def residual(
         self,
-        station: Point2,
-        back: Annotated[Points2, "back_e{}", "back_n{}", "number"],
-        fore: Annotated[Points2, "fore_e{}", "fore_n{}", "number"],
+        station: Point3,
+        back: Annotated[Points3, "back", "number"],
+        fore: Annotated[Points3, "fore", "number"],
         *,
         angle: Annotated[Vector, "angles"],
         factor: Annotated[Vector, "factors"],
-    ) -> list[Scalar]:
+    ) -> Scalar:
         gaps = [
             angle_difference(bearing(station, f) - bearing(station, b), observed)
             for b, f, observed in zip(back, fore, angle, strict=True)
         ]
-        rows = [factor[k * (k + 1) // 2 : (k + 1) * (k + 2) // 2] for k in range(self.number)]
-        return [sum(w * gap for w, gap in zip(row, gaps, strict=False)) for row in rows]
+        return sum(w * gap for w, gap in zip(factor, gaps, strict=True))
 
 
 class SlopeDistance(Formula):
     """From instrument to target, `raised`: height of the target over its point, less the instrument's."""
 
-    def residual(
-        self, a: Point2, z_a: Length, b: Point2, z_b: Length, *, distance: Length, raised: Length
-    ) -> Scalar:
-        return length(a, b, z_b - z_a + raised) - distance
+    def residual(self, a: Point3, b: Point3, *, distance: Length, raised: Length) -> Scalar:
+        return length(a, b, b.z - a.z + raised) - distance
 
 
 class ZenithAngle(Formula):
-    def residual(
-        self, a: Point2, z_a: Length, b: Point2, z_b: Length, *, angle: Angle, raised: Length
-    ) -> Scalar:
-        return atan2(length(a, b), z_b - z_a + raised) - angle
+    def residual(self, a: Point3, b: Point3, *, angle: Angle, raised: Length) -> Scalar:
+        return atan2(length(a, b), b.z - a.z + raised) - angle
 
 
 class HeightDifference(Formula):
-    def residual(self, z_a: Length, z_b: Length, *, difference: Number) -> Scalar:
-        return z_b - z_a - difference
+    def residual(self, a: Point3, b: Point3, *, difference: Length) -> Scalar:
+        return b.z - a.z - difference
 
 
 FORMULAS = {
@@ -145,29 +145,30 @@ def kernel(formula):
 class Network:
     """A .gkf file as a least squares system.
 
-    `observations` holds, per formula, rows of (block ids, observed values, sigma or None when whitened).
+    Attributes:
+        system: unknowns and equations.
+        axes: (3, 3) the axes of the file, one per row.
+        points: id of each point.
+        datum: ids of the points that define the datum of a free network.
+        datum_axes: which of their coordinates do, "xy" or "xyz".
+        observations: per formula, rows of (block ids, observed values, sigma).
     """
 
     system: obseq.LeastSquares
     axes: np.ndarray
-    plane: dict[str, int] = field(default_factory=dict)
-    height: dict[str, int] = field(default_factory=dict)
+    points: dict[str, int] = field(default_factory=dict)
     datum: list[int] = field(default_factory=list)
+    datum_axes: set[str] = field(default_factory=set)
     observations: dict = field(default_factory=lambda: defaultdict(list))
 
     def bearing(self, a: str, b: str) -> float:
-        east, north = (self.system.values([self.plane[b]]) - self.system.values([self.plane[a]]))[0]
-        return math.atan2(east, north)
-
-    def linear(self, combination, value: float, sigma: float) -> None:
-        """A row: sum over (block, coefficients) = value."""
-        columns = [[block] for block, _ in combination]
-        self.system.add_linear(columns, [[row] for _, row in combination], [value], sigma, group="linear")
+        place = self.system.values([self.points[a], self.points[b]])
+        return math.atan2(*(place[1] - place[0])[:2])
 
 
 def read(path, expected) -> Network:
     network = ET.parse(path).getroot().find("{*}network")
-    axes = np.array([AXES[letter] for letter in network.get("axes-xy", "ne")])
+    axes = np.array([*(AXES[letter] for letter in network.get("axes-xy", "ne")), (0, 0, 1)], dtype=float)
     parameters = network.find("{*}parameters")
     sigma_apr = float(parameters.get("sigma-apr", 10)) if parameters is not None else 10.0
     content = network.find("{*}points-observations")
@@ -196,20 +197,17 @@ def read_points(result, content, expected) -> None:
         name = element.get("id")
         points[name] = element.attrib | points[name]
     for name, attributes in points.items():
-        fixed, adjusted = attributes.get("fix", ""), attributes.get("adj", "")
-        kinds = (fixed + adjusted).lower()
+        adjusted = attributes.get("adj", "")
         values = {axis: round(value, 1) for axis, value in expected.get(name, {}).items()}
         values |= {axis: float(attributes[axis]) for axis in "xyz" if axis in attributes}
-        if "x" in kinds:
-            place = np.array([values["x"], values["y"]]) @ result.axes
-            (result.plane[name],) = result.system.add_points([name], [place])
-        if "z" in kinds:
-            (result.height[name],) = result.system.add_scalars([name], [values["z"]])
-        for letter, blocks in (("x", result.plane), ("z", result.height)):
-            if letter in fixed.lower():
-                result.system.freeze([blocks[name]])
-            if letter.upper() in adjusted:
-                result.datum.append(blocks[name])
+        place = np.array([values.get(axis, 0.0) for axis in "xyz"]) @ result.axes
+        ids = result.system.add_points([name], [place])
+        result.points[name] = ids[0]
+        # the plane axes of a file may be swapped, but x and y are adjusted together
+        result.system.freeze(ids, [axis for axis in "xyz" if axis not in adjusted.lower()])
+        if adjusted.isupper():
+            result.datum.append(ids[0])
+            result.datum_axes |= set(adjusted.lower())
 
 
 def read_set(result, cluster, defaults) -> None:
@@ -230,26 +228,27 @@ def read_set(result, cluster, defaults) -> None:
         return
     assert {kind for kind, *_ in rows} == {"angle"}
     whiten = np.linalg.inv(np.linalg.cholesky(matrix(covariance) * (1e-4 * GON) ** 2))
-    factors = whiten[np.tril_indices(len(rows))]
-    stations, backs, fores = zip(*(blocks for _, blocks, _, _ in rows), strict=True)
-    values = (*(values[0] for _, _, values, _ in rows), *factors)
-    result.observations[CorrelatedAngles(len(rows))].append(((stations[0], *backs, *fores), values, 1.0))
+    spare = MOST_ANGLES - len(rows)
+    padded = [*rows, *rows[:1] * spare]
+    stations, backs, fores = zip(*(blocks for _, blocks, _, _ in padded), strict=True)
+    angles = [values[0] for _, _, values, _ in padded]
+    for factors in whiten:
+        blocks, values = (stations[0], *backs, *fores), (*angles, *factors, *[0.0] * spare)
+        result.observations[CombinedAngles(MOST_ANGLES)].append((blocks, values, 1.0))
 
 
 def observation(result, kind, station, element, zero, defaults):
     """(block ids, observed values, sigma) of one element of a set."""
-    plane, height = result.plane, result.height
     is_length = kind in ("distance", "s-distance")
     value, second = (float(element.get("val")), 1e-3) if is_length else angle(element.get("val"))
     default = defaults.get({"s-distance": "distance", "z-angle": "zenith-angle"}.get(kind, kind))
     sigma = float(element.get("stdev", default or 1.0)) * second
-    if kind == "angle":
-        return (plane[station], plane[element.get("bs")], plane[element.get("fs")]), (value,), sigma
-    target = element.get("to")
+    ends = ("bs", "fs") if kind == "angle" else ("to",)
+    blocks = (result.points[station], *(result.points[element.get(end)] for end in ends))
+    if kind == "direction":
+        return (*blocks, zero), (value,), sigma
     if kind in ("s-distance", "z-angle"):
-        raised = float(element.get("to_dh", 0)) - float(element.get("from_dh", 0))
-        return (plane[station], height[station], plane[target], height[target]), (value, raised), sigma
-    blocks = (plane[station], plane[target]) + ((zero,) if kind == "direction" else ())
+        return blocks, (value, float(element.get("to_dh", 0)) - float(element.get("from_dh", 0))), sigma
     return blocks, (value,), sigma
 
 
@@ -266,7 +265,7 @@ def read_height_differences(result, cluster, sigma_apr) -> None:
     for element in cluster.findall("{*}dh"):
         sigma = element.get("stdev")
         millimetres = float(sigma) if sigma else sigma_apr * math.sqrt(float(element.get("dist")))
-        blocks = tuple(result.height[element.get(end)] for end in ("from", "to"))
+        blocks = tuple(result.points[element.get(end)] for end in ("from", "to"))
         row = blocks, (float(element.get("val")),), millimetres * 1e-3
         result.observations[FORMULAS["dh"]].append(row)
 
@@ -279,30 +278,27 @@ def read_linear(result, cluster, rows_of) -> None:
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     for factors in whiten:
         combination = [
-            (block, factor * np.asarray(coefficients))
+            (block, factor * coefficients)
             for factor, (parts, _) in zip(factors, rows, strict=True)
             if factor
             for block, coefficients in parts
         ]
-        result.linear(combination, factors @ values, 1.0)
+        columns, coefficients = zip(*(([block], [row]) for block, row in combination), strict=True)
+        result.system.add_linear(columns, coefficients, [factors @ values], 1.0)
 
 
 def coordinate_rows(result, element):
-    name = element.get("id")
-    for letter, axis in zip("xy", result.axes, strict=True):
+    for letter, axis in zip("xyz", result.axes, strict=True):
         if element.get(letter):
-            yield [(result.plane[name], axis)], float(element.get(letter))
-    if element.get("z"):
-        yield [(result.height[name], [1.0])], float(element.get("z"))
+            yield [(result.points[element.get("id")], axis)], float(element.get(letter))
 
 
 def vector_rows(result, element):
     if not element.tag.endswith("vec"):
         return
-    a, b = element.get("from"), element.get("to")
-    for letter, axis in zip(("dx", "dy"), result.axes, strict=True):
-        yield [(result.plane[a], -axis), (result.plane[b], axis)], float(element.get(letter))
-    yield [(result.height[a], [-1.0]), (result.height[b], [1.0])], float(element.get("dz"))
+    a, b = (result.points[element.get(end)] for end in ("from", "to"))
+    for letter, axis in zip(("dx", "dy", "dz"), result.axes, strict=True):
+        yield [(a, -axis), (b, axis)], float(element.get(letter))
 
 
 def matrix(element):
@@ -333,8 +329,7 @@ def networks():
         path = folder / data_set / "expected.json"
         names = json.loads(path.read_text())["networks"] if path.is_file() else ["absent"]
         for name in names:
-            marks = [pytest.mark.skip(reason=NOT_YET[name])] if name in NOT_YET else []
-            yield pytest.param(data_set, name, id=name, marks=marks)
+            yield pytest.param(data_set, name, id=name)
 
 
 def loaded(shared_data, data_set, name):
@@ -346,7 +341,7 @@ def loaded(shared_data, data_set, name):
 def test_network(shared_data, data_set, name):
     expected, network = loaded(shared_data, data_set, name)
     if expected["datum_defect"]:
-        network.system.set_datum(network.datum)
+        network.system.set_datum(network.datum, sorted(network.datum_axes))
     result = network.system.solve(max_iterations=50, tolerance=1e-9, covariance=True)
     assert result.converged
     assert result.n_observations + result.n_constraints == expected["equations"]
@@ -354,22 +349,21 @@ def test_network(shared_data, data_set, name):
     assert result.redundancy == expected["dof"]
     assert result.sigma0 == pytest.approx(expected["sigma0"], rel=1e-6)
     for point, values in expected["points"].items():
-        for letter, found, precision in solution(network, result, point):
+        solved = list(solution(network, result, point))
+        assert {letter for letter, *_ in solved} == set(values) & set("xyz")
+        for letter, found, precision in solved:
             where = f"{name}, {letter} of {point}"
             assert found == pytest.approx(values[letter], rel=0, abs=1e-6), where
             assert precision == pytest.approx(values[f"s{letter}"], rel=1e-5), where
 
 
 def solution(network, result, point):
-    """(axis of the file, coordinate, standard deviation) of one point."""
-    if point in network.plane:
-        ids = [network.plane[point]]
-        covariance = result.covariance(ids)[0]
-        for letter, axis in zip("xy", network.axes, strict=True):
-            yield letter, float(axis @ result.values(ids)[0]), math.sqrt(axis @ covariance @ axis)
-    if point in network.height:
-        ids = [network.height[point]]
-        yield "z", float(result.values(ids)[0, 0]), float(result.precisions(ids)[0, 0])
+    """(axis of the file, coordinate, standard deviation) of one point, where it is adjusted."""
+    ids = [network.points[point]]
+    values, covariance = result.values(ids)[0], result.covariance(ids)[0]
+    for letter, axis in zip("xyz", network.axes, strict=True):
+        if variance := axis @ covariance @ axis:
+            yield letter, axis @ values, math.sqrt(variance)
 
 
 @pytest.mark.parametrize("name", ["StrangBorre_Distance_free", "LotherStrehle_Direction3"])
