@@ -123,6 +123,7 @@ class Batch:
         self.sigmas = self._checked_sigmas(sigmas)
         self.active = self._checked_active(active)
         self.loss: Loss | None = None
+        self.roots: FloatArray = np.zeros((0, 0))
         self.weights = np.zeros((shape.n_residuals, padded_length(self.n)))
         self.weights[:, : self.n] = np.where(self.active, 1.0 / self.sigmas.T, 0.0)
         self._lay_out()
@@ -165,6 +166,53 @@ class Batch:
             norm = np.linalg.norm(residuals / self.sigmas, axis=1)
             factor = np.sqrt(self.loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None]
             self.weights[:, : self.n] = np.where(self.active[:, None], factor / self.sigmas, 0.0).T
+
+    def correlate(self, covariances: ArrayLike) -> None:
+        """Gives the residuals of each observation a full covariance, (m, m) or (n, m, m), in their units.
+
+        The equations are then whitened: multiplied by U, with U' U the inverse of the covariance; their
+        sigmas are 1, and `whitened` gives the residuals that the adjustment sees.
+
+        Raises:
+            InputError: a matrix is not symmetric and positive definite; the observation is named.
+        """
+        m = self.shape.n_residuals
+        given = np.asarray(covariances, dtype=np.float64)
+        if given.shape not in ((m, m), (self.n, m, m)):
+            raise InputError(f"{self.name}: covariances have shape {given.shape}; expected {(self.n, m, m)}")
+        given = np.broadcast_to(given, (self.n, m, m))
+        with np.errstate(invalid="ignore"):
+            variances = (
+                np.linalg.eigvalsh(given) if np.isfinite(given).all() else np.full((self.n, m), np.nan)
+            )
+            wrong = np.flatnonzero(
+                ~(variances[:, 0] > 0.0) | (given != given.transpose(0, 2, 1)).any(axis=(1, 2))
+            )
+        if wrong.size:
+            raise InputError(
+                f"{self.label(wrong[0])}: the covariance is not symmetric and positive definite:\n"
+                f"{given[wrong[0]]}"
+            )
+        roots = np.linalg.cholesky(np.linalg.inv(given)).transpose(0, 2, 1)
+        rows, columns = np.triu_indices(m)
+        self.roots = _padded(roots[:, rows, columns].T, np.float64)
+        self.sigmas = np.ones((self.n, m))
+        self.weights[:, : self.n] = np.where(self.active, 1.0, 0.0)
+
+    def whitened(self, rows: FloatArray, chosen: ArrayLike | None = None) -> FloatArray:
+        """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.
+
+        Args:
+            rows: (m, k, n) for each residual, k values of each observation.
+            chosen: observations that the last axis stands for; all when None.
+        """
+        if not self.roots.size:
+            return rows
+        m = self.shape.n_residuals
+        roots = np.zeros((m, m, rows.shape[2]))
+        entries = self.roots[:, : self.n] if chosen is None else self.roots[:, np.asarray(chosen)]
+        roots[np.triu_indices(m)] = entries
+        return np.asarray(np.einsum("rsn,skn->rkn", roots, rows))
 
     def robust_weights(self) -> FloatArray:
         """(n,) what the loss makes of the weight of each observation: 1 full, 0 none."""

@@ -180,7 +180,7 @@ def _reweight(source: Batch | Prior, clone: Batch | Prior, shares: FloatArray) -
 
 def _normalised(state: FinalState, source: Batch | Prior) -> FloatArray:
     if isinstance(source, Batch):
-        return state.result.residuals(source) / source.sigmas
+        return state.result.whitened_residuals(source) / source.sigmas
     return (state.result.prior_residuals(source) * source.weights)[:, None]
 
 

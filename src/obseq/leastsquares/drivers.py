@@ -144,6 +144,34 @@ def scale_rows(
     return total
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "nsz"})
+def whiten_rows(scaled: FloatArray, roots: FloatArray, n_residuals: int, rows: int, first: int) -> float:
+    """Multiplies the scaled rows of each lane by an upper triangular matrix; returns the new sum of squares.
+
+    `roots` (m (m + 1) / 2, n): entries row by row. `rows`: scaled rows per residual.
+    """
+    total = 0.0
+    entry = U(0)
+    step = U(rows * STRIDE)
+    target = U(0)
+    for r in range(n_residuals):
+        source = target
+        for s in range(r, n_residuals):
+            for row in range(rows):
+                shift = U(row) * ROW
+                for lane in range(LANES):
+                    place = shift + U(lane)
+                    factor = roots[entry, U(first) + U(lane)]
+                    kept = scaled[target + place] if s > r else 0.0
+                    scaled[target + place] = kept + factor * scaled[source + place]
+            entry += ONE
+            source += step
+        for lane in range(LANES):
+            total += scaled[target + U(lane)] * scaled[target + U(lane)]
+        target += step
+    return total
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def make_records(
     scaled: FloatArray, record_rows: IntArray, n_residuals: int, rows: int, records: FloatArray
@@ -236,6 +264,7 @@ def assemble(
     observations: FloatArray,
     observation_rows: IntArray,
     weights: FloatArray,
+    roots: FloatArray,
     record_rows: IntArray,
     pairs: IntArray,
     positions: PositionArray,
@@ -246,7 +275,8 @@ def assemble(
     """Adds the normal equations of a batch to the store; returns its sum of weighted squared residuals.
 
     `shape`: number of observations, of unknowns, of residuals, row of the first residual.
-    `kernel` is the address of a value-and-Jacobian kernel, or 0 for plain linear rows.
+    `kernel` is the address of a value-and-Jacobian kernel, or 0 for plain linear rows. `roots` is empty, or
+    holds the roots of the inverse covariances of correlated residuals.
     """
     n, n_unknowns, n_residuals, first_row = shape[0], shape[1], shape[2], shape[3]
     width = len(record_rows)
@@ -259,7 +289,10 @@ def assemble(
             call_kernel(kernel, tile, 1)
         else:
             linear_rows(tile, n_unknowns)
-        total += scale_rows(tile, first_row, n_residuals, n_unknowns, weights, first, scaled)
+        squares = scale_rows(tile, first_row, n_residuals, n_unknowns, weights, first, scaled)
+        if len(roots) > 0:
+            squares = whiten_rows(scaled, roots, n_residuals, n_unknowns + 1, first)
+        total += squares
         make_records(scaled, record_rows, n_residuals, n_unknowns + 1, records)
         lanes = min(LANES, n - first)
         scatter(store, pairs, positions, heights, records, width, n_residuals, first, lanes)

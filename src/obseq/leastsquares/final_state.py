@@ -121,7 +121,9 @@ class FinalState:
             len(results),
             results,
         )
-        return np.ascontiguousarray(results[shape.n_residuals :, : len(index)])
+        derivatives = results[shape.n_residuals :, : len(index)]
+        whitened = batch.whitened(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1), index)
+        return np.ascontiguousarray(whitened.reshape(derivatives.shape))
 
 
 def robust_weights(batch: Batch) -> FloatArray:
@@ -150,7 +152,7 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
 def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
     cost = sum(prior.sum_of_squares(result._state.values) for prior in equations.priors)
     for batch in equations.batches:
-        scaled = result.residuals(batch) * batch.weights[:, : batch.n].T
+        scaled = result.whitened_residuals(batch) * batch.weights[:, : batch.n].T
         cost += float(np.sum(np.square(scaled[batch.active])))
     if not np.isclose(cost, result.cost, rtol=1e-6, atol=1e-12):
         raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")

@@ -129,11 +129,17 @@ class NormalEquations:
 
         The linearisation must be that of the last assembly.
         """
+        step = np.zeros(self.table.n_scalars)
+        step[self.free.scalars] = solved
+        if len(self.layout.groups.blocks):
+            self._substitute_back(linearisation.damping, step)
+        return step
+
+    def _substitute_back(self, damping: float, step: FloatArray) -> None:
+        """Writes the steps of eliminated unknowns."""
         from obseq.leastsquares.elimination_loops import substitute_back
 
         table, groups = self.table, self.layout.groups
-        step = np.zeros(table.n_scalars)
-        step[self.free.scalars] = solved
         substitute_back(
             self._store,
             self.layout.diagonal,
@@ -143,10 +149,9 @@ class NormalEquations:
             table.start,
             table.size,
             table.frozen,
-            linearisation.damping,
+            damping,
             step,
         )
-        return step
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
@@ -179,6 +184,7 @@ class NormalEquations:
                 batch.observation_tiles,
                 batch.observation_rows,
                 batch.weights,
+                batch.roots,
                 layout.record_rows,
                 layout.pairs,
                 layout.positions,
@@ -275,16 +281,29 @@ def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[
     return used
 
 
-def residuals(table: UnknownTable, batch: Batch) -> FloatArray:
-    """(n, n_residuals) computed minus observed, at the current values, not divided by the sigmas."""
+def raw_residuals(table: UnknownTable, batch: Batch) -> FloatArray:
+    """(n, n_residuals) computed minus observed, at the current values, in their units."""
     rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals)
     return np.ascontiguousarray(rows.T)
 
 
+def residuals(table: UnknownTable, batch: Batch) -> FloatArray:
+    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
+    raw = raw_residuals(table, batch)
+    return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
+
+
 def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
-    """(n_residuals + n_residuals * n_unknowns, n) residuals, then derivatives residual by residual."""
-    count = batch.shape.n_residuals * (1 + batch.shape.n_unknowns)
-    return _evaluated(table, batch, batch.shape.kernel(), count)
+    """(n_residuals + n_residuals * n_unknowns, n) residuals, then derivatives residual by residual.
+
+    They are whitened where the residuals are correlated.
+    """
+    m, count = batch.shape.n_residuals, batch.shape.n_unknowns
+    rows = _evaluated(table, batch, batch.shape.kernel(), m * (1 + count))
+    if not batch.roots.size:
+        return rows
+    derivatives = batch.whitened(rows[m:].reshape(m, count, -1)).reshape(m * count, -1)
+    return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
 
 
 def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int) -> FloatArray:

@@ -249,7 +249,7 @@ class Reliability:
         if np.linalg.eigvalsh(np.eye(len(rows)) - roots[:, None] * (rows @ solved) * roots)[0] < UNCONTROLLED:
             raise InputError(f"{batch.label(row)}: without this observation some unknowns are undetermined")
         sigmas = batch.sigmas[row]
-        normalised = self._state.result.residuals(batch)[row] / sigmas
+        normalised = self._state.result.whitened_residuals(batch)[row] / sigmas
         predicted = np.linalg.solve(np.eye(len(rows)) - rows @ solved * weights, normalised)
         cost = self._state.result.cost - float((normalised * weights) @ predicted)
         change = self._unknowns(solved @ (weights * predicted))
@@ -298,7 +298,7 @@ def reliability(
 
 def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
     leverages = np.where(batch.active[:, None], state.leverages(batch), np.nan)
-    residuals, weights = state.result.residuals(batch), robust_weights(batch)
+    residuals, weights = state.result.whitened_residuals(batch), robust_weights(batch)
     return _record(state, batch, residuals, batch.sigmas, leverages, weights, shift, sigma0)
 
 

@@ -108,9 +108,13 @@ class LeastSquaresResult:
         except KeyError:
             raise InputError(f"this {batch.name} batch was not part of the solved system") from None
 
+    def whitened_residuals(self, batch: Batch) -> FloatArray:
+        """(n, n_residuals) what the adjustment sees: residuals, whitened where they are correlated."""
+        return np.ascontiguousarray(batch.whitened(self.residuals(batch).T[:, None])[:, 0].T)
+
     def normalised_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) residuals divided by the given sigmas."""
-        return self.residuals(batch) / batch.sigmas
+        return self.whitened_residuals(batch) / batch.sigmas
 
     def prior_residuals(self, prior: Prior) -> FloatArray:
         """(n_scalars,) unknowns minus given values at the solution."""

@@ -14,7 +14,7 @@ from obseq.leastsquares.datum import DatumSolver
 from obseq.leastsquares.diagnosis import untouched_error
 from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
-from obseq.leastsquares.normal import NormalEquations, residuals, used_blocks
+from obseq.leastsquares.normal import NormalEquations, raw_residuals, used_blocks
 from obseq.leastsquares.objects import matching, synchronise
 from obseq.leastsquares.priors import Prior
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
@@ -158,11 +158,12 @@ class LeastSquares:
         formula: str | Kernel,
         blocks: Mapping[str, ArrayLike],
         observations: ArrayLike | None,
-        sigmas: ArrayLike,
+        sigmas: ArrayLike | None = None,
         labels: Sequence[str] | None = None,
         group: str | None = None,
         active: ArrayLike | None = None,
         loss: Loss | None = None,
+        covariances: ArrayLike | None = None,
     ) -> Batch:
         """Adds observations of one formula.
 
@@ -176,12 +177,18 @@ class LeastSquares:
             active: (n,) False for observations that have residuals but no influence; all are active when
                 None.
             loss: robust weights (see `losses`); None for least squares.
+            covariances: (m, m) or (n, m, m) instead of sigmas, for m correlated residuals.
 
         Raises:
             InputError: an argument does not fit; the message names formula, argument and row.
         """
         shape = formula_shape(formula)
-        batch = Batch(shape, self.unknowns, blocks, observations, sigmas, labels, group, active)
+        if (sigmas is None) == (covariances is None):
+            raise InputError(f"{shape.name}: give either sigmas or covariances")
+        given = 1.0 if sigmas is None else sigmas
+        batch = Batch(shape, self.unknowns, blocks, observations, given, labels, group, active)
+        if covariances is not None:
+            batch.correlate(covariances)
         batch.loss = loss
         return self._added(batch)
 
@@ -382,7 +389,7 @@ class LeastSquares:
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
-        return residuals(self.unknowns, batch)
+        return raw_residuals(self.unknowns, batch)
 
     def solve(
         self,
@@ -497,7 +504,7 @@ class LeastSquares:
             squares,
             self.unknowns,
             self.unknowns.state(),
-            {batch: residuals(self.unknowns, batch) for batch in equations.batches},
+            {batch: raw_residuals(self.unknowns, batch) for batch in equations.batches},
             cofactors,
         )
 
