@@ -49,6 +49,8 @@ class Groups:
 
     def pairs(self) -> tuple[IntArray, IntArray]:
         """Low and high block of all pairs of neighbours of a group, in the order of elimination."""
+        if not len(self.blocks):
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         from obseq.leastsquares.elimination_loops import neighbour_pairs
 
         count = np.diff(self.bounds)
