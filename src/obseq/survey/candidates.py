@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-_MOST = 6
+_MOST = 5
 """Rays, circles or readings that are combined with each other; more are thinned out evenly."""
 
 

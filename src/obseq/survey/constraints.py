@@ -36,6 +36,10 @@ class Kind(enum.IntEnum):
     RISE_AT = 9
 
 
+# sets made once: `misfit` is the innermost function of all this
+_AT = frozenset((Kind.READING_AT, Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT))
+_ZENITHS = frozenset((Kind.ZENITH, Kind.ZENITH_AT))
+_RISES = frozenset((Kind.RISE, Kind.RISE_AT))
 ANGLES = frozenset((Kind.AZIMUTH, Kind.ZENITH, Kind.READING_AT, Kind.ZENITH_AT))
 
 
@@ -155,7 +159,7 @@ def misfit(state: State, constraint: Constraint, position: Space, vertical: Matr
     offset = minus(position, state.known(other))
     if kind == Kind.DISTANCE:
         return math.hypot(*offset) - value
-    if kind in (Kind.READING_AT, Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT):
+    if kind in _AT:
         east, north, up = times(vertical, (-offset[0], -offset[1], -offset[2]))
     else:
         east, north, up = times(state.vertical_of(other), offset)
@@ -163,9 +167,9 @@ def misfit(state: State, constraint: Constraint, position: Space, vertical: Matr
         return wrap(math.atan2(east, north) - value)
     if kind == Kind.READING_AT:
         return wrap(math.atan2(east, north) - g0 - value)
-    if kind in (Kind.ZENITH, Kind.ZENITH_AT):
+    if kind in _ZENITHS:
         return math.atan2(math.hypot(east, north), up) - value
-    return (up if kind in (Kind.RISE, Kind.RISE_AT) else math.hypot(east, north)) - value
+    return (up if kind in _RISES else math.hypot(east, north)) - value
 
 
 def scaled_misfit(
