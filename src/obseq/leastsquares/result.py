@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares import export
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -139,6 +140,28 @@ class LeastSquaresResult:
     def precisions(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k) standard deviations of the unknowns of blocks that are alike."""
         return np.sqrt(np.diagonal(self.covariance(ids, a_priori), axis1=1, axis2=2))
+
+    def summary(self) -> str:
+        """A few lines: counts, sigma0, why the iterations ended, worst normalised residuals."""
+        return export.summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole solution as plain values (see `export`)."""
+        return export.to_dict(self)
+
+    def to_json(self) -> str:
+        """The same as JSON text."""
+        return export.to_json(self)
+
+    def unknowns(self, package: str | None = None) -> Any:
+        """One row per scalar unknown: columns, or a table of "pandas" or "pyarrow" when one is asked for."""
+        columns = export.unknown_columns(self)
+        return columns if package is None else export.as_table(columns, package)
+
+    def observations(self, package: str | None = None) -> Any:
+        """One row per scalar residual: columns, or a table of "pandas" or "pyarrow"."""
+        columns = export.observation_columns(self)
+        return columns if package is None else export.as_table(columns, package)
 
     def _asked(self) -> Cofactors:
         if self._cofactors is None:
