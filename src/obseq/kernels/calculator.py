@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from obseq.errors import FormulaError, InputError
-from obseq.kernels.layout import STRIDE
+from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
 
 Array = NDArray[np.float64]
-SCRATCH_DOUBLES = 1 << 16
-"""Size of the scratch tiles of an evaluation: half a mebibyte, which stays in the second-level cache."""
+SCRATCH_DOUBLES = 6 << 10
+"""Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
 
 
 class Calculator:
@@ -52,7 +52,8 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        return self._evaluate(self.kernel.value_address, self.kernel.value_rows, (), u, o)
+        values, _ = self._evaluate(self.kernel.value_address, self.kernel.value_rows, (), u, o)
+        return values
 
     def values_and_jacobian(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[Array, Array]:
         """The residuals and their derivatives with respect to the unknowns.
@@ -68,11 +69,11 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        kernel, m = self.kernel, len(self.residuals)
-        both = self._evaluate(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows, u, o)
-        values, derivatives = np.split(both, [m], axis=1)
-        shape = (len(u), m, len(self.unknowns))
-        return np.ascontiguousarray(values), np.ascontiguousarray(derivatives).reshape(shape)
+        kernel = self.kernel
+        values, derivatives = self._evaluate(
+            kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows, u, o
+        )
+        return values, derivatives.reshape(len(u), len(self.residuals), len(self.unknowns))
 
     def directional_derivative(
         self, unknowns: ArrayLike, observations: ArrayLike, direction: ArrayLike
@@ -95,9 +96,7 @@ class Calculator:
         if len(d) != len(u):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
         kernel = self.kernel
-        both = self._evaluate(kernel.directional_address, kernel.directional_rows, (), u, np.hstack([o, d]))
-        values, derivatives = np.split(both, 2, axis=1)
-        return np.ascontiguousarray(values), np.ascontiguousarray(derivatives)
+        return self._evaluate(kernel.directional_address, kernel.directional_rows, (), u, np.hstack([o, d]))
 
     def check_finite(self, values: ArrayLike) -> None:
         """Raises InputError naming the first rows whose values are not finite.
@@ -131,15 +130,15 @@ class Calculator:
 
     def _evaluate(
         self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: Array, o: Array
-    ) -> Array:
-        tiles = _tiles()
-        first = u.shape[1] + o.shape[1]
-        results = np.empty((len(u), rows - first))
-        n_tiles = max(1, min(SCRATCH_DOUBLES // (rows * STRIDE), -(-len(u) // 32)))
+    ) -> tuple[Array, Array]:
+        """(residuals, what the kernel writes after them), a row for each row of arguments."""
+        tiles, m = _tiles(), len(self.residuals)
+        values, derivatives = np.empty((len(u), m)), np.empty((len(u), rows - u.shape[1] - o.shape[1] - m))
+        n_tiles = max(1, min(SCRATCH_DOUBLES // (rows * STRIDE), -(-len(u) // LANES)))
         scratch = tiles.aligned_tiles(rows, n_tiles, constants)
-        if results.size:
-            tiles.evaluate(address, scratch, rows, u, o, first, results)
-        return results
+        if values.size:
+            tiles.evaluate(address, scratch, rows, u, o, values, derivatives)
+        return values, derivatives
 
 
 @functools.cache

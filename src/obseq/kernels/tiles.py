@@ -9,9 +9,6 @@ from numba.extending import intrinsic
 
 from obseq.kernels.layout import LANES, STRIDE
 
-TILES_IN_BATCH = 16
-"""Tiles that the drivers work on at a time: enough to hide calls, few enough to stay in cache."""
-
 
 @intrinsic
 def _call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
@@ -52,8 +49,26 @@ def aligned_tiles(
     return tiles
 
 
+@njit(error_model="numpy", forceinline=True)
+def _fill(tiles, at, rows, start):  # type: ignore[no-untyped-def]
+    """Copies rows to the lanes of a tile, the last row again and again where there are no more."""
+    last = rows.shape[0] - 1
+    for lane in range(LANES):
+        row = min(start + lane, last)
+        for i in range(rows.shape[1]):
+            tiles[at + i * STRIDE + lane] = rows[row, i]
+
+
+@njit(error_model="numpy", forceinline=True)
+def _read(tiles, at, rows, start):  # type: ignore[no-untyped-def]
+    """Copies the lanes of a tile to rows, as many as there are."""
+    for lane in range(min(LANES, rows.shape[0] - start)):
+        for i in range(rows.shape[1]):
+            rows[start + lane, i] = tiles[at + i * STRIDE + lane]
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def evaluate(address, tiles, n_rows, unknowns, observations, first, results):  # type: ignore[no-untyped-def]
+def evaluate(address, tiles, n_rows, unknowns, observations, values, derivatives):  # type: ignore[no-untyped-def]
     """Runs a kernel over rows of arguments, a few tiles at a time, and copies rows of results out.
 
     Args:
@@ -61,28 +76,21 @@ def evaluate(address, tiles, n_rows, unknowns, observations, first, results):  #
         tiles: Aligned scratch tiles.
         n_rows: Rows of a tile.
         unknowns: (n, n_unknowns).
-        observations: (n, n_observations).
-        first: First row of the tile to copy out.
-        results: (n, n_results), written.
+        observations: (n, n_observations), or what else the kernel reads after the unknowns.
+        values: (n, n_residuals), written.
+        derivatives: (n, what the kernel writes after the residuals), written.
     """
-    n = unknowns.shape[0]
-    n_unknowns, n_observations, n_results = unknowns.shape[1], observations.shape[1], results.shape[1]
     tile_size = n_rows * STRIDE
-    batch = (tiles.size // tile_size) * LANES
-    for start in range(0, n, batch):
-        count = min(batch, n - start)
-        n_tiles = (count + LANES - 1) // LANES
+    most = tiles.size // tile_size
+    observed = unknowns.shape[1] * STRIDE
+    residuals = observed + observations.shape[1] * STRIDE
+    derived = residuals + values.shape[1] * STRIDE
+    for start in range(0, unknowns.shape[0], most * LANES):
+        n_tiles = min(most, (unknowns.shape[0] - start + LANES - 1) // LANES)
         for k in range(n_tiles):
-            at, row = k * tile_size, start + k * LANES
-            for lane in range(LANES):
-                source = min(row + lane, n - 1)
-                for i in range(n_unknowns):
-                    tiles[at + i * STRIDE + lane] = unknowns[source, i]
-                for i in range(n_observations):
-                    tiles[at + (n_unknowns + i) * STRIDE + lane] = observations[source, i]
+            _fill(tiles, k * tile_size, unknowns, start + k * LANES)
+            _fill(tiles, k * tile_size + observed, observations, start + k * LANES)
         _call_address(address, tiles.ctypes.data, n_tiles)
         for k in range(n_tiles):
-            at, row = k * tile_size + first * STRIDE, start + k * LANES
-            for lane in range(min(LANES, n - row)):
-                for i in range(n_results):
-                    results[row + lane, i] = tiles[at + i * STRIDE + lane]
+            _read(tiles, k * tile_size + residuals, values, start + k * LANES)
+            _read(tiles, k * tile_size + derived, derivatives, start + k * LANES)
