@@ -1,5 +1,6 @@
 """Matrices as adjustments make them, small enough to be inverted densely; the solvers to try on them."""
 
+from importlib.util import find_spec
 from types import SimpleNamespace
 
 import numpy as np
@@ -116,7 +117,13 @@ REGULAR = {
     "disconnected": blocks(chain(20), survey(12), dense(9), np.array([[3.0]]), chain(3)),
 }
 
-SOLVERS = ("dense", "supernodal", "superlu")
+OPTIONAL = {"pardiso": "pypardiso", "cholmod": "sksparse"}
+SOLVERS = (
+    "dense",
+    "supernodal",
+    "superlu",
+    *(name for name, module in OPTIONAL.items() if find_spec(module) is not None),
+)
 
 
 @pytest.fixture(params=REGULAR)
@@ -127,7 +134,7 @@ def regular(request: pytest.FixtureRequest) -> np.ndarray:
 
 @pytest.fixture(params=SOLVERS)
 def solver_name(request: pytest.FixtureRequest) -> str:
-    """A solver, each in turn."""
+    """A solver, each in turn, the optional ones where they are installed."""
     return request.param
 
 

@@ -10,19 +10,20 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SolverUnavailableError
-from obseq.leastsquares.solvers.rank import relative_pivots, replacement_pivots
+from obseq.leastsquares.solvers.protocol import SolverStatistics, SolverUnavailableError
+from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:
-    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
+    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 POSITIVE_DEFINITE = 2
 NOT_POSITIVE_DEFINITE = -4
 
-USER_SETTINGS, METIS = (0, 1), (1, 2)
+USER_SETTINGS, METIS, RETURN_ORDER = (0, 1), (1, 2), (4, 2)
 COUNT_ENTRIES, COUNT_OPERATIONS = (17, -1), (18, -1)
 FROM_ZERO, KEEP_DIAGONAL = (34, 1), (55, 1)
+SETTINGS = (USER_SETTINGS, METIS, RETURN_ORDER, COUNT_ENTRIES, COUNT_OPERATIONS, FROM_ZERO, KEEP_DIAGONAL)
 ENTRIES, OPERATIONS, STOPPED_AT, MEMORY = 17, 18, 29, 16
 """Positions in PARDISO's `iparm`, counted from 0; pairs are settings (position, value)."""
 
@@ -45,9 +46,7 @@ class Pardiso(BaseSolver):
         self._library = PyPardisoSolver().libmkl
         self._handle = np.zeros(64, dtype=np.int64)
         self._settings = np.zeros(64, dtype=np.int32)
-        for position, value in (
-            USER_SETTINGS, METIS, COUNT_ENTRIES, COUNT_OPERATIONS, FROM_ZERO, KEEP_DIAGONAL
-        ):  # fmt: skip
+        for position, value in SETTINGS:
             self._settings[position] = value
         weakref.finalize(self, _release, self._library, self._handle, self._settings)
 
@@ -56,34 +55,29 @@ class Pardiso(BaseSolver):
         self._indptr = pattern.indptr.astype(np.int32)
         self._indices = pattern.indices.astype(np.int32)
         self._entries = np.ones(pattern.nnz)
-        self._run(ANALYSIS)
+        self._order = np.zeros(pattern.n, dtype=np.int32)
+        if pattern.n:
+            self._run(ANALYSIS)
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
-        """PARDISO stops at a negative pivot: replaces one after the other, starting again each time."""
-        self._entries = values.copy()
-        starts = self._indptr[:-1]
-        diagonal = values[starts]
-        found: dict[int, float] = {int(j): 0.0 for j in np.flatnonzero(diagonal <= 0.0)}
-        self._entries[starts[list(found)]] += replacement_pivots(diagonal[list(found)])
-        while vanishing := self._vanishing(diagonal, tolerance):
-            for unknown, pivot in vanishing.items():
-                found.setdefault(unknown, pivot)
-                self._entries[starts[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
-        indices: IntArray = np.array(sorted(found), dtype=np.int64)
-        return Defect(indices, np.array([found[int(j)] for j in indices]))
+        return factor_stepwise(self._pattern, values, tolerance, self._attempt, lambda: self._order)
 
-    def _vanishing(self, diagonal: FloatArray, tolerance: float) -> dict[int, float]:
-        """Factors; the unknowns whose pivots vanish, with their relative pivots."""
+    def _attempt(self, values: FloatArray, scale: FloatArray) -> FloatArray:
+        """Factors; pivots divided by `scale`, 0 where PARDISO stopped and 1 for all others then."""
+        self._entries = values
         if self._run(FACTORISATION) == NOT_POSITIVE_DEFINITE:
-            return {int(self._settings[STOPPED_AT]) - 1: 0.0}
-        pivots, unused = np.empty(len(diagonal)), np.empty(len(diagonal))
+            pivots = np.ones(len(scale))
+            pivots[self._settings[STOPPED_AT] - 1] = 0.0
+            return pivots
+        eliminated, unused = np.empty(len(scale)), np.empty(len(scale))
         status = ctypes.c_int32(0)
         one = ctypes.byref(ctypes.c_int32(1))
         self._library.pardiso_getdiag(
-            _pointer(self._handle), _pointer(pivots), _pointer(unused), one, ctypes.byref(status)
+            _pointer(self._handle), _pointer(eliminated), _pointer(unused), one, ctypes.byref(status)
         )
-        relative = relative_pivots(pivots, replacement_pivots(diagonal))
-        return {int(j): float(relative[j]) for j in np.flatnonzero(~(relative > tolerance))}
+        pivots = np.empty_like(scale)
+        pivots[self._order] = eliminated
+        return np.asarray(pivots / scale)
 
     def _run(self, phase: int, rhs: FloatArray | None = None) -> int:
         """Runs one phase; returns PARDISO's status, having raised if it is none that we know to treat."""
@@ -91,7 +85,7 @@ class Pardiso(BaseSolver):
         self._result = np.empty_like(rhs, order="F")
         status = _call(
             self._library, self._handle, self._settings, phase,
-            self._entries, self._indptr, self._indices, np.asfortranarray(rhs), self._result,
+            self._entries, self._indptr, self._indices, self._order, np.asfortranarray(rhs), self._result,
         )  # fmt: skip
         if status not in (0, NOT_POSITIVE_DEFINITE):
             raise ObseqError(f"MKL PARDISO failed in phase {phase} with its error {status}")
@@ -131,16 +125,17 @@ def _call(
     values: FloatArray,
     indptr: Any,
     indices: Any,
+    order: Any,
     rhs: FloatArray,
     result: FloatArray,
 ) -> int:
     """Calls PARDISO; returns its status."""
     integers = [ctypes.byref(ctypes.c_int32(i)) for i in (1, 1, POSITIVE_DEFINITE, phase, len(indptr) - 1)]
     columns = ctypes.byref(ctypes.c_int32(rhs.shape[1]))
-    no_order, silent, status = _pointer(settings), ctypes.byref(ctypes.c_int32(0)), ctypes.c_int32(0)
+    silent, status = ctypes.byref(ctypes.c_int32(0)), ctypes.c_int32(0)
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 16)(("pardiso", library))
     arguments = (
-        _pointer(handle), *integers, _pointer(values), _pointer(indptr), _pointer(indices), no_order,
+        _pointer(handle), *integers, _pointer(values), _pointer(indptr), _pointer(indices), _pointer(order),
         columns, _pointer(settings), silent, _pointer(rhs), _pointer(result), ctypes.byref(status),
     )  # fmt: skip
     function(*arguments)
@@ -152,5 +147,5 @@ def _release(library: Any, handle: IntArray, settings: Any) -> None:
     if not handle.any():
         return
     nothing, no_rows, empty = np.zeros((1, 1)), np.zeros(1, dtype=np.int32), np.zeros((1, 1))
-    _call(library, handle, settings, RELEASE, nothing, no_rows, no_rows, empty, empty)
+    _call(library, handle, settings, RELEASE, nothing, no_rows, no_rows, no_rows, empty, empty)
     handle[:] = 0

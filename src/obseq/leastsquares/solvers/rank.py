@@ -16,6 +16,8 @@ from obseq.leastsquares.solvers.protocol import Defect
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
 
 SUSPICIOUS = 1e-8
@@ -42,6 +44,37 @@ def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
     """The unknowns whose relative pivots ((n,), in the order of the unknowns) are not above the tolerance."""
     indices: IntArray = np.flatnonzero(~(pivots > tolerance))
     return Defect(indices, pivots[indices])
+
+
+def factor_stepwise(
+    pattern: SymmetricPattern,
+    values: FloatArray,
+    tolerance: float,
+    attempt: Callable[[FloatArray, FloatArray], FloatArray],
+    order: Callable[[], NDArray[np.integer]],
+) -> Defect:
+    """Factors with a library that cannot replace a pivot on its way: adds to the diagonal and starts again.
+
+    The first pivot that is too small, in the order of elimination, is the one that can be trusted to be so.
+
+    Args:
+        pattern: pattern of the matrix.
+        values: (nnz,) entries of the matrix.
+        tolerance: a pivot is too small if it is not above this share of the diagonal entry.
+        attempt: factors the matrix of these values; returns its pivots divided by the second argument.
+        order: unknowns in the order of elimination of the last attempt.
+    """
+    scale = replacement_pivots(values[pattern.diagonal])
+    added = np.where(values[pattern.diagonal] <= 0.0, 1.0, 0.0)
+    while True:
+        shifted = values.copy()
+        shifted[pattern.diagonal] += added * scale
+        pivots = attempt(shifted, scale)
+        small = order()[~(pivots[order()] > tolerance)]
+        if len(small) == 0:
+            indices: IntArray = np.flatnonzero(added)
+            return Defect(indices, (pivots - added)[indices])
+        added[small[0]] = max(1.0, 2.0 * added[small[0]])
 
 
 def undetermined(

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
-from obseq.leastsquares.solvers.rank import relative_pivots, replacement_pivots
+from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU as Factor
 
-    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
+    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
 
 
 class SuperLU(BaseSolver):
@@ -30,37 +30,21 @@ class SuperLU(BaseSolver):
         self._order = self._positions.data.astype(np.int64) - 1
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
-        """Replaces one vanishing pivot after the other, the first in the order of elimination each time."""
-        values = values.copy()
-        diagonal = values[self._pattern.diagonal].copy()
-        found: dict[int, float] = {int(j): 0.0 for j in np.flatnonzero(diagonal <= 0.0)}
-        values[self._pattern.diagonal[list(found)]] += replacement_pivots(diagonal[list(found)])
-        while (vanishing := self._first_vanishing(values, diagonal, tolerance)) is not None:
-            unknown, pivot = vanishing
-            found.setdefault(unknown, pivot)
-            values[self._pattern.indptr[unknown]] += diagonal[unknown] * (1.0 - min(pivot, 0.0))
-        indices: IntArray = np.array(sorted(found), dtype=np.int64)
-        return Defect(indices, np.array([found[int(j)] for j in indices]))
+        def order() -> IntArray:
+            return np.argsort(self._lu.perm_c)
 
-    def _first_vanishing(
-        self, values: FloatArray, diagonal: FloatArray, tolerance: float
-    ) -> tuple[int, float] | None:
-        """Factors; the first unknown whose pivot vanishes, with its relative pivot."""
+        return factor_stepwise(self._pattern, values, tolerance, self._attempt, order)
+
+    def _attempt(self, values: FloatArray, scale: FloatArray) -> FloatArray:
+        """Factors; pivots divided by `scale`, 0 where SuperLU took one off the diagonal."""
         try:
             self._lu = self._decompose(values)
         except RuntimeError:  # "Factor is exactly singular": SuperLU does not say where, a tiny shift does
             shifted = values.copy()
             shifted[self._pattern.diagonal] *= 1.0 + 4.0 * np.finfo(float).eps
             self._lu = self._decompose(shifted)
-        pivots = self._lu.U.diagonal()[self._lu.perm_c]
-        pivots[self._lu.perm_r != self._lu.perm_c] = 0.0
-        relative = relative_pivots(pivots, replacement_pivots(diagonal))
-        elimination: IntArray = np.argsort(self._lu.perm_c)
-        vanishing = np.flatnonzero(~(relative[elimination] > tolerance))
-        if not len(vanishing):
-            return None
-        unknown = int(elimination[vanishing[0]])
-        return unknown, float(relative[unknown])
+        pivots = self._lu.U.diagonal()[self._lu.perm_c] / scale
+        return np.where(self._lu.perm_r == self._lu.perm_c, pivots, 0.0)
 
     def _decompose(self, values: FloatArray) -> Factor:
         self._positions.data[:] = values[self._order]
