@@ -134,15 +134,14 @@ class Network:
     def adjust(
         self,
         max_iterations: int = MAX_ITERATIONS,
-        tolerance: float | None = None,
+        tolerance: float = 1e-6,
         progress: Progress | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
         Args:
             max_iterations: The iterations end at this number when they have not converged before.
-            tolerance: Convergence: largest step in units of the precision of the unknowns; the default is
-                that of `LeastSquares.solve`.
+            tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
             progress: Receives what is being done.
 
         Raises:
@@ -173,16 +172,15 @@ class Network:
         return replace(adjustment, phases=self.phases | watch.seconds)
 
     def _solve(
-        self, equations: Equations, max_iterations: int, tolerance: float | None, watch: Stopwatch
+        self, equations: Equations, max_iterations: int, tolerance: float, watch: Stopwatch
     ) -> LeastSquaresResult:
-        options = {} if tolerance is None else {"tolerance": tolerance}
         return equations.system.solve(
             max_iterations=max_iterations,
+            tolerance=tolerance,
             covariance=True,
             before_iteration=equations.follow,
             sigma0_groups=[batch.group for _, batch in equations.batches.values()],
             progress=lambda step: watch.progress(_described(step)),
-            **options,
         )
 
     def _adjustment(
