@@ -42,6 +42,18 @@ Array = NDArray[np.float64]
 CONTENDERS = ("rival", "graph", "sympy", "jax")
 AGREEMENT = 1e-6
 
+TARGETS = {
+    "Dist3D": 3.5,
+    "TopoHz": 4.5,
+    "EqColinearityCamPPC_Stenope_Dist_Rad3_Dec1_XY1": 6.0,
+    "BlocRigid": 3.5,
+}
+"""How many times as long the rival must take at least."""
+
+LEAST_OF_ALL, LEAST_MEDIAN = 2.0, 4.0
+WHOLE_CATALOGUE = 100
+"""Formulas in a run from which its median means something."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -152,6 +164,20 @@ def show(rows: Sequence[Row], against: Sequence[str]) -> None:
             print(f"{title:<{width + 30}}{figures}")
 
 
+def missed(rows: Sequence[Row]) -> list[str]:
+    """The targets against the rival that are not reached."""
+    ratios = {
+        row.name: row.ratios["rival"] for row in rows if "rival" in row.ratios and row.operations["obseq"]
+    }
+    goals = {name: TARGETS.get(name, LEAST_OF_ALL) for name in ratios}
+    found = [
+        f"{name} {ratios[name]:.2f} (target {goals[name]})" for name in ratios if ratios[name] < goals[name]
+    ]
+    if len(ratios) >= WHOLE_CATALOGUE and (median := statistics.median(ratios.values())) < LEAST_MEDIAN:
+        found.append(f"median {median:.2f} (target {LEAST_MEDIAN})")
+    return found
+
+
 def to_json(rows: Sequence[Row], arguments: argparse.Namespace) -> str:
     """The table as JSON; ratios have no unit, more is better."""
     content: dict[str, Any] = {"format": "obseq-kernel-bench", "version": 1}
@@ -172,8 +198,8 @@ def available(wanted: Sequence[str]) -> list[str]:
     return [name for name in wanted if name not in missing]
 
 
-def main() -> None:
-    """Reads the command line, runs the bench, prints the table and writes it."""
+def main() -> int:
+    """Reads the command line, benches, prints and writes the table; returns 1 when a target is missed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -200,7 +226,10 @@ def main() -> None:
     show(rows, against)
     if arguments.json:
         arguments.json.write_text(to_json(rows, arguments), "utf-8")
+    if failures := missed(rows):
+        print("below the target: " + "; ".join(failures))
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

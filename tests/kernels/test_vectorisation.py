@@ -3,16 +3,20 @@
 The optimised code is read as LLVM keeps it with the compiled kernel; for a few kernels, as machine code.
 """
 
-import platform
 import re
 from types import ModuleType
 from typing import Any
 
 import pytest
+from llvmlite import binding
 from numba import cfunc
 
 from obseq.kernels import formula_names, load
 from obseq.kernels.loading import _compiled
+
+pytestmark = pytest.mark.skipif(
+    not binding.get_host_cpu_features().get("avx2"), reason="asserted of processors with AVX2"
+)
 
 KERNELS = ("value", "value_and_jacobian", "directional")
 
@@ -56,12 +60,11 @@ def test_kernels_along_a_direction_are_vectorised(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", formula_names())
-def test_every_kernel_along_a_direction_is_vectorised(name: str) -> None:
+@pytest.mark.parametrize("name", formula_names()[::4])
+def test_many_kernels_along_a_direction_are_vectorised(name: str) -> None:
     assert not SCALAR.findall(_optimised(load(name).module, "directional"))
 
 
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the mnemonics are those of x86-64")
 @pytest.mark.parametrize("name", ["Dist3D", "Dir_Stenope", "TopoHz"])
 def test_machine_code_is_vectorised(name: str) -> None:
     """The last step too: what the processor runs. Compiled afresh, since numba does not keep this text."""
@@ -83,5 +86,4 @@ def test_the_check_sees_a_loop_that_is_not_vectorised() -> None:
 
     compiled = cfunc("void(CPointer(float64), int64)", error_model="numpy")(chained)
     assert SCALAR.search(str(compiled._library._get_module_for_linking()))
-    if platform.machine() in ("x86_64", "AMD64"):
-        assert SCALAR_MACHINE.search(str(compiled._library.get_asm_str()))
+    assert SCALAR_MACHINE.search(str(compiled._library.get_asm_str()))
