@@ -126,9 +126,17 @@ class FinalState:
         return np.ascontiguousarray(whitened.reshape(derivatives.shape))
 
 
-def robust_weights(batch: Batch) -> FloatArray:
-    """(n, n_residuals) final weights over the squared inverse sigmas: 1 unless a loss lowers them."""
-    return np.asarray(np.square(batch.weights[:, : batch.n].T * batch.sigmas))
+def whitening(batch: Batch, chosen: IntArray | None = None) -> FloatArray:
+    """(n, m, m) matrices U with U' U the inverse of the covariance of each observation.
+
+    Args:
+        batch: the batch.
+        chosen: (n,) observations; all when None.
+    """
+    index = np.arange(batch.n) if chosen is None else chosen
+    m = batch.shape.n_residuals
+    rows = np.eye(m)[:, :, None] / batch.sigmas[index].T[None]
+    return np.ascontiguousarray(batch.whitened(rows, index).transpose(2, 0, 1))
 
 
 def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:

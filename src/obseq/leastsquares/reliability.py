@@ -16,7 +16,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.batches import Batch
-from obseq.leastsquares.final_state import FinalState, final_state, robust_weights
+from obseq.leastsquares.final_state import FinalState, final_state, whitening
 from obseq.leastsquares.hypothesis_tests import (
     non_centrality,
     normal_critical,
@@ -24,21 +24,25 @@ from obseq.leastsquares.hypothesis_tests import (
     tau_critical,
     tau_p_values,
 )
+from obseq.leastsquares.observation_statistics import (
+    UNCONTROLLED,
+    correlated_numbers,
+    independent_numbers,
+    residual_cofactors,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
+    from obseq.leastsquares.observation_statistics import Numbers
     from obseq.leastsquares.priors import Prior
     from obseq.leastsquares.result import LeastSquaresResult
     from obseq.leastsquares.system import LeastSquares
 
     FloatArray = NDArray[np.float64]
     BoolArray = NDArray[np.bool_]
-
-UNCONTROLLED = 1e-6
-"""Redundancy number below which an observation is not controlled: a blunder of 4000 sigmas would not show."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +55,16 @@ class ObservationReliability:
         source: the batch or the prior.
         residuals: computed minus observed, in the unit of the observation.
         sigmas: given standard deviations.
-        redundancy: redundancy numbers r, from 0 (not controlled) to 1 (fully controlled).
+        redundancy: redundancy numbers r, from 0 (not controlled) to 1 (fully controlled); those of correlated
+            residuals may lie outside.
+        controlled: True where other observations control this one: w is defined there.
         w: Baarda's standardised residual v / (sigma sqrt(r)), standard normal without blunder; NaN where
             uncontrolled.
         tau: Pope's, w / sigma0 with sigma0 estimated; NaN where uncontrolled, or without redundancy.
         detectable: minimal detectable bias, in the unit of the observation: what the test of w finds with the
             level and the power of the analysis; infinite where uncontrolled.
+        left_out_residuals: what the residual would be if this scalar equation alone were left out (v / r when
+            uncorrelated), to first order; NaN where uncontrolled. Minus this is the estimate of a blunder.
         external: external reliability, the length sqrt(dx' N dx) of what an undetected bias of that size does
             to the unknowns: no function of them moves by more than this many of its standard deviations.
     """
@@ -65,30 +73,19 @@ class ObservationReliability:
     residuals: FloatArray
     sigmas: FloatArray
     redundancy: FloatArray
+    controlled: BoolArray
     w: FloatArray
     tau: FloatArray
     detectable: FloatArray
+    left_out_residuals: FloatArray
     external: FloatArray
     _total_redundancy: int = field(repr=False)
     _names: tuple[str, ...] | None = field(repr=False, default=None)
 
     @property
-    def controlled(self) -> BoolArray:
-        """True where other observations control this one: w is defined there."""
-        return np.asarray(self.redundancy > UNCONTROLLED)
-
-    @property
     def active(self) -> BoolArray:
         """True where the observation took part in the adjustment."""
         return np.asarray(np.isfinite(self.redundancy))
-
-    @property
-    def left_out_residuals(self) -> FloatArray:
-        """Residuals v / r that scalar equations would have, each left out alone; NaN where uncontrolled.
-
-        Of first order when equations are not linear. Minus this is the estimate of a blunder.
-        """
-        return np.asarray(self.residuals / np.where(self.controlled, self.redundancy, np.nan))
 
     @property
     def w_p_values(self) -> FloatArray:
@@ -209,12 +206,12 @@ class Reliability:
 
     def residual_cofactors(self, batch: Batch) -> FloatArray:
         """(n, n_residuals, n_residuals) cofactors of residual vectors, in squared units of residuals."""
-        sigmas = batch.sigmas
         leverages = self._state.leverages(batch, crossed=True)
-        remaining = np.eye(batch.shape.n_residuals) - leverages * robust_weights(batch)[:, None, :]
-        cofactors = (remaining + leverages) @ np.swapaxes(remaining, 1, 2)
+        whitened = residual_cofactors(leverages, batch.robust_weights())
+        colour = np.linalg.inv(whitening(batch))
+        cofactors = colour @ whitened @ np.swapaxes(colour, 1, 2)
         cofactors[~batch.active] = np.nan
-        return np.asarray(cofactors * sigmas[:, :, None] * sigmas[:, None, :])
+        return np.asarray(cofactors)
 
     def effect_of_bias(
         self, batch: Batch, row: int, component: int = 0, bias: float | None = None
@@ -231,8 +228,9 @@ class Reliability:
             bias = float(self.of(batch).detectable[row, component])
         if not np.isfinite(bias):
             raise InputError(f"{batch.label(row)}: nothing controls this observation; give the bias")
-        weighted = bias / batch.sigmas[row, component] * robust_weights(batch)[row, component]
-        return self._unknowns(self._state.solve(self._state.rows(batch, [row])[0, component] * weighted))
+        direction = whitening(batch, np.array([row]))[0, :, component]
+        weighted = bias * batch.robust_weights()[row] * direction
+        return self._unknowns(self._state.solve(weighted @ self._state.rows(batch, [row])[0]))
 
     def left_out(self, batch: Batch, row: int) -> LeftOut:
         """What remains when one observation is left out, by a solve; of first order when not linear.
@@ -244,16 +242,16 @@ class Reliability:
             raise InputError(f"{batch.label(row)}: the observation is not active, it is left out already")
         rows = self._state.rows(batch, [row])[0]
         solved = self._state.solve(np.ascontiguousarray(rows.T))
-        weights = robust_weights(batch)[row]
-        roots = np.sqrt(weights)
-        if np.linalg.eigvalsh(np.eye(len(rows)) - roots[:, None] * (rows @ solved) * roots)[0] < UNCONTROLLED:
+        weight = float(batch.robust_weights()[row])
+        remaining = np.eye(len(rows)) - weight * (rows @ solved)
+        if np.linalg.eigvalsh(remaining)[0] < UNCONTROLLED:
             raise InputError(f"{batch.label(row)}: without this observation some unknowns are undetermined")
-        sigmas = batch.sigmas[row]
-        normalised = self._state.result.whitened_residuals(batch)[row] / sigmas
-        predicted = np.linalg.solve(np.eye(len(rows)) - rows @ solved * weights, normalised)
-        cost = self._state.result.cost - float((normalised * weights) @ predicted)
-        change = self._unknowns(solved @ (weights * predicted))
-        return LeftOut(batch.label(row), predicted * sigmas, change, cost)
+        whiten = whitening(batch, np.array([row]))[0]
+        normalised = whiten @ self._state.result.residuals(batch)[row]
+        predicted = np.linalg.solve(remaining, normalised)
+        cost = self._state.result.cost - weight * float(normalised @ predicted)
+        change = self._unknowns(solved @ (weight * predicted))
+        return LeftOut(batch.label(row), np.linalg.solve(whiten, predicted), change, cost)
 
     def change_of(self, ids: ArrayLike, change: FloatArray) -> FloatArray:
         """(n, k) the part of a change of all unknowns that concerns blocks that are alike."""
@@ -297,15 +295,23 @@ def reliability(
 
 
 def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
-    leverages = np.where(batch.active[:, None], state.leverages(batch), np.nan)
-    residuals, weights = state.result.whitened_residuals(batch), robust_weights(batch)
-    return _record(state, batch, residuals, batch.sigmas, leverages, weights, shift, sigma0)
+    residuals, weights = state.result.residuals(batch), batch.robust_weights()
+    if batch.roots.size:
+        roots = whitening(batch)
+        numbers = correlated_numbers(residuals, roots, state.leverages(batch, crossed=True), weights)
+        sigmas = np.linalg.norm(np.linalg.inv(roots), axis=2)
+    else:
+        sigmas = np.asarray(batch.sigmas)
+        numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
+    active = np.broadcast_to(batch.active[:, None], residuals.shape)
+    return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0)
 
 
 def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | None) -> ObservationReliability:
-    leverages = state.prior_leverages(prior)[:, None]
     residuals, sigmas = state.result.prior_residuals(prior)[:, None], 1.0 / prior.weights[:, None]
-    return _record(state, prior, residuals, sigmas, leverages, np.ones_like(sigmas), shift, sigma0)
+    leverages = state.prior_leverages(prior)[:, None]
+    numbers = independent_numbers(residuals, sigmas, leverages, np.ones_like(sigmas))
+    return _record(state, prior, residuals, sigmas, numbers, np.ones_like(numbers.controlled), shift, sigma0)
 
 
 def _record(
@@ -313,30 +319,28 @@ def _record(
     source: Batch | Prior,
     residuals: FloatArray,
     sigmas: FloatArray,
-    leverages: FloatArray,
-    weights: FloatArray,
+    numbers: Numbers,
+    active: BoolArray,
     shift: float,
     sigma0: float | None,
 ) -> ObservationReliability:
-    numbers = 1.0 - weights * leverages
-    controlled = numbers > UNCONTROLLED
-    known = np.where(controlled, numbers, np.nan)
-    spread = sigmas * np.sqrt(1.0 + leverages / known)  # standard deviation of the left-out residual v / r
-    w = residuals / known / spread
-    detectable = shift * spread
-    names = None if isinstance(source, Batch) else state.equations.table.component_names(source.scalars)
-    missing = np.where(np.isfinite(numbers), np.inf, np.nan)
+    controlled = numbers.controlled & active
+    missing = np.where(active, np.inf, np.nan)
+    w = np.where(controlled, numbers.left_out / numbers.spread, np.nan)
+    detectable = shift * numbers.spread
     return ObservationReliability(
         source,
         residuals,
-        np.asarray(sigmas),
-        numbers,
+        sigmas,
+        np.where(active, numbers.redundancy, np.nan),
+        controlled,
         w,
         w / sigma0 if sigma0 else np.full_like(w, np.nan),
         np.where(controlled, detectable, missing),
-        np.where(controlled, weights * np.sqrt(np.clip(leverages, 0.0, None)) * detectable / sigmas, missing),
+        np.where(controlled, numbers.left_out, np.nan),
+        np.where(controlled, numbers.effect * detectable, missing),
         state.result.redundancy,
-        names,
+        None if isinstance(source, Batch) else state.equations.table.component_names(source.scalars),
     )
 
 

@@ -313,5 +313,10 @@ def _check_part(name: str, source: Batch | Prior, variances: FloatArray, known: 
             f"variance component {name!r}, {what}: variances have shape {np.shape(variances)}; "
             f"expected {shape}"
         )
+    if isinstance(source, Batch) and source.roots.size and np.any(variances != variances[:, :1]):
+        raise InputError(
+            f"variance component {name!r}, {what}: its residuals are correlated; give all residuals of an "
+            "observation the same number, which multiplies its covariance"
+        )
     if not (np.isfinite(variances).all() and np.min(variances, initial=0.0) >= 0.0):
         raise InputError(f"variance component {name!r}, {what}: variances must be finite and not negative")
