@@ -214,41 +214,107 @@ def scatter(
 ) -> None:
     """Adds the products of record parts to their blocks in the store.
 
-    `pairs` (n_pairs, 5): place of the row part, place of the column part, quads of rows, columns, and -1 or,
-    for two blocks of three, the row of `heights`.
+    `pairs` (n_pairs, 6): place of the row part, place of the column part, quads of rows, columns, -1 or, for
+    two blocks of three, the row of `heights`, and 1 where neighbours mostly share their block.
     `positions` (n_pairs, n): in units of four doubles; in doubles for two blocks of three. `heights`:
     twice the height of the first column of the block, plus one when the parts change places.
     """
+    for pair in range(len(pairs)):
+        threes = pairs[pair, 4]
+        codes = heights[threes] if threes >= 0 else positions[pair]
+        if pairs[pair, 5] == 1:
+            scatter_runs(
+                store, pairs[pair], positions[pair], codes, records, width, n_residuals, first, lanes
+            )
+        else:
+            scatter_each(
+                store, pairs[pair], positions[pair], codes, records, width, n_residuals, first, lanes
+            )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def scatter_runs(
+    store: FloatArray,
+    pair: IntArray,
+    place: PositionArray,
+    codes: PositionArray,
+    records: FloatArray,
+    width: int,
+    n_residuals: int,
+    first: int,
+    lanes: int,
+) -> None:
+    """One pair of roles whose block is shared by runs of observations: each run is summed up in registers."""
+    w, n = U(width), U(n_residuals)
+    a, b = U(pair[0]), U(pair[1])
+    quads, columns = pair[2], pair[3]
+    lane = 0
+    while lane < lanes:
+        k = U(first) + U(lane)
+        last = lane + 1
+        while (
+            last < lanes and place[U(first) + U(last)] == place[k] and codes[U(first) + U(last)] == codes[k]
+        ):
+            last += 1
+        base, rows = U(lane) * w * n, U(last - lane) * n
+        if pair[4] >= 0:
+            code = U(codes[k])
+            shift = (b - a) * (code & ONE)
+            outer_threes(
+                store, U(place[k]), code >> ONE, records, base + a + shift, base + b - shift, w, rows
+            )
+        elif quads == 1 and columns == 4:
+            outer4(store, FOUR * U(place[k]), ONE, records, base + a, base + b, w, rows)
+        else:
+            at = FOUR * U(place[k])
+            for column in range(columns):
+                for quad in range(quads):
+                    part = base + a + FOUR * U(quad)
+                    outer1(store, at, ONE, records, part, base + b + U(column), w, rows)
+                    at += FOUR
+        lane = last
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def scatter_each(
+    store: FloatArray,
+    pair: IntArray,
+    place: PositionArray,
+    codes: PositionArray,
+    records: FloatArray,
+    width: int,
+    n_residuals: int,
+    first: int,
+    lanes: int,
+) -> None:
+    """One pair of roles, observation by observation."""
     w, n = U(width), U(n_residuals)
     step = w * n
-    for pair in range(len(pairs)):
-        a, b = U(pairs[pair, 0]), U(pairs[pair, 1])
-        quads, columns, threes = pairs[pair, 2], pairs[pair, 3], pairs[pair, 4]
-        place = positions[pair]
-        if threes >= 0:
-            height_of = heights[threes]
-            swap = b - a
-            for lane in range(lanes):
-                k = U(first) + U(lane)
-                code = U(height_of[k])
-                shift = swap * (code & ONE)
-                base, at = U(lane) * step, U(place[k])
-                if n == ONE:
-                    outer_threes(store, at, code >> ONE, records, base + a + shift, base + b - shift, w, ONE)
-                else:
-                    outer_threes(store, at, code >> ONE, records, base + a + shift, base + b - shift, w, n)
-        elif quads == 1 and columns == 4 and n == ONE:
-            for lane in range(lanes):
-                base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
-                outer4(store, at, ONE, records, base + a, base + b, w, ONE)
-        else:
-            for lane in range(lanes):
-                base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
-                for column in range(columns):
-                    for quad in range(quads):
-                        part = base + a + FOUR * U(quad)
-                        outer1(store, at, ONE, records, part, base + b + U(column), w, n)
-                        at += FOUR
+    a, b = U(pair[0]), U(pair[1])
+    quads, columns = pair[2], pair[3]
+    if pair[4] >= 0:
+        swap = b - a
+        for lane in range(lanes):
+            k = U(first) + U(lane)
+            code = U(codes[k])
+            shift = swap * (code & ONE)
+            base, at = U(lane) * step, U(place[k])
+            if n == ONE:
+                outer_threes(store, at, code >> ONE, records, base + a + shift, base + b - shift, w, ONE)
+            else:
+                outer_threes(store, at, code >> ONE, records, base + a + shift, base + b - shift, w, n)
+    elif quads == 1 and columns == 4 and n == ONE:
+        for lane in range(lanes):
+            base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
+            outer4(store, at, ONE, records, base + a, base + b, w, ONE)
+    else:
+        for lane in range(lanes):
+            base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
+            for column in range(columns):
+                for quad in range(quads):
+                    part = base + a + FOUR * U(quad)
+                    outer1(store, at, ONE, records, part, base + b + U(column), w, n)
+                    at += FOUR
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -46,7 +46,7 @@ class BatchLayout:
 
     Attributes:
         record_rows: (width,) scaled row of each place of a record; -1 for zeros.
-        pairs: (n_pairs, 5) place of the row part, of the column part, quads of rows, columns, row of
+        pairs: (n_pairs, 6) place of the row part, of the column part, quads of rows, columns, row of
             `heights` or -1.
         positions: (n_pairs, n) place of each small block in the store.
         heights: (n_threes, n) height of the first column, twice, plus one for parts that change places.
@@ -226,24 +226,30 @@ def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> Bat
     for p, ids in enumerate(batch.blocks):
         at = places.diagonal[ids]
         if at.any():
-            pairs.append((part[p], part[p], widths[p] // 4, sizes[p] + 1, -1))
             positions.append(np.where(at == 0, places.spare, at) // 4)
+            pairs.append((part[p], part[p], widths[p] // 4, sizes[p] + 1, -1, _runs(positions[-1])))
     for (p, q), found in zip(role_pairs(len(sizes)), occurrence, strict=True):
         if (found < 0).all():
             continue
         threes = sizes[p] == 3 and sizes[q] == 3
-        pairs.append((part[p], part[q], widths[p] // 4, sizes[q], len(heights) if threes else -1))
         positions.append(places.position[found] if threes else places.position[found] // 4)
+        row = len(heights) if threes else -1
+        pairs.append((part[p], part[q], widths[p] // 4, sizes[q], row, _runs(positions[-1])))
         if threes:
             heights.append(places.height[found])
     width = int(widths.sum())
     return BatchLayout(
         _record_rows(batch, part, width),
-        np.array(pairs, dtype=np.int64).reshape(-1, 5),
+        np.array(pairs, dtype=np.int64).reshape(-1, 6),
         np.array(positions, dtype=np.uint32).reshape(-1, batch.n),
         np.array(heights, dtype=np.uint32).reshape(-1, batch.n),
         batch.shape.n_residuals * (LANES * width + STRIDE * (1 + batch.shape.n_unknowns)) + STRIDE,
     )
+
+
+def _runs(positions: IntArray) -> int:
+    """1 when most observations share their block with the one before."""
+    return int(2 * np.count_nonzero(np.diff(positions) == 0) > len(positions))
 
 
 def _record_rows(batch: Batch, part: IntArray, width: int) -> IntArray:
