@@ -48,7 +48,7 @@ def test_auto_is_metis_where_it_is_installed_else_minimum_degree(monkeypatch):
     assert orderings.resolve_ordering("auto") == "metis"
     monkeypatch.setattr(orderings, "find_spec", lambda name: None)
     assert orderings.resolve_ordering("auto") == "minimum-degree"
-    with pytest.raises(SolverUnavailableError, match="pip install pymetis"):
+    with pytest.raises(SolverUnavailableError, match="pip install 'pymetis'"):
         SupernodalCholesky(ordering="metis")
 
 

@@ -1,5 +1,7 @@
 """Every solver against dense inverses, on regular and on singular matrices."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from obseq.leastsquares.solvers import (
     SOLVER_NAMES,
     SingularMatrixError,
     SolverStateError,
+    SolverUnavailableError,
     SymmetricPattern,
     choose_solver,
 )
@@ -256,3 +259,16 @@ def test_unknown_solver_is_refused(build):
     pattern, _ = SymmetricPattern.of(build.chain(3))
     with pytest.raises(InputError, match="choose one of: auto, " + ", ".join(SOLVER_NAMES)):
         choose_solver(pattern, "gauss")
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "package"),
+    [("pardiso", "pypardiso", "pypardiso"), ("cholmod", "sksparse.cholmod", "scikit-sparse<0.5")],
+)
+def test_missing_package_is_named_and_nothing_else_is_taken_instead(
+    build, monkeypatch, name, module, package
+):
+    monkeypatch.setitem(sys.modules, module, None)
+    pattern, _ = SymmetricPattern.of(build.chain(3))
+    with pytest.raises(SolverUnavailableError, match=f"'{name}' needs .* pip install '{package}'"):
+        choose_solver(pattern, name)

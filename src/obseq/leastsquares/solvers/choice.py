@@ -51,6 +51,10 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto") -> Solver:
         from obseq.leastsquares.solvers.superlu import SuperLU
 
         return SuperLU()
+    if name == "cholmod":
+        from obseq.leastsquares.solvers.cholmod import Cholmod
+
+        return Cholmod()
     raise InputError(f"there is no solver {name!r}; choose one of: auto, {', '.join(SOLVER_NAMES)}")
 
 

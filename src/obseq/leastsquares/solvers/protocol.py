@@ -39,7 +39,9 @@ class SolverUnavailableError(ObseqError):
     """The solver asked for by name needs a package that is not installed."""
 
     def __init__(self, solver: str, package: str) -> None:
-        super().__init__(f"the solver {solver!r} needs the package {package!r}: pip install {package}")
+        super().__init__(
+            f"the solver {solver!r} needs a package that is not installed: pip install '{package}'"
+        )
         self.solver = solver
         self.package = package
 
