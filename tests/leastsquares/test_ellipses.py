@@ -66,6 +66,7 @@ def test_confidence_factors_are_tabulated_ones():
         confidence_factor(95.0, 2, None)
 
 
+@pytest.mark.slow
 def test_ellipses_hold_the_true_point_as_often_as_they_say():
     rng, inside, level, trials = np.random.default_rng(4), 0, 0.9, 600
     for _ in range(trials):

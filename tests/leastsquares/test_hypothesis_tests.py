@@ -45,6 +45,7 @@ def test_two_sides_see_sigmas_that_are_too_large_and_one_does_not():
     assert global_test(result).sigma0_limits[0] > global_test(result).sigma0
 
 
+@pytest.mark.slow
 def test_rejection_rates_are_the_level():
     rng = np.random.default_rng(5)
     for two_sided in (True, False):

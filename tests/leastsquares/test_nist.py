@@ -4,7 +4,6 @@ Each model is a formula class of this file, compiled in memory.
 """
 
 import functools
-import inspect
 import json
 import math
 from dataclasses import dataclass
@@ -123,13 +122,13 @@ def problem(shared_data, name):
     return expected, data
 
 
-def solved(shared_data, name, start, **options):
+def solved(shared_data, name, start, strategy):
     expected, data = problem(shared_data, name)
     values = [[parameter[start] for parameter in expected["parameters"]]]
     system = obseq.LeastSquares()
     unknown = system.add_vectors(["b"], values)
     system.add(kernel(MODELS[name]), {"b": np.repeat(unknown, len(data))}, data, 1.0)
-    result = system.solve(max_iterations=200, tolerance=1e-13, covariance=True, **options)
+    result = system.solve(max_iterations=200, tolerance=1e-13, covariance=True, strategy=strategy)
     return expected, result, result.values(unknown)[0], result.precisions(unknown)[0]
 
 
@@ -139,12 +138,8 @@ def digits(found, certified):
     return float(-np.log10(np.max(error, initial=1e-16)))
 
 
-HAS_STRATEGIES = "strategy" in inspect.signature(obseq.LeastSquares.solve).parameters
-DAMPED_OPTIONS = {"strategy": "levenberg-marquardt"} if HAS_STRATEGIES else None
-"""Options of `solve` that damp the steps; None as long as there are Gauss-Newton steps only."""
-
 FAR_STARTS = {("Hahn1", "start1"), ("Gauss3", "start2"), ("BoxBOD", "start1")}
-"""Starts from which undamped steps do not arrive."""
+"""Starts from which undamped steps do not arrive: Levenberg-Marquardt's are taken."""
 
 FEWER_DIGITS = {"Lanczos1": 3, "Bennett5": 6}
 """Digits of standard deviations that are to be had, where they are not 8.
@@ -154,15 +149,20 @@ Bennett5: its normal matrix, scaled to a unit diagonal, has a condition number o
 """
 
 
-@pytest.mark.parametrize("start", ["start1", "start2"])
-@pytest.mark.parametrize("name", MODELS)
+UNREACHED = "damped steps jump to where the second parameter has no influence, and cannot come back"
+
+
+def cases():
+    for name in MODELS:
+        yield pytest.param(name, "start2", id=f"{name}-near")
+        marks = [pytest.mark.xfail(reason=UNREACHED)] if name == "BoxBOD" else []
+        yield pytest.param(name, "start1", id=f"{name}-far", marks=marks)
+
+
+@pytest.mark.parametrize(("name", "start"), list(cases()))
 def test_certified_values(shared_data, name, start):
-    options = {}
-    if (name, start) in FAR_STARTS:
-        if DAMPED_OPTIONS is None:
-            pytest.skip("Gauss-Newton steps do not arrive from this start, and there are no damped ones yet")
-        options = DAMPED_OPTIONS
-    expected, result, values, precisions = solved(shared_data, name, start, **options)
+    strategy = "levenberg-marquardt" if (name, start) in FAR_STARTS else "gauss-newton"
+    expected, result, values, precisions = solved(shared_data, name, start, strategy)
     parameters = expected["parameters"]
     assert result.converged
     assert result.redundancy == expected["dof"]

@@ -90,6 +90,7 @@ def test_an_error_reinstates():
     assert calls[0]["max_iterations"] == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("statistic", "scale"), [("w", 1.0), ("tau", 1.0), ("tau", 7.0)])
 def test_clean_networks_are_rejected_at_the_level(statistic, scale):
     level, trials = 0.10, 300

@@ -166,7 +166,7 @@ def snoop(
                 break
             set_active(outcome.rejection.batch, outcome.rejection.row, False)
             rejections.append(outcome.rejection)
-    except Exception:
+    except BaseException:  # an interruption too leaves the system as it was given
         for rejection in rejections:
             set_active(rejection.batch, rejection.row, True)
         raise

@@ -173,7 +173,7 @@ def variance_components(
     rounds = _Rounds(system, ComponentEquations(system, chosen), method, traces, dict(solve_options or {}))
     try:
         return rounds.run(chosen, given, max_rounds, tolerance)
-    except Exception:
+    except BaseException:  # an interruption too leaves the system as it was given
         given.restore()
         raise
 
