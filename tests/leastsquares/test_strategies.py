@@ -94,3 +94,24 @@ def test_names_and_parameters_are_checked():
         LevenbergMarquardt(0.0)
     with pytest.raises(InputError, match="unknown step"):
         GaussNewton("svd")
+
+
+def test_viscosity_slows_and_biases_nothing():
+    system, ids = network()
+    expected = system.solve(covariance="all")
+    system, ids = network()
+    system.add_viscosity(ids, 0.02)
+    slow = system.solve(max_iterations=400, covariance="all", tolerance=1e-9)
+    assert slow.converged
+    assert len(slow.iterations) > len(expected.iterations)
+    assert slow.redundancy == expected.redundancy
+    np.testing.assert_allclose(slow.values(ids), expected.values(ids), atol=1e-6)
+    np.testing.assert_allclose(slow.covariance(ids), expected.covariance(ids), rtol=1e-4, atol=1e-12)
+
+
+def test_viscosity_halves_the_step_that_it_weighs_as_much_as_the_observation():
+    system = LeastSquares()
+    ids = system.add_scalars(["x"], [0.0])
+    system.add_prior(ids, [[10.0]], 1.0)
+    system.add_viscosity(ids, 1.0)
+    assert system.solve(max_iterations=1).values(ids)[0, 0] == pytest.approx(5.0)

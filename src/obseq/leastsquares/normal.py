@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from obseq.leastsquares.batches import Batch
     from obseq.leastsquares.layout import BatchLayout
-    from obseq.leastsquares.priors import Prior
+    from obseq.leastsquares.priors import Prior, Viscosity
     from obseq.leastsquares.unknowns import UnknownTable
 
     FloatArray = NDArray[np.float64]
@@ -70,10 +70,12 @@ class NormalEquations:
         priors: Sequence[Prior],
         eliminated: BoolArray | None = None,
         constraints: Sequence[Batch] = (),
+        viscosities: Sequence[Viscosity] = (),
     ) -> None:
         self.table = table
         self.batches = tuple(batches)
         self.priors = tuple(priors)
+        self.viscosities = tuple(viscosities)
         self.used = used_blocks(table, [*batches, *constraints], priors)
         none = np.zeros(len(table), dtype=bool)
         self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
@@ -88,13 +90,14 @@ class NormalEquations:
         taken = np.repeat(np.isin(np.arange(len(self.table)), blocks), self.table.size) & ~self.table.frozen
         return self.pattern.n + int(np.count_nonzero(taken))
 
-    def assemble(self, damping: float = 0.0) -> Linearisation:
+    def assemble(self, damping: float = 0.0, viscous: bool = True) -> Linearisation:
         """Normal matrix, gradient and sums of squares at the current values.
 
         The values are the same array at each call: they last until the next one.
 
         Args:
             damping: share of each diagonal entry of N that is added to it (Levenberg-Marquardt).
+            viscous: with the pull to the current values; without, N is that of the observations and priors.
 
         Raises:
             DivergenceError: a residual or a derivative is not finite.
@@ -112,6 +115,8 @@ class NormalEquations:
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         values, gradient = self._poured()
         self._add_priors(values, gradient, squares)
+        if viscous:
+            self._add_viscosities(values)
         values[self.pattern.diagonal] *= 1.0 + damping
         eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
@@ -217,6 +222,16 @@ class NormalEquations:
             np.add.at(gradient, row[free], pull[free])
             if len(self.layout.groups.blocks):
                 self._add_to_eliminated(prior.scalars, weight, pull)
+
+    def _add_viscosities(self, values: FloatArray) -> None:
+        """Adds the weights of a pull to the current values: to the diagonal only."""
+        for viscosity in self.viscosities:
+            row = self.free.number[viscosity.scalars]
+            free = row >= 0
+            np.add.at(values, self.pattern.diagonal[row[free]], viscosity.weights[free])
+            if len(self.layout.groups.blocks):
+                none = np.zeros_like(viscosity.weights)
+                self._add_to_eliminated(viscosity.scalars, viscosity.weights, none)
 
     def _add_to_eliminated(self, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
         """Adds priors to the diagonal blocks and gradients of eliminated blocks."""

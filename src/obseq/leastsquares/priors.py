@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +49,26 @@ class Prior:
     def sum_of_squares(self, values: FloatArray) -> float:
         """Sum of squared residuals over sigmas."""
         return float(np.sum(np.square(self.residuals(values) * self.weights)))
+
+
+@dataclass(frozen=True)
+class Viscosity:
+    """A pull of unknowns to their current values, anew at each iteration: it slows, and biases nothing.
+
+    Attributes:
+        scalars: (n,) positions of the unknowns.
+        weights: (n,) inverse squares of the sigmas of a step.
+    """
+
+    scalars: IntArray
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, table: UnknownTable, ids: ArrayLike, sigmas: ArrayLike) -> Viscosity:
+        """The viscosity of blocks that are alike; sigmas are a number, (n,) or (n, k), infinite for none."""
+        blocks, _, size = table.uniform(ids, "viscosity")
+        spread = _checked_sigmas(table, blocks, np.asarray(sigmas, dtype=np.float64), (len(blocks), size))
+        return cls(table.scalars(blocks).ravel(), 1.0 / np.square(spread).ravel())
 
 
 def _checked_sigmas(

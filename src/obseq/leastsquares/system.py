@@ -16,7 +16,7 @@ from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
 from obseq.leastsquares.normal import NormalEquations, raw_residuals, used_blocks
 from obseq.leastsquares.objects import matching, synchronise
-from obseq.leastsquares.priors import Prior
+from obseq.leastsquares.priors import Prior, Viscosity
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
 from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
@@ -58,6 +58,7 @@ class LeastSquares:
         self.unknowns = UnknownTable()
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
+        self._viscosities: list[Viscosity] = []
         self._constraints: list[Batch] = []
         self._objects: list[UnknownObject] = []
         self._datum: IntArray = np.zeros(0, dtype=np.int64)
@@ -249,6 +250,15 @@ class LeastSquares:
         self._version = -1
         return prior
 
+    def add_viscosity(self, ids: ArrayLike, sigmas: ArrayLike) -> None:
+        """Slows blocks that are alike: each step is pulled to the current values with these sigmas.
+
+        It changes the way to the solution, not the solution; it counts neither as an observation nor in
+        covariances. Rotations take it too (sigmas in radians).
+        """
+        self._viscosities.append(Viscosity.of(self.unknowns, ids, sigmas))
+        self._version = -1
+
     def _added(self, batch: Batch) -> Batch:
         self._batches.append(batch)
         self._version = -1
@@ -337,7 +347,7 @@ class LeastSquares:
             return 0
         equations, solver = self.equations(reduced=True), self._analysed(reduced=True)
         if isinstance(solver, DatumSolver) and not solver.is_factored:
-            factor(equations, solver, self._constraints, equations.assemble())
+            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
         return int(solver.null_vectors().shape[1])
 
     # Counting
@@ -383,7 +393,12 @@ class LeastSquares:
         if reduced not in self._bound:
             eliminated = self.unknowns.eliminated if reduced else None
             self._bound[reduced] = NormalEquations(
-                self.unknowns, self._batches, self._priors, eliminated, self._constraints
+                self.unknowns,
+                self._batches,
+                self._priors,
+                eliminated,
+                self._constraints,
+                self._viscosities,
             )
         return self._bound[reduced]
 
@@ -476,7 +491,7 @@ class LeastSquares:
     def _cofactors(self) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
         equations, solver = self.equations(), self._analysed()
-        factor(equations, solver, self._constraints, equations.assemble())
+        factor(equations, solver, self._constraints, equations.assemble(viscous=False))
         del self._solvers[False]  # the result keeps this one, for covariances between any two unknowns
         return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 
