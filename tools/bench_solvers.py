@@ -59,7 +59,8 @@ def survey(n_points: int) -> tuple[SymmetricPattern, np.ndarray]:
     seen = stations[near] != np.arange(n_points)[:, None]
     seen &= np.cumsum(seen, axis=1) <= np.where(generator.random(n_points) < 0.75, 5, 4)[:, None]
     target, rank = np.nonzero(seen)
-    station = near[target, rank]
+    used, station = np.unique(near[target, rank], return_inverse=True)
+    stations = stations[used]
     sight = points[target] - points[stations[station]]
     jacobian = _polar_derivatives(sight)
     unknowns = np.column_stack(

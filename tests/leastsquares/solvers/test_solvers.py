@@ -250,9 +250,10 @@ def test_wrong_values_and_right_hand_sides_are_refused(solver_name, build):
         solver.factor(values)
 
 
-def test_auto_takes_dense_for_small_and_for_full_matrices(build):
+def test_auto_takes_dense_for_small_and_for_full_matrices_only(build):
     assert choose_solver(SymmetricPattern.of(build.chain(30))[0]).name == "dense"
-    assert choose_solver(SymmetricPattern.of(np.ones((700, 700)))[0]).name == "dense"
+    assert choose_solver(SymmetricPattern.of(np.ones((1100, 1100)))[0]).name == "dense"
+    assert choose_solver(SymmetricPattern.of(np.eye(1100))[0]).name == "supernodal"
 
 
 def test_unknown_solver_is_refused(build):
