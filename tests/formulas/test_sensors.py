@@ -57,10 +57,10 @@ def test_monomials_of_a_cubic_are_in_the_order_of_rpc00b():
 def test_rational_camera():
     one, height = [1.0, *[0.0] * 19], 30.0
     numerator = [0.0, 2.0, *[0.0] * 18]
-    # Twice the longitude over 1, then over 1 + x = 1.5 with x = (101 - 100)/2.
+    # Twice the longitude over 1, then over 1 + x = 1.5 with x = (101 - 100)/2, y = (43 - 37)/2.
     assert _rational((0.5, 3.0, height), numerator, one) == pytest.approx((6, 7, height))
     denominator = [1.0, 0.0, 1.0, *[0.0] * 17]
-    found = _rational((101, 3.0, height), numerator, denominator, (100, 0, 0), (2, 1, 1))
+    found = _rational((101, 43.0, height), numerator, denominator, (100, 37, 0), (2, 2, 1))
     assert found == pytest.approx((4, 7, height))
 
 
