@@ -138,10 +138,58 @@ def test_damping_is_that_of_the_whole_system():
     )
 
 
-def test_an_observation_that_joins_two_eliminated_blocks():
+def test_poses_are_eliminated_as_groups_of_two_blocks():
+    whole, points, places, rotations, camera, _ = bundle(False, seed=4)
+    reduced = bundle(False, seed=4)[0]
+    reduced.eliminate(places)
+    reduced.eliminate(rotations)
+    groups = reduced.equations(reduced=True).layout.groups
+    assert sorted(np.diff(groups.block_bounds)) == [1, 2, 2, 2, 2]
+    first, second = whole.solve(covariance="all"), reduced.solve(covariance="all")
+    assert second.converged
+    assert second.redundancy == first.redundancy
+    for ids in (points, places, rotations, camera):
+        assert second.values(ids) == pytest.approx(first.values(ids), abs=1e-8)
+
+
+def test_blocks_that_hang_together_are_one_group():
+    values = []
+    for eliminated in (False, True):
+        system, points, rotations, lengths, batches = mixed_system(9)
+        system._batches.remove(batches.pop())
+        system.add_prior(points, system.values(points), 0.5)
+        system.add_prior(lengths, system.values(lengths), 0.5)
+        if eliminated:
+            system.eliminate(points)
+            system.eliminate(rotations[:3])
+            assert len(system.equations(reduced=True).layout.groups.bounds) == 2
+        result = system.solve(max_iterations=3, tolerance=-1.0)
+        values.append(np.concatenate([result.values(points).ravel(), result.values(rotations).ravel()]))
+    assert values[1] == pytest.approx(values[0], abs=1e-8)
+
+
+def test_one_eliminated_block_in_two_arguments():
+    values = []
+    for eliminated in (False, True):
+        rng = np.random.default_rng(8)
+        system = LeastSquares()
+        a = system.add_vectors(["a"], [[0.0, 0.0]])
+        t = system.add_vectors(["t"], [[0.0, 0.0]])
+        parts = [rng.normal(size=(9, 2)) for _ in range(3)]
+        system.add_linear([t.repeat(9), a.repeat(9), t.repeat(9)], parts, rng.normal(size=9), 1.0)
+        if eliminated:
+            system.eliminate(t)
+        values.append(np.concatenate([system.solve().values(ids) for ids in (a, t)]))
+    assert values[1] == pytest.approx(values[0], abs=1e-11)
+
+
+def test_a_group_that_is_too_large(monkeypatch):
+    monkeypatch.setattr("obseq.leastsquares.elimination.LARGEST", 20)
     system, points, *_ = mixed_system()
     system.eliminate(points)
-    with pytest.raises(InputError, match=r"eliminate: an observation joins 'P\d+' and 'P\d+'"):
+    with pytest.raises(
+        InputError, match=r"observations join 12 of the eliminated blocks \(P0, P1, P2, \.\.\.\)"
+    ):
         system.solve()
 
 

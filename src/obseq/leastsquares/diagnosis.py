@@ -46,10 +46,10 @@ def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystem
     return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)
 
 
-def eliminated_error(table: UnknownTable, block: int, component: int) -> SingularSystemError:
-    """The error for an eliminated block whose own observations do not determine one of its unknowns."""
-    (name,) = table.component_names(table.start[block] + component)
-    reason = f"{name} is to be eliminated, and the observations of {table.names[block]} do not determine it"
+def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:
+    """The error for an eliminated unknown (position among all) that its own observations do not determine."""
+    (name,) = table.component_names(scalar)
+    reason = f"{name} is to be eliminated, and the observations of its block do not determine it"
     return SingularSystemError(f"{reason}: {REMEDY}", (name,))
 
 

@@ -1,17 +1,17 @@
 """Temporaries: blocks of unknowns eliminated before the matrix is formed, found again afterwards.
 
-A block such as a tie point meets only the blocks that observe it. Its unknowns t are eliminated exactly
+A block such as a tie point meets only the blocks that observe it; so does a group of blocks that
+observations join, such as the pose of a sub-network. The unknowns t of a group are eliminated exactly
 (Schur):
 
     N <- N - N_kt N_tt^-1 N_tk,   g <- g - N_kt N_tt^-1 g_t,   t = -N_tt^-1 (g_t + N_tk k)
 
-for the other unknowns k, block by block, so that only these enter the matrix that the solver factors.
+for the other unknowns k, group by group, so that only these enter the matrix that the solver factors.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,25 +27,35 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
     BoolArray = NDArray[np.bool_]
 
+LARGEST = 1000
+"""Unknowns of one group: beyond, a dense elimination takes longer than the sparse matrix would."""
 
-@dataclass(frozen=True)
-class Groups:
-    """The eliminated blocks and the blocks that each of them meets.
+
+class Groups(NamedTuple):
+    """The groups of eliminated blocks and the blocks that each of them meets; the drivers take it as it is.
 
     Attributes:
-        blocks: (n,) the eliminated blocks.
-        bounds: (n + 1,) where the neighbours of each begin in `neighbours`.
-        neighbours: (n_neighbours,) the blocks met, ascending within each group.
-        links: (n_links, 4) place of a pair in the store, neighbour (place in `neighbours`), neighbour
-            block, 1 where the eliminated block is the column part; in the order of the groups.
+        blocks: (n_blocks,) the eliminated blocks, group by group.
+        block_bounds: (n + 1,) where the blocks of each group begin.
+        inner: (n_inner, 3) place in the store, row block, column block of the pairs within a group.
+        inner_bounds: (n + 1,) where those of each group begin.
+        neighbours: (n_neighbours,) the blocks that are met, ascending within each group.
+        bounds: (n + 1,) where the neighbours of each group begin.
+        links: (n_links, 5) place in the store, neighbour (as place in `neighbours`), neighbour block,
+            eliminated block, and 1 where the eliminated block is the column part.
         link_bounds: (n + 1,) where the links of each group begin.
+        local: (n_scalars,) number of each eliminated unknown within its group; -1 for all others.
     """
 
     blocks: IntArray
-    bounds: IntArray
+    block_bounds: IntArray
+    inner: IntArray
+    inner_bounds: IntArray
     neighbours: IntArray
+    bounds: IntArray
     links: IntArray
     link_bounds: IntArray
+    local: IntArray
 
     def pairs(self) -> tuple[IntArray, IntArray]:
         """Low and high block of all pairs of neighbours of a group, in the order of elimination."""
@@ -61,33 +71,87 @@ class Groups:
 
     def placed(self, places: IntArray) -> Groups:
         """The same with the places of the pairs (n_pairs,) instead of their numbers."""
-        links = self.links.copy()
+        links, inner = self.links.copy(), self.inner.copy()
         links[:, 0] = places[links[:, 0]]
-        return Groups(self.blocks, self.bounds, self.neighbours, links, self.link_bounds)
+        inner[:, 0] = places[inner[:, 0]]
+        return self._replace(links=links, inner=inner)
 
 
 def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> Groups:
-    """Groups of the eliminated blocks (n_blocks,) that are in use; `links[:, 0]` are numbers of pairs.
+    """Groups of the eliminated blocks (n_blocks,) that are in use; places are numbers of pairs as yet.
 
     Raises:
-        InputError: an observation joins two eliminated blocks.
+        InputError: observations join too many eliminated blocks to one another.
     """
-    blocks = np.flatnonzero(eliminated)
     of_row, of_column = eliminated[pairs.rows], eliminated[pairs.columns]
-    both = np.flatnonzero(of_row & of_column)
-    if both.size:
-        one, other = table.names[pairs.rows[both[0]]], table.names[pairs.columns[both[0]]]
-        raise InputError(f"eliminate: an observation joins {one!r} and {other!r}; only one of them can be")
-    chosen = np.flatnonzero(of_row | of_column)
-    turned = of_column[chosen]
-    block = np.where(turned, pairs.columns[chosen], pairs.rows[chosen])
-    other = np.where(turned, pairs.rows[chosen], pairs.columns[chosen])
-    group = np.searchsorted(blocks, block)
-    order = np.lexsort((other, group))
-    chosen, turned, other, group = chosen[order], turned[order], other[order], group[order]
+    within = np.flatnonzero(of_row & of_column)
+    group = _connected(eliminated, pairs.rows[within], pairs.columns[within])
+    blocks = np.flatnonzero(eliminated)
+    blocks = blocks[np.argsort(group[blocks], kind="stable")]
+    steps = np.arange(int(group.max(initial=-1)) + 2)
+    block_bounds = np.searchsorted(group[blocks], steps)
+    local = _numbered_within(table, blocks, group[blocks])
+    _refuse_large(table, blocks, block_bounds, local)
+    within = within[np.argsort(group[pairs.rows[within]], kind="stable")]
+    inner = np.column_stack([within, pairs.rows[within], pairs.columns[within]])
+    inner_bounds = np.searchsorted(group[pairs.rows[within]], steps)
+    neighbours, bounds, links, link_bounds = _met(pairs, of_row ^ of_column, of_column, group, steps)
+    return Groups(blocks, block_bounds, inner, inner_bounds, neighbours, bounds, links, link_bounds, local)
+
+
+def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntArray:
+    """(n_blocks,) group of each eliminated block, -1 for the others."""
+    group = np.where(eliminated, np.cumsum(eliminated) - 1, -1)
+    if len(rows):
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        n = int(np.count_nonzero(eliminated))
+        joined = coo_array((np.ones(len(rows)), (group[rows], group[columns])), shape=(n, n))
+        _, labels = connected_components(joined, directed=False)
+        group[eliminated] = labels
+    return group.astype(np.int64)
+
+
+def _numbered_within(table: UnknownTable, blocks: IntArray, group: IntArray) -> IntArray:
+    """(n_scalars,) number of each free unknown of the blocks within its group."""
+    local = np.full(table.n_scalars, -1, dtype=np.int64)
+    if not len(blocks):
+        return local
+    size = table.size[blocks]
+    offset = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
+    scalars = np.repeat(table.start[blocks], size) + offset
+    of_group = np.repeat(group, size)
+    free = ~table.frozen[scalars]
+    scalars, of_group = scalars[free], of_group[free]
+    local[scalars] = np.arange(len(scalars)) - np.searchsorted(of_group, of_group)
+    return local
+
+
+def _refuse_large(table: UnknownTable, blocks: IntArray, bounds: IntArray, local: IntArray) -> None:
+    if not len(blocks) or local.max(initial=0) < LARGEST:
+        return
+    largest = int(np.argmax(np.diff(bounds)))
+    some = ", ".join(table.names[block] for block in blocks[bounds[largest] : bounds[largest] + 3])
+    raise InputError(
+        f"eliminate: observations join {np.diff(bounds)[largest]} of the eliminated blocks ({some}, ...) "
+        f"to one another; a group may have {LARGEST} unknowns. Eliminate blocks that meet others only"
+    )
+
+
+def _met(
+    pairs: BlockPairs, joining: BoolArray, turned: BoolArray, group: IntArray, steps: IntArray
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Neighbours and links of all groups, with their bounds."""
+    chosen = np.flatnonzero(joining)
+    swapped = turned[chosen]
+    block = np.where(swapped, pairs.columns[chosen], pairs.rows[chosen])
+    other = np.where(swapped, pairs.rows[chosen], pairs.columns[chosen])
+    order = np.lexsort((other, group[block]))
+    chosen, swapped, block, other = chosen[order], swapped[order], block[order], other[order]
+    of_group = group[block]
     new = np.ones(len(chosen), dtype=bool)
-    new[1:] = (np.diff(group) != 0) | (np.diff(other) != 0)
-    links = np.column_stack([chosen, np.cumsum(new) - 1, other, turned])
-    steps = np.arange(len(blocks) + 1)
-    bounds = np.searchsorted(group[new], steps)
-    return Groups(blocks, bounds, other[new], links, np.searchsorted(group, steps))
+    new[1:] = (np.diff(of_group) != 0) | (np.diff(other) != 0)
+    links = np.column_stack([chosen, np.cumsum(new) - 1, other, block, swapped])
+    bounds = np.searchsorted(of_group[new], steps)
+    return other[new], bounds, links, np.searchsorted(of_group, steps)

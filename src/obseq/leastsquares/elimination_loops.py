@@ -12,6 +12,8 @@ from obseq.leastsquares.vectors import outer_threes
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.leastsquares.elimination import Groups
+
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
@@ -31,26 +33,74 @@ def neighbour_pairs(bounds: IntArray, neighbours: IntArray, low: IntArray, high:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def factored(
-    store: FloatArray, at: int, size: int, chosen: IntArray, n: int, damping: float, factor: FloatArray
-) -> int:
-    """Cholesky factor of the chosen unknowns of a diagonal block; the first vanishing pivot, or -1."""
-    width = (size + 4) // 4 * 4
+def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns: int) -> float:
+    """One entry of a pair in the store: columns of three rows are packed when both blocks are threes."""
+    if rows == 3 and columns == 3:
+        return float(store[at + column * (9 - column) // 2 + row])
+    return float(store[at + column * ((rows + 4) // 4 * 4) + row])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def factored(normal: FloatArray, n: int, damping: float) -> int:
+    """Cholesky factor, in place, of a damped lower triangle; the first vanishing pivot, or -1."""
     for j in range(n):
         for i in range(j, n):
-            value = store[at + chosen[j] * width + chosen[i]]
+            value = normal[i, j]
             if i == j:
                 value *= 1.0 + damping
             diagonal = value
             for k in range(j):
-                value -= factor[i, k] * factor[j, k]
+                value -= normal[i, k] * normal[j, k]
             if i == j:
                 if not value > TINY * diagonal:
                     return j
-                factor[j, j] = np.sqrt(value)
+                normal[j, j] = np.sqrt(value)
             else:
-                factor[i, j] = value / factor[j, j]
+                normal[i, j] = value / normal[j, j]
     return -1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def gathered(
+    store: FloatArray,
+    diagonal: IntArray,
+    groups: Groups,
+    group: int,
+    start: IntArray,
+    size: IntArray,
+    normal: FloatArray,
+    right: FloatArray,
+) -> int:
+    """Copies N_tt (lower triangle) and g_t of a group from the store; returns the number of its unknowns."""
+    n, local = 0, groups.local
+    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
+        t = groups.blocks[member]
+        for i in range(size[t]):
+            n = max(n, local[start[t] + i] + 1)
+    normal[:n, :n] = 0.0
+    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
+        t = groups.blocks[member]
+        at, width = 4 * diagonal[t], (size[t] + 4) // 4 * 4
+        for j in range(size[t]):
+            column = local[start[t] + j]
+            if column < 0:
+                continue
+            right[column] = store[at + size[t] * width + j]
+            for i in range(j, size[t]):
+                row = local[start[t] + i]
+                if row >= 0:
+                    normal[row, column] += store[at + j * width + i]
+    for pair in range(groups.inner_bounds[group], groups.inner_bounds[group + 1]):
+        place, p, q = groups.inner[pair, 0], groups.inner[pair, 1], groups.inner[pair, 2]
+        for j in range(size[q]):
+            column = local[start[q] + j]
+            for i in range(size[p]):
+                row = local[start[p] + i]
+                if row < 0 or column < 0:
+                    continue
+                value = entry(store, place, i, j, size[p], size[q])
+                normal[max(row, column), min(row, column)] += value if row != column else 2.0 * value
+    return n
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -75,51 +125,30 @@ def backward(factor: FloatArray, n: int, vector: FloatArray) -> None:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns: int) -> float:
-    """One entry of a pair in the store: columns of three rows are packed when both blocks are threes."""
-    if rows == 3 and columns == 3:
-        return float(store[at + column * (9 - column) // 2 + row])
-    return float(store[at + column * ((rows + 4) // 4 * 4) + row])
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def free_unknowns_of(start: int, size: int, frozen: NDArray[np.bool_], chosen: IntArray) -> int:
-    """Writes the free unknowns of a block, as numbers within it; returns how many there are."""
-    n = 0
-    for i in range(size):
-        if not frozen[start + i]:
-            chosen[n] = i
-            n += 1
-    return n
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
 def coupling_rows(
     store: FloatArray,
-    t: int,
-    chosen: IntArray,
-    n: int,
-    links: IntArray,
-    first_link: int,
-    last_link: int,
+    groups: Groups,
+    group: int,
     part: IntArray,
     start: IntArray,
     size: IntArray,
     number: IntArray,
     rows: FloatArray,
 ) -> None:
-    """Adds the coupling of an eliminated block to `rows` (n, width), each neighbour from its part on."""
-    for link in range(first_link, last_link):
-        place, slot, k, turned = links[link, 0], links[link, 1], links[link, 2], links[link, 3]
+    """Adds the coupling of a group to `rows` (n, width), each neighbour from its part on."""
+    for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
+        place, slot, k = groups.links[link, 0], groups.links[link, 1], groups.links[link, 2]
+        t, turned = groups.links[link, 3], groups.links[link, 4]
         column = part[slot]
         for j in range(size[k]):
             if number[start[k] + j] < 0:
                 continue
-            for i in range(n):
-                if turned:
-                    rows[i, column] += entry(store, place, j, chosen[i], size[k], size[t])
-                else:
-                    rows[i, column] += entry(store, place, chosen[i], j, size[t], size[k])
+            for i in range(size[t]):
+                row = groups.local[start[t] + i]
+                if row >= 0 and turned:
+                    rows[row, column] += entry(store, place, j, i, size[k], size[t])
+                elif row >= 0:
+                    rows[row, column] += entry(store, place, i, j, size[t], size[k])
             column += 1
 
 
@@ -198,17 +227,32 @@ def subtract_squares(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def most_unknowns(groups: Groups) -> int:
+    """Number of unknowns of the largest group, at least one."""
+    most = 1
+    for scalar in range(len(groups.local)):
+        most = max(most, groups.local[scalar] + 1)
+    return most
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def scalar_of(groups: Groups, group: int, wanted: int, start: IntArray, size: IntArray) -> int:
+    """The unknown, among all, that has a number within a group."""
+    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
+        t = groups.blocks[member]
+        for i in range(size[t]):
+            if groups.local[start[t] + i] == wanted:
+                return int(start[t] + i)
+    return -1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def eliminate(
     store: FloatArray,
     diagonal: IntArray,
-    blocks: IntArray,
-    bounds: IntArray,
-    neighbours: IntArray,
-    links: IntArray,
-    link_bounds: IntArray,
+    groups: Groups,
     start: IntArray,
     size: IntArray,
-    frozen: NDArray[np.bool_],
     number: IntArray,
     first: IntArray,
     count: IntArray,
@@ -223,15 +267,9 @@ def eliminate(
     Args:
         store: the matrix at its front, small blocks behind it.
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles.
-        blocks: the groups, as `elimination.Groups` has them, with `bounds`, `neighbours`, `links`,
-            `link_bounds`.
-        bounds: see `blocks`.
-        neighbours: see `blocks`.
-        links: see `blocks`.
-        link_bounds: see `blocks`.
+        groups: the eliminated blocks.
         start: (n_blocks,) first unknown of each block.
         size: (n_blocks,) number of its unknowns.
-        frozen: (n_scalars,) True for unknowns that keep their value.
         number: (n_scalars,) number of each unknown in the matrix, or -1.
         first: (n_blocks,) number of the first free unknown of each block.
         count: (n_blocks,) number of its free unknowns.
@@ -239,32 +277,25 @@ def eliminate(
         offsets: (n_pairs,) offset of each pair of neighbours below the top of its block column.
         damping: share of the diagonal of the eliminated blocks that is added to it.
         gradient: (n_free,) changed.
-        failed: (2,) written: the first block that its observations do not determine, and which of its
-            unknowns; -1 when all is well.
+        failed: (1,) written: the first unknown that its observations do not determine; -1 when all is well.
 
     Returns:
         Sum of g_t' N_tt^-1 g_t over the eliminated blocks.
     """
-    widest = 1
-    for group in range(len(blocks)):
-        widest = max(widest, size[blocks[group]])
+    most = most_unknowns(groups)
+    bounds, neighbours = groups.bounds, groups.neighbours
     part = np.zeros(len(neighbours) + 1, np.int64)
     columns = widths_of(bounds, neighbours, count, part)
-    factor, chosen = np.zeros((widest, widest)), np.zeros(widest, np.int64)
-    record, right = np.zeros(2 * widest * columns), np.zeros(widest)
+    factor, right = np.zeros((most, most)), np.zeros(most)
+    record = np.zeros(2 * most * columns)
     decrease, pair = 0.0, 0
     failed[0] = -1
-    for group in range(len(blocks)):
-        t = blocks[group]
-        n = free_unknowns_of(start[t], size[t], frozen, chosen)
-        at = 4 * diagonal[t]
-        bad = factored(store, at, size[t], chosen, n, damping, factor)
+    for group in range(len(bounds) - 1):
+        n = gathered(store, diagonal, groups, group, start, size, factor, right)
+        bad = factored(factor, n, damping)
         if bad >= 0:
-            failed[0], failed[1] = t, chosen[bad]
+            failed[0] = scalar_of(groups, group, bad, start, size)
             return decrease
-        gradient_at = at + size[t] * ((size[t] + 4) // 4 * 4)
-        for i in range(n):
-            right[i] = store[gradient_at + chosen[i]]
         forward(factor, n, right)
         for i in range(n):
             decrease += right[i] * right[i]
@@ -275,20 +306,7 @@ def eliminate(
         width = part[last] + (count[neighbours[last]] + 3) // 4 * 4
         rows = record[: n * width].reshape(n, width)
         rows[:] = 0.0
-        coupling_rows(
-            store,
-            t,
-            chosen,
-            n,
-            links,
-            link_bounds[group],
-            link_bounds[group + 1],
-            part,
-            start,
-            size,
-            number,
-            rows,
-        )
+        coupling_rows(store, groups, group, part, start, size, number, rows)
         forward_rows(factor, n, rows, width)
         for i in range(n * width):
             record[n * width + i] = -record[i]
@@ -308,38 +326,35 @@ def eliminate(
 def substitute_back(
     store: FloatArray,
     diagonal: IntArray,
-    blocks: IntArray,
-    links: IntArray,
-    link_bounds: IntArray,
+    groups: Groups,
     start: IntArray,
     size: IntArray,
-    frozen: NDArray[np.bool_],
     damping: float,
     step: FloatArray,
 ) -> None:
     """Writes the step of the eliminated unknowns, from that of the others (n_scalars,)."""
-    widest = 0
-    for group in range(len(blocks)):
-        widest = max(widest, size[blocks[group]])
-    factor, chosen, right = np.zeros((widest, widest)), np.zeros(widest, np.int64), np.zeros(widest)
-    for group in range(len(blocks)):
-        t = blocks[group]
-        n = free_unknowns_of(start[t], size[t], frozen, chosen)
-        at = 4 * diagonal[t]
-        factored(store, at, size[t], chosen, n, damping, factor)
-        width = (size[t] + 4) // 4 * 4
-        for i in range(n):
-            right[i] = -store[at + size[t] * width + chosen[i]]
-        for link in range(link_bounds[group], link_bounds[group + 1]):
-            place, k, turned = links[link, 0], links[link, 2], links[link, 3]
-            for j in range(size[k]):
-                moved = step[start[k] + j]
-                for i in range(n):
+    most = most_unknowns(groups)
+    factor, right = np.zeros((most, most)), np.zeros(most)
+    for group in range(len(groups.bounds) - 1):
+        n = gathered(store, diagonal, groups, group, start, size, factor, right)
+        factored(factor, n, damping)
+        for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
+            place, k = groups.links[link, 0], groups.links[link, 2]
+            t, turned = groups.links[link, 3], groups.links[link, 4]
+            for i in range(size[t]):
+                row = groups.local[start[t] + i]
+                if row < 0:
+                    continue
+                for j in range(size[k]):
                     if turned:
-                        right[i] -= moved * entry(store, place, j, chosen[i], size[k], size[t])
+                        right[row] += step[start[k] + j] * entry(store, place, j, i, size[k], size[t])
                     else:
-                        right[i] -= moved * entry(store, place, chosen[i], j, size[t], size[k])
+                        right[row] += step[start[k] + j] * entry(store, place, i, j, size[t], size[k])
         forward(factor, n, right)
         backward(factor, n, right)
-        for i in range(n):
-            step[start[t] + chosen[i]] = right[i]
+        for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
+            t = groups.blocks[member]
+            for i in range(size[t]):
+                row = groups.local[start[t] + i]
+                if row >= 0:
+                    step[start[t] + i] = -right[row]

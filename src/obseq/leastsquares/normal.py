@@ -86,9 +86,7 @@ class NormalEquations:
     @property
     def n_unknowns(self) -> int:
         """Number of free unknowns, eliminated ones included."""
-        blocks = self.layout.groups.blocks
-        taken = np.repeat(np.isin(np.arange(len(self.table)), blocks), self.table.size) & ~self.table.frozen
-        return self.pattern.n + int(np.count_nonzero(taken))
+        return self.pattern.n + int(np.count_nonzero(self.layout.groups.local >= 0))
 
     def assemble(self, damping: float = 0.0, viscous: bool = True) -> Linearisation:
         """Normal matrix, gradient and sums of squares at the current values.
@@ -144,19 +142,8 @@ class NormalEquations:
         """Writes the steps of eliminated unknowns."""
         from obseq.leastsquares.elimination_loops import substitute_back
 
-        table, groups = self.table, self.layout.groups
-        substitute_back(
-            self._store,
-            self.layout.diagonal,
-            groups.blocks,
-            groups.links,
-            groups.link_bounds,
-            table.start,
-            table.size,
-            table.frozen,
-            damping,
-            step,
-        )
+        table, layout = self.table, self.layout
+        substitute_back(self._store, layout.diagonal, layout.groups, table.start, table.size, damping, step)
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
@@ -248,18 +235,13 @@ class NormalEquations:
         from obseq.leastsquares.elimination_loops import eliminate
 
         table, layout, free = self.table, self.layout, self.free
-        groups, failed = layout.groups, np.full(2, -1, dtype=np.int64)
+        failed = np.full(1, -1, dtype=np.int64)
         decrease = eliminate(
             self._store,
             layout.diagonal,
-            groups.blocks,
-            groups.bounds,
-            groups.neighbours,
-            groups.links,
-            groups.link_bounds,
+            layout.groups,
             table.start,
             table.size,
-            table.frozen,
             free.number,
             free.first,
             free.count,
@@ -270,7 +252,7 @@ class NormalEquations:
             failed,
         )
         if failed[0] >= 0:
-            raise eliminated_error(table, int(failed[0]), int(failed[1]))
+            raise eliminated_error(table, int(failed[0]))
         return float(decrease)
 
     def _explain(self, *batches: Batch) -> str:

@@ -143,8 +143,8 @@ class LeastSquares:
         """Marks blocks to be eliminated from the normal equations before these are solved (Schur complement).
 
         The solution is the same, and so are residuals, redundancy and covariances; it comes sooner when
-        there are many such blocks that meet few others each, such as tie points. No observation may join
-        two of them.
+        there are many such blocks that meet few others each, such as tie points. Eliminated blocks that
+        observations join to one another, such as centre and rotation of a pose, form a group.
 
         Args:
             ids: blocks.
