@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import obseq
 from obseq.errors import InputError
@@ -105,6 +106,15 @@ def test_clean_networks_are_rejected_at_the_level(statistic, scale):
 def test_w_does_not_forgive_sigmas_that_are_too_small():
     found = [snoop(levelling(seed, scale=3.0)[0], 0.05, Statistic.W, max_rejections=1) for seed in range(20)]
     assert sum(bool(snooping.rejections) for snooping in found) > 15
+
+
+def test_the_level_is_where_the_decision_changes():
+    p_value = snoop(levelling(11)[0], 0.999, max_rejections=1).rejections[0].p_value
+    assert 0.01 < p_value < 0.9
+    assert snoop(levelling(11)[0], p_value * 1.001, max_rejections=1).rejections
+    assert not snoop(levelling(11)[0], p_value * 0.999, max_rejections=1).rejections
+    w = np.abs(snoop(levelling(11)[0], 1e-9).reliability.observations[0].w).max()
+    assert p_value == pytest.approx(1 - (1 - 2 * norm.sf(w)) ** 28, rel=1e-9)
 
 
 def test_single_level():

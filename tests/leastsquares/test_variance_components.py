@@ -163,6 +163,13 @@ def test_a_component_that_is_not_there_is_held_and_named():
         pytest.fail("no seed gave a negative estimate")
 
 
+def test_given_variances_explain_their_part_of_the_squares():
+    system, _ = network(3, (4.0, 1.0))
+    matrix, right = dense_equations(system, ("vectors", "levels"))
+    found = variance_components(system, group_components(system, ["vectors"]), max_rounds=1)
+    assert found.factors[0] == pytest.approx((right[0] - matrix[0, 1]) / matrix[0, 0], rel=1e-8)
+
+
 def test_chosen_groups_leave_the_others_as_given():
     system, _ = network(3, (4.0, 1.0))
     found = variance_components(system, group_components(system, ["vectors"]))
