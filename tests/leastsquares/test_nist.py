@@ -54,7 +54,8 @@ class Misra1a(Regression):
 
 class Misra1b(Regression):
     def model(self, b, x):
-        return b[0] * (1 - power(1 + b[1] * x / 2, -2))
+        root = 1 + b[1] * x / 2
+        return b[0] * (1 - 1 / (root * root))
 
 
 class Misra1c(Regression):
