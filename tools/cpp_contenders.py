@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from interleaved import Repeat
 from numpy.typing import NDArray
-from rival import Inventory, Node, Rival
+from rival import Rival
+from rival_inventory import Inventory, Node
 
 from obseq.codegen.c99 import statements, with_helpers
 from obseq.codegen.compiler import Derived
