@@ -76,6 +76,7 @@ class LeastSquaresResult:
         variance_factor: sum of squares of all groups over the redundancy: what scales covariances; None as
             sigma0.
         squares: sum of weighted squared residuals by group at the solution.
+        redundant_constraints: hard constraints that follow from the others, by name.
     """
 
     iterations: tuple[Iteration, ...]
@@ -92,6 +93,7 @@ class LeastSquaresResult:
     _state: State = field(repr=False)
     _residuals: Mapping[Batch, FloatArray] = field(repr=False)
     _cofactors: Cofactors | None = field(repr=False, default=None)
+    redundant_constraints: tuple[str, ...] = ()
 
     @property
     def cost(self) -> float:
