@@ -81,7 +81,8 @@ def _thread_functions() -> tuple[Callable[[], int], Callable[[int], None]] | Non
     for place in (folder.parent / "scipy.libs", folder / ".dylibs", folder / ".libs"):
         for library in sorted(place.glob("libscipy_openblas*")):
             loaded = ctypes.CDLL(str(library))
-            return loaded.scipy_openblas_get_num_threads, loaded.scipy_openblas_set_num_threads
+            if hasattr(loaded, "scipy_openblas_set_num_threads"):
+                return loaded.scipy_openblas_get_num_threads, loaded.scipy_openblas_set_num_threads
     return None
 
 

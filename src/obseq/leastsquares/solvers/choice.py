@@ -23,12 +23,13 @@ LARGEST_DENSE = 10_000
 """Unknowns beyond which a dense matrix is not wanted however full it is (0.8 GB)."""
 
 
-def choose_solver(pattern: SymmetricPattern, name: str = "auto") -> Solver:
+def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int = 1) -> Solver:
     """A solver for matrices of this pattern, not yet analysed.
 
     Args:
         pattern: the pattern to be analysed.
         name: one of `SOLVER_NAMES`, or "auto": "dense" for small or nearly full matrices, else "supernodal".
+        threads: for the supernodal solver; the others keep to the settings of their libraries.
 
     Raises:
         InputError: there is no such solver.
@@ -43,7 +44,7 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto") -> Solver:
     if name == "supernodal":
         from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
-        return SupernodalCholesky()
+        return SupernodalCholesky(threads=threads)
     if name == "pardiso":
         from obseq.leastsquares.solvers.pardiso import Pardiso
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.leastsquares.solvers.compiled import compiled
+from obseq.leastsquares.solvers.tree import front_seconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +59,7 @@ class Schedule:
 def plan(structure: Structure, threads: int) -> Schedule:
     """Tasks for so many threads; one thread has one task."""
     parent, below = structure.parent, structure.below
-    seconds = expected_seconds(structure)
+    seconds = front_seconds(structure.width, structure.below).astype(np.float64)
     share = np.inf if threads == 1 else seconds.sum() / (TASKS_PER_THREAD * threads)
     task = assign_tasks(parent, seconds, float(share))
     count = int(task.max(initial=-1)) + 1
@@ -87,13 +88,6 @@ def plan(structure: Structure, threads: int) -> Schedule:
         update_room,
         front_room,
     )
-
-
-def expected_seconds(structure: Structure) -> FloatArray:
-    """(m,) what each supernode costs: operations, memory, and a call."""
-    width, below = structure.width.astype(np.float64), structure.below.astype(np.float64)
-    operations = width**3 / 3 + width**2 * below + width * below**2
-    return operations / 4e10 + (width + below) ** 2 * 1e-9 + 1e-7
 
 
 @compiled

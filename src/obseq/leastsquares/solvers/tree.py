@@ -17,6 +17,16 @@ OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
 """Operations, entries of a front and of its panel treated in one second; seconds spent on any front."""
 
 
+def front_seconds(width: Any, below: Any) -> Any:
+    """What fronts cost to assemble and factor; the proportions matter more than the unit."""
+    operations = width * (width * (width / 3.0 + below) + below * below)
+    front = width + below
+    return operations / OPERATIONS + front * front / ENTRIES + width * front / PANEL + CALL
+
+
+_front_seconds = compiled(front_seconds)
+
+
 @compiled
 def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array) -> Array:
     """(n,) parent of each position of the order, -1 at a root (Liu, with path compression)."""
@@ -168,14 +178,6 @@ def _absorb(above: Array, width: Array, below: Array, into: Array, limit: int) -
 
 @compiled
 def is_worth_merging(child_width: int, child_below: int, width: int, below: int) -> bool:
-    """Whether one front is cheaper than a child and its parent apart: operations, memory, calls."""
-    apart = expected_seconds(child_width, child_below) + expected_seconds(width, below)
-    return expected_seconds(child_width + width, below) < apart
-
-
-@compiled
-def expected_seconds(width: float, below: float) -> float:
-    """What a front costs to assemble and factor; the proportions matter, the unit does not."""
-    operations = width * (width * (width / 3.0 + below) + below * below)
-    front = width + below
-    return operations / OPERATIONS + front * front / ENTRIES + width * front / PANEL + CALL
+    """Whether one front is cheaper than a child and its parent apart."""
+    apart = _front_seconds(child_width, child_below) + _front_seconds(width, below)
+    return bool(_front_seconds(child_width + width, below) < apart)
