@@ -71,7 +71,9 @@ def test_each_iteration_is_the_same():
         assert other.cost == pytest.approx(one.cost, rel=1e-8)
 
 
-def test_the_reduced_matrix_is_the_schur_complement():
+@pytest.mark.parametrize("portion", [10, 4_000_000])
+def test_the_reduced_matrix_is_the_schur_complement(portion, monkeypatch):
+    monkeypatch.setattr("obseq.leastsquares.elimination.PORTION", portion)
     whole, points, *_ = bundle(False, seed=3)
     reduced = bundle(True, seed=3)[0]
     full, small = whole.equations(), reduced.equations(reduced=True)

@@ -18,6 +18,8 @@ import numpy as np
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from obseq.leastsquares.pattern import BlockPairs
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 
 LARGEST = 1000
 """Unknowns of one group: beyond, a dense elimination takes longer than the sparse matrix would."""
+
+PORTION = 4_000_000
+"""Pairs of neighbours that are looked at together: 32 MB."""
 
 
 class Groups(NamedTuple):
@@ -57,17 +62,33 @@ class Groups(NamedTuple):
     link_bounds: IntArray
     local: IntArray
 
-    def pairs(self) -> tuple[IntArray, IntArray]:
-        """Low and high block of all pairs of neighbours of a group, in the order of elimination."""
+    def pair_keys(self, n: int) -> Iterator[IntArray]:
+        """Keys low * n + high of all pairs of neighbours, in the order of elimination, in portions."""
         if not len(self.blocks):
-            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+            return
         from obseq.leastsquares.elimination_loops import neighbour_pairs
 
-        count = np.diff(self.bounds)
-        low = np.empty(int(np.sum(count * (count - 1) // 2)), dtype=np.int64)
-        high = np.empty_like(low)
-        neighbour_pairs(self.bounds, self.neighbours, low, high)
-        return low, high
+        met = np.diff(self.bounds)
+        total = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
+        first = 0
+        while first < len(met):
+            last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
+            keys = np.empty(total[last] - total[first], dtype=np.int64)
+            neighbour_pairs(self.bounds, self.neighbours, first, last, n, keys)
+            yield keys
+            first = last
+
+    def fill_keys(self, n: int) -> IntArray:
+        """The distinct keys of pairs of neighbours, ascending."""
+        distinct = np.zeros(0, dtype=np.int64)
+        for keys in self.pair_keys(n):
+            distinct = np.union1d(distinct, keys)
+        return distinct
+
+    def fill_offsets(self, n: int, distinct: IntArray, offsets: IntArray) -> NDArray[np.uint32]:
+        """(n_pairs,) offset of each pair of neighbours, from those of the distinct keys."""
+        found = [offsets[np.searchsorted(distinct, keys)].astype(np.uint32) for keys in self.pair_keys(n)]
+        return np.concatenate(found) if found else np.zeros(0, dtype=np.uint32)
 
     def placed(self, places: IntArray) -> Groups:
         """The same with the places of the pairs (n_pairs,) instead of their numbers."""

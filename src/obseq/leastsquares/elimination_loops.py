@@ -22,13 +22,15 @@ TINY = 1e-14
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def neighbour_pairs(bounds: IntArray, neighbours: IntArray, low: IntArray, high: IntArray) -> None:
-    """Writes all pairs of different neighbours of each group."""
+def neighbour_pairs(
+    bounds: IntArray, neighbours: IntArray, first: int, last: int, n: int, keys: IntArray
+) -> None:
+    """Writes low * n + high for all pairs of different neighbours of the groups from `first` to `last`."""
     at = 0
-    for group in range(len(bounds) - 1):
+    for group in range(first, last):
         for a in range(bounds[group], bounds[group + 1]):
             for b in range(bounds[group], a):
-                low[at], high[at] = neighbours[b], neighbours[a]
+                keys[at] = neighbours[b] * n + neighbours[a]
                 at += 1
 
 

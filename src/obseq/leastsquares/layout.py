@@ -74,6 +74,7 @@ class StoreLayout:
         groups: the eliminated blocks.
         fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
         first_eliminated: where the blocks of eliminated unknowns begin; they last until the next assembly.
+        spare: (2,) place and length of the spare block.
     """
 
     free: FreeUnknowns
@@ -85,6 +86,7 @@ class StoreLayout:
     groups: Groups
     fill: PositionArray
     first_eliminated: int
+    spare: IntArray
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,7 @@ class _Places:
     pair: IntArray
     diagonal: IntArray
     spare: int
+    spare_length: int
     first_eliminated: int
     size: int
 
@@ -126,12 +129,12 @@ def store_layout(
     loose = _with_free_unknowns(table, used & eliminated)
     pairs = block_pairs(batches, (free.count > 0) | loose)
     groups = elimination_groups(table, pairs, loose)
-    low, high = groups.pairs()
+    n = max(len(table), 1)
+    fill = groups.fill_keys(n)
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
-    matrix, found = matrix_pattern(
-        free, np.concatenate([pairs.low[kept], low]), np.concatenate([pairs.high[kept], high])
-    )
-    offsets = np.zeros(len(kept), dtype=np.int64)
+    low, high = np.concatenate([pairs.low[kept], fill // n]), np.concatenate([pairs.high[kept], fill % n])
+    matrix, found = matrix_pattern(free, low, high)
+    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), found[np.count_nonzero(kept) :]
     offsets[kept] = found[: np.count_nonzero(kept)]
     direct = _direct(table.size, free, pairs)
     places = _places(table, matrix, free, pairs, direct, loose)
@@ -152,8 +155,9 @@ def store_layout(
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
         groups=groups.placed(places.pair),
-        fill=found[np.count_nonzero(kept) :].astype(np.uint32),
+        fill=groups.fill_offsets(n, fill, of_fill),
         first_eliminated=places.first_eliminated,
+        spare=np.array([places.spare, places.spare_length]),
     )
 
 
@@ -174,7 +178,8 @@ def _places(
     """Places behind the matrix: spare block, diagonal blocks, pairs; then the same for eliminated blocks."""
     spare = (matrix.nnz + 11) // 8 * 8
     widths = part_width(table.size) * (table.size + 1)
-    diagonal, end = _consecutive(widths, free.count > 0, spare + int(widths.max(initial=0)))
+    length = int(widths.max(initial=0))
+    diagonal, end = _consecutive(widths, free.count > 0, spare + length)
     width = part_width(table.size)[pairs.rows] * table.size[pairs.columns]
     joining = loose[pairs.rows] | loose[pairs.columns]
     pair, middle = _consecutive(width, ~direct & ~joining, end)
@@ -184,7 +189,7 @@ def _places(
         raise InputError(
             "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
         )
-    return _Places(pair + loose_pair, diagonal + loose_diagonal, spare, middle, end)
+    return _Places(pair + loose_pair, diagonal + loose_diagonal, spare, length, middle, end)
 
 
 def part_width(size: IntArray) -> IntArray:
