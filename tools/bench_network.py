@@ -1,4 +1,4 @@
-"""The large scale of one machine: a survey of 100,000 points, a levelling net of a million heights, by phases.
+"""The large scale of one machine: surveys of 100,000 points, levelling nets of a million heights, by phases.
 
 The equations are built in memory through `LeastSquares`; then come the layout of the normal equations,
 assembly, analysis, factorisation, solution and all standard deviations, each with its time, and the peak of
@@ -272,7 +272,7 @@ def show(figures: dict[str, Any]) -> None:
         f"{figures['observations']} observations, {figures['threads']} thread(s)"
     )
     print(
-        f"    N {figures['nnz'] / 1e6:.2f} million entries, factor {figures['nnz_factor'] / 1e6:.2f} million, "
+        f"    N {figures['nnz'] / 1e6:.2f} million entries, factor {figures['nnz_factor'] / 1e6:.2f}, "
         f"{figures['gigaflop']:.2f} Gflop, {figures['ordering']}"
     )
     print(f"    {'phase':28}{'wall s':>9}{'cpu s':>9}")

@@ -338,9 +338,10 @@ def assemble(
     scratch: FloatArray,
     store: FloatArray,
 ) -> float:
-    """Adds the normal equations of a batch to the store; returns its sum of weighted squared residuals.
+    """Adds normal equations of a batch to the store; returns the sum of weighted squared residuals.
 
-    `shape`: number of observations, of unknowns, of residuals, row of the first residual.
+    `shape`: end of the observations to treat, number of unknowns, of residuals, row of the first residual,
+    first observation to treat (a multiple of 32).
     `kernel` is the address of a value-and-Jacobian kernel, or 0 for plain linear rows. `roots` is empty, or
     holds the roots of the inverse covariances of correlated residuals.
     """
@@ -349,7 +350,7 @@ def assemble(
     records = scratch[: LANES * n_residuals * width]
     scaled = scratch[LANES * n_residuals * width :]
     total = 0.0
-    for first in range(0, n, LANES):
+    for first in range(shape[4], n, LANES):
         fill_tile(tile, blocks, starts, contexts, values, context, observations, observation_rows, first)
         if kernel != 0:
             call_kernel(kernel, tile, 1)
@@ -380,8 +381,11 @@ def evaluate(
     rows: int,
     results: FloatArray,
 ) -> None:
-    """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded)."""
-    for first in range(0, shape[0], LANES):
+    """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded).
+
+    `shape` as in `assemble`.
+    """
+    for first in range(shape[4], shape[0], LANES):
         fill_tile(tile, blocks, starts, contexts, values, context, observations, observation_rows, first)
         if kernel != 0:
             call_kernel(kernel, tile, 1)

@@ -11,6 +11,7 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.batches import aligned_zeros, padded_length
 from obseq.leastsquares.diagnosis import eliminated_error
 from obseq.leastsquares.layout import part_width, store_layout
+from obseq.leastsquares.threads import in_threads, share_bounds, share_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +61,8 @@ class NormalEquations:
     """Assembles the equations of a table of unknowns; the pattern is that of its creation.
 
     Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
-    Blocks that only hard constraints touch are in the matrix with zeros.
+    Blocks that only hard constraints touch are in the matrix with zeros. Observations are shared among
+    `threads`; with the same number of threads the numbers are the same at each run.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class NormalEquations:
         eliminated: BoolArray | None = None,
         constraints: Sequence[Batch] = (),
         viscosities: Sequence[Viscosity] = (),
+        threads: int = 1,
     ) -> None:
         self.table = table
         self.batches = tuple(batches)
@@ -81,7 +84,9 @@ class NormalEquations:
         self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
         self.pattern = self.layout.matrix
         self.free = self.layout.free
-        self._store = aligned_zeros(self.layout.size)  # behind the matrix, all zero between two assemblies
+        self._threads = threads
+        self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
+        self._store = aligned_zeros(self._shares.size)  # behind the matrix, all zero between two assemblies
 
     @property
     def n_unknowns(self) -> int:
@@ -105,8 +110,7 @@ class NormalEquations:
         squares: dict[str, float] = {}
         self._store[: self.pattern.nnz] = 0.0
         self._store[self.layout.first_eliminated :] = 0.0
-        for batch, layout in zip(self.batches, self.layout.batches, strict=True):
-            total = self._assemble_batch(batch, layout)
+        for batch, total in zip(self.batches, self._added_up(), strict=True):
             if not np.isfinite(total):
                 self._store[:] = 0.0
                 raise DivergenceError(self._explain(batch))
@@ -125,7 +129,7 @@ class NormalEquations:
         """Gives batches that have a loss the weights of their residuals at the current values."""
         for batch in self.batches:
             if batch.loss is not None:
-                batch.reweight(residuals(self.table, batch))
+                batch.reweight(residuals(self.table, batch, self._threads))
 
     def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
         """(n_scalars,) step of all unknowns from that of the matrix's (n_free,): zero where frozen.
@@ -151,7 +155,8 @@ class NormalEquations:
         for batch in self.batches:
             weights = batch.weights[:, : batch.n]
             with np.errstate(over="ignore", invalid="ignore"):
-                scaled = np.where(weights != 0.0, residuals(self.table, batch).T * weights, 0.0)
+                misfits = residuals(self.table, batch, self._threads)
+                scaled = np.where(weights != 0.0, misfits.T * weights, 0.0)
                 total = float(np.sum(np.square(scaled)))
             if not np.isfinite(total):
                 raise DivergenceError(self._explain(batch))
@@ -160,14 +165,35 @@ class NormalEquations:
             squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
         return squares
 
-    def _assemble_batch(self, batch: Batch, layout: BatchLayout) -> float:
+    def _added_up(self) -> list[float]:
+        """Adds all batches to the store; returns their sums of weighted squared residuals."""
+        kernels = [batch.shape.kernel() for batch in self.batches]
+        bounds = self._shares.bounds
+
+        def add_share(share: int) -> list[float]:
+            spans = zip(bounds[share], bounds[share + 1], strict=True)
+            parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
+            return [self._assemble_batch(*part) for part in parts]
+
+        try:
+            totals = in_threads(add_share, len(self._shares))
+        except BaseException:  # interrupted: what is behind the matrix must be zero at the next assembly
+            self._store[:] = 0.0
+            raise
+        if len(self._shares.moves):
+            from obseq.leastsquares.threads_loops import add_copies
+
+            add_copies(self._store, self._shares.moves)
+        return [sum(of_batch) for of_batch in zip(*totals, strict=True)]
+
+    def _assemble_batch(self, batch: Batch, layout: BatchLayout, kernel: int, span: tuple[int, int]) -> float:
         from obseq.leastsquares.drivers import assemble
 
         return float(
             assemble(
-                batch.shape.kernel(),
+                kernel,
                 batch.shape.new_tile(),
-                batch.dimensions,
+                batch.dimensions_of(*span),
                 batch.roles,
                 batch.starts,
                 batch.contexts,
@@ -278,15 +304,15 @@ def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[
     return used
 
 
-def raw_residuals(table: UnknownTable, batch: Batch) -> FloatArray:
+def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
     """(n, n_residuals) computed minus observed, at the current values, in their units."""
-    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals)
+    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads)
     return np.ascontiguousarray(rows.T)
 
 
-def residuals(table: UnknownTable, batch: Batch) -> FloatArray:
+def residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
     """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
-    raw = raw_residuals(table, batch)
+    raw = raw_residuals(table, batch, threads)
     return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
 
 
@@ -303,22 +329,27 @@ def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
     return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
 
 
-def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int) -> FloatArray:
+def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, threads: int = 1) -> FloatArray:
     from obseq.leastsquares.drivers import evaluate
 
     results = np.empty((rows, padded_length(batch.n)))
-    evaluate(
-        kernel,
-        batch.shape.new_tile(),
-        batch.dimensions,
-        batch.roles,
-        batch.starts,
-        batch.contexts,
-        table.padded_values,
-        table.padded_context,
-        batch.observation_tiles,
-        batch.observation_rows,
-        rows,
-        results,
-    )
+    bounds = share_bounds([batch.n], threads)[:, 0]
+
+    def evaluate_share(share: int) -> None:
+        evaluate(
+            kernel,
+            batch.shape.new_tile(),
+            batch.dimensions_of(bounds[share], bounds[share + 1]),
+            batch.roles,
+            batch.starts,
+            batch.contexts,
+            table.padded_values,
+            table.padded_context,
+            batch.observation_tiles,
+            batch.observation_rows,
+            rows,
+            results,
+        )
+
+    in_threads(evaluate_share, len(bounds) - 1)
     return results[:, : batch.n]

@@ -36,8 +36,17 @@ def _store(builder: Any, vector: Any, base: Any, index: Any) -> None:
     builder.store(vector, _address(builder, base, index), align=8)
 
 
+def _store_three(builder: Any, vector: Any, base: Any, index: Any) -> None:
+    """Leaves the fourth double alone: another thread may be adding to it."""
+    pair = ir.PointerType(ir.VectorType(ir.DoubleType(), 2))
+    first_two = _shuffle(builder, vector, vector, [0, 1])
+    builder.store(first_two, builder.bitcast(builder.gep(base, [index]), pair), align=8)
+    third = builder.gep(base, [builder.add(index, _INT64(2))])
+    builder.store(builder.extract_element(vector, _INT32(2)), third)
+
+
 def _shuffle(builder: Any, first: Any, second: Any, mask: list[int]) -> Any:
-    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT32, 4), mask))
+    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT32, len(mask)), mask))
 
 
 def _splat(builder: Any, scalar: Any) -> Any:
@@ -85,7 +94,7 @@ def _outer(columns: int, stepped: bool = False) -> Any:
     """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles, for k < columns, r < n.
 
     Column k is at `at + 4 k`; or, `stepped`, where the lower triangle by columns has it: each column is
-    one shorter than the one before, the first has `height` entries, and only three doubles are added to.
+    one shorter than the one before, the first has `height` entries, and only three doubles are written.
     """
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -107,7 +116,8 @@ def _outer(columns: int, stepped: bool = False) -> Any:
                 scalar = builder.load(builder.gep(record, [place]))
                 builder.store(_multiply_add(builder, builder.load(total), vector, scalar), total)
         for place, total in zip(places, totals, strict=True):
-            _store(builder, builder.load(total), store, place)
+            put = _store_three if stepped else _store
+            put(builder, builder.load(total), store, place)
         return context.get_dummy_value()
 
     @intrinsic

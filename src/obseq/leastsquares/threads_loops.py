@@ -1,0 +1,97 @@
+"""The compiled loops of shared assembly: which blocks need a copy, and adding the copies up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    PositionArray = NDArray[np.uint32]
+
+STORED_HEIGHT = 5
+"""Height of a pair of threes in a block of its own, as in `layout`."""
+
+STORED_THREES = 12
+"""Doubles of such a block."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def divert(
+    pairs: IntArray,
+    positions: PositionArray,
+    heights: PositionArray,
+    first: int,
+    last: int,
+    share: int,
+    spare: IntArray,
+    owner: NDArray[np.uint8],
+    copy: PositionArray,
+    end: int,
+) -> tuple[IntArray, int]:
+    """Sends one share of a batch to copies of the blocks that earlier shares own.
+
+    Args:
+        pairs: as in `BatchLayout`.
+        positions: as in `BatchLayout`; changed.
+        heights: as in `BatchLayout`; changed.
+        first: first observation of the share.
+        last: the one behind its last.
+        share: number of the share, from 0.
+        spare: (2,) place and length of the block that takes what concerns frozen blocks.
+        owner: (size,) one plus the share that owns the block at each place, 0 for none yet; changed.
+        copy: (size,) place of this share's copy of the block at each place, 0 for none yet; changed.
+        end: where the next copy may begin.
+
+    Returns:
+        The moves (n, 4), as in `Shares`, and the new end.
+    """
+    moves, n = np.zeros((64, 4), np.int64), 0
+    for pair in range(len(pairs)):
+        threes = pairs[pair, 4]
+        unit = 1 if threes >= 0 else 4
+        length = STORED_THREES if threes >= 0 else 4 * pairs[pair, 2] * pairs[pair, 3]
+        for k in range(first, last):
+            place = unit * np.int64(positions[pair, k])
+            if owner[place] == 0:
+                owner[place] = share + 1
+            if owner[place] == share + 1:
+                continue
+            code = np.int64(heights[threes, k]) if threes >= 0 else 0
+            is_direct = threes >= 0 and place < spare[0]
+            if copy[place] == 0:
+                if n == len(moves):
+                    grown = np.zeros((2 * n, 4), np.int64)
+                    grown[:n] = moves
+                    moves = grown
+                moves[n, 0], moves[n, 1] = place, end
+                moves[n, 2] = 0 if place == spare[0] else length
+                moves[n, 3] = code >> 1 if is_direct else 0
+                n += 1
+                copy[place] = end
+                end += spare[1] if place == spare[0] else length
+            positions[pair, k] = copy[place] // unit
+            if is_direct:
+                heights[threes, k] = 2 * STORED_HEIGHT + (code & 1)
+    return moves[:n].copy(), end
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def add_copies(store: FloatArray, moves: IntArray) -> None:
+    """Adds each copy to its block, and clears it; `moves` as in `Shares`."""
+    for k in range(len(moves)):
+        place, source, length, height = moves[k, 0], moves[k, 1], moves[k, 2], moves[k, 3]
+        if height > 0:
+            for j in range(3):
+                target, column = place + j * height - j * (j + 1) // 2, source + j * (9 - j) // 2
+                for i in range(3):
+                    store[target + i] += store[column + i]
+        else:
+            for i in range(length):
+                store[place + i] += store[source + i]
+        store[source : source + length] = 0.0

@@ -1,0 +1,137 @@
+"""Shares of the observations by threads: the same equations as one thread, and the same at each run."""
+
+import numpy as np
+import pytest
+from networks import mixed_system
+
+from obseq.errors import InputError
+from obseq.leastsquares import DivergenceError, threads
+from obseq.leastsquares.normal import NormalEquations, residuals
+
+
+@pytest.fixture
+def tiny_shares(monkeypatch):
+    """Shares even where there are few observations."""
+    monkeypatch.setattr(threads, "LEAST_SHARE", 1)
+
+
+def equations_of(system, n_threads, eliminated=None):
+    return NormalEquations(system.unknowns, system._batches, system._priors, eliminated, threads=n_threads)
+
+
+def freeze_some(system, points, rotations):
+    system.freeze(points[:3])
+    system.freeze(points[3:5], ("x", 2))
+    system.freeze(rotations[2:6], ("x", "y"))
+
+
+def assert_same(found, expected):
+    scale = np.abs(expected.values).max()
+    assert np.abs(found.values - expected.values).max() < 1e-14 * scale
+    assert np.abs(found.gradient - expected.gradient).max() < 1e-13 * np.abs(expected.gradient).max()
+    assert found.cost == pytest.approx(expected.cost, rel=1e-14)
+
+
+@pytest.mark.parametrize("n_threads", [2, 3, 7])
+@pytest.mark.parametrize("is_frozen", [False, True])
+def test_threads_assemble_the_equations_of_one(tiny_shares, n_threads, is_frozen):
+    system, points, rotations, *_ = mixed_system(5, n=12)
+    if is_frozen:
+        freeze_some(system, points, rotations)
+    expected = equations_of(system, 1).assemble()
+    shared = equations_of(system, n_threads)
+    assert len(shared._shares) == n_threads
+    assert len(shared._shares.moves) > 0
+    assert_same(shared.assemble(), expected)
+    assert_same(shared.assemble(), expected)  # what was added up is cleared
+
+
+def test_threads_do_not_race(tiny_shares):
+    system, *_ = mixed_system(6, n=40)
+    shared = equations_of(system, 4)
+    first = shared.assemble()
+    values, gradient = first.values.copy(), first.gradient.copy()
+    for _ in range(50):
+        again = shared.assemble()
+        assert np.array_equal(values, again.values)
+        assert np.array_equal(gradient, again.gradient)
+
+
+def test_each_pair_of_points_in_another_share(tiny_shares):
+    """Neighbouring 3 x 3 blocks of the matrix belong to different threads: none writes over another's."""
+    from obseq.leastsquares import LeastSquares
+
+    n = 200
+    system = LeastSquares()
+    rng = np.random.default_rng(0)
+    points = system.add_points([f"P{k}" for k in range(n)], rng.uniform(0.0, 9.0, (n, 3)))
+    first, second = np.triu_indices(n, 1)
+    order = rng.permutation(len(first))
+    ends = {"p1": points[first[order]], "p2": points[second[order]]}
+    system.add("Dist3D", ends, rng.uniform(1.0, 9.0, len(first)), 0.1)
+    expected = equations_of(system, 1).assemble()
+    shared = equations_of(system, 8)
+    for _ in range(20):
+        assert_same(shared.assemble(), expected)
+
+
+def test_threads_with_eliminated_blocks(tiny_shares):
+    system, *_ = mixed_system(7, n=12)
+    lengths = system.ids(["d0", "d1"], "Scalar")
+    eliminated = np.zeros(len(system.unknowns), dtype=bool)
+    eliminated[lengths] = True
+    one, shared = equations_of(system, 1, eliminated), equations_of(system, 3, eliminated)
+    expected, found = one.assemble(0.01), shared.assemble(0.01)
+    assert_same(found, expected)
+    assert found.eliminated == pytest.approx(expected.eliminated, rel=1e-13)
+    solved = np.linspace(-1.0, 1.0, one.pattern.n)
+    assert np.allclose(shared.step(solved, found), one.step(solved, expected), rtol=1e-12, atol=0.0)
+
+
+def test_residuals_by_threads_are_identical(tiny_shares):
+    system, *_, batches = mixed_system(8)
+    for batch in batches:
+        alone, shared = residuals(system.unknowns, batch), residuals(system.unknowns, batch, 3)
+        assert np.array_equal(alone, shared)
+
+
+def test_an_undefined_equation_of_a_later_share_is_named(tiny_shares):
+    system, *_, batches = mixed_system(9)
+    expected = equations_of(system, 1).assemble()
+    end, start = batches[0].blocks[1, -1:], batches[0].blocks[0, -1:]
+    right = system.values(end)
+    shared = equations_of(system, 3)
+    system.set_values(end, system.values(start))
+    with pytest.raises(DivergenceError, match="Dist3D"):
+        shared.assemble()
+    system.set_values(end, right)
+    assert_same(shared.assemble(), expected)
+
+
+def test_an_interrupted_assembly_leaves_nothing_behind(tiny_shares, monkeypatch):
+    system, *_ = mixed_system(10)
+    shared = equations_of(system, 3)
+    expected = equations_of(system, 1).assemble()
+    assemble_batch = shared._assemble_batch
+
+    def interrupted(batch, *rest):
+        if batch is shared.batches[2]:
+            raise KeyboardInterrupt
+        return assemble_batch(batch, *rest)
+
+    monkeypatch.setattr(shared, "_assemble_batch", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        shared.assemble()
+    monkeypatch.undo()
+    assert_same(shared.assemble(), expected)
+
+
+def test_small_systems_have_one_share():
+    assert len(threads.share_bounds([100, 2000], 8)) == 2
+    assert len(threads.share_bounds([40_000, 2000], 8)) == 6
+    assert np.array_equal(threads.share_bounds([40_000, 33], 2), [[0, 0], [20_000, 32], [40_000, 33]])
+
+
+def test_a_number_of_threads_that_is_none():
+    with pytest.raises(InputError, match="0 threads"):
+        threads.checked_threads(0)
