@@ -222,6 +222,28 @@ def test_remaining_system_may_be_singular_but_not_the_eliminated_one(build):
     assert caught.value.indices[0] in (4, 5)
 
 
+def test_interior_held_by_a_weak_prior_is_eliminated(build):
+    points, pairs = build.network(30, seed=1, radius=0.6)
+    free = build.normal_matrix(build.trilateration(points, pairs))
+    matrix = np.zeros((61, 61))
+    matrix[:60, :60] = free + 1e-10 * np.eye(60)
+    matrix[60, 60] = 1.0
+    matrix[60, 0] = matrix[0, 60] = -1e-5
+    matrix[0, 0] += 1e-10
+    pattern, values = SymmetricPattern.of(matrix)
+    solver = SupernodalCholesky(last=[60])
+    solver.analyse(pattern)
+    solver.eliminate(values)
+    inner = np.linalg.solve(matrix[:60, :60], matrix[:60, 60])
+    np.testing.assert_allclose(solver.schur_complement(), [[1.0 - matrix[60, :60] @ inner]], atol=1e-4)
+    values[pattern.diagonal[:60]] -= 1e-10
+    values[0] -= 1e-10
+    with pytest.raises(SingularMatrixError):
+        solver.eliminate(values)
+    with pytest.raises(SolverStateError, match="eliminate"):
+        solver.schur_complement()
+
+
 def test_elimination_alone_solves_nothing(build):
     pattern, values = SymmetricPattern.of(build.chain(5))
     solver = SupernodalCholesky(last=[2])

@@ -144,11 +144,14 @@ class SupernodalCholesky(BaseSolver):
         if not len(self._last):
             raise SolverStateError("eliminate: name the unknowns to be kept, SupernodalCholesky(last=...)")
         self._invalidate()
+        self._schur = np.empty((0, 0))
         count = self._pattern.n - len(self._last)
         for tolerance in (SUSPICIOUS, 0.0):
             self._factor_until(values, tolerance)
             suspects = self._defect_before(count, tolerance)
-            defect = undetermined(suspects, self._pattern, values, self._solve_inner)
+            defect = suspects
+            if tolerance > 0.0:
+                defect = undetermined(suspects, self._pattern, values, self._solve_inner)
             if defect.dimension:
                 raise SingularMatrixError(defect.indices, defect.pivots)
             if not suspects.dimension:
@@ -157,8 +160,7 @@ class SupernodalCholesky(BaseSolver):
 
     def schur_complement(self) -> FloatArray:
         """(k, k) matrix of the system that remains for the unknowns `last`, in their order."""
-        if not self._schur.size:
-            raise SolverStateError("schur_complement: call eliminate(values) first")
+        self._require_elimination()
         lower = np.tril(self._schur)
         place = self._last_places
         return (lower + np.tril(lower, -1).T)[np.ix_(place, place)]
