@@ -80,7 +80,7 @@ def survey(n_points: int, threads: int) -> LeastSquares:
     points = _scattered(n_points, rng)
     stations, station, target = _sights(points, rng)
     turn = rng.uniform(-np.pi, np.pi, len(stations))
-    system = LeastSquares()
+    system = LeastSquares(threads=threads)
     names = [f"P{k}" for k in range(n_points)]
     ids = system.add_points(names, points + rng.normal(0.0, START_ERROR, points.shape))
     turns = system.add_rotations([names[k] for k in stations], _about_z(turn))
@@ -168,7 +168,7 @@ def _levelled(n: int, back: np.ndarray, fore: np.ndarray, threads: int) -> Least
 
     rng = np.random.default_rng(0)
     sigmas = np.sqrt(rng.uniform(0.5, 2.0, len(back))) * 1e-3
-    system = LeastSquares()
+    system = LeastSquares(threads=threads)
     heights = system.add_scalars([f"M{k}" for k in range(n)], np.zeros(n))
     one = np.ones((len(back), 1))
     measured = rng.normal(0.0, sigmas)

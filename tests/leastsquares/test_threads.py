@@ -5,7 +5,7 @@ import pytest
 from networks import mixed_system
 
 from obseq.errors import InputError
-from obseq.leastsquares import DivergenceError, threads
+from obseq.leastsquares import DivergenceError, LeastSquares, threads
 from obseq.leastsquares.normal import NormalEquations, residuals
 
 
@@ -59,8 +59,6 @@ def test_threads_do_not_race(tiny_shares):
 
 def test_each_pair_of_points_in_another_share(tiny_shares):
     """Neighbouring 3 x 3 blocks of the matrix belong to different threads: none writes over another's."""
-    from obseq.leastsquares import LeastSquares
-
     n = 200
     system = LeastSquares()
     rng = np.random.default_rng(0)
@@ -132,6 +130,28 @@ def test_small_systems_have_one_share():
     assert np.array_equal(threads.share_bounds([40_000, 33], 2), [[0, 0], [20_000, 32], [40_000, 33]])
 
 
+@pytest.mark.parametrize("is_constrained", [False, True])
+def test_solution_and_covariances_of_two_threads(tiny_shares, is_constrained):
+    results = []
+    for n_threads in (1, 2):
+        system = LeastSquares("supernodal", threads=n_threads)
+        rng = np.random.default_rng(11)
+        places = rng.uniform(0.0, 100.0, (30, 3))
+        points = system.add_points([f"P{k}" for k in range(30)], places + rng.normal(0.0, 0.01, (30, 3)))
+        first, second = np.triu_indices(30, 1)
+        lengths = np.linalg.norm(places[second] - places[first], axis=1)
+        system.add("Dist3D", {"p1": points[first], "p2": points[second]}, lengths, 0.001)
+        system.add_prior(points[:3], places[:3], 0.001)
+        if is_constrained:
+            system.share(points[[4, 5]], ("z",))
+        found = system.solve(covariance="all")
+        results.append((found.values(points), found.covariance(points), found.n_unknowns))
+    one, two = results
+    assert one[2] == two[2] == 90 - is_constrained
+    assert np.allclose(one[0], two[0], rtol=0.0, atol=1e-10)
+    assert np.allclose(one[1], two[1], rtol=1e-8, atol=1e-14)
+
+
 def test_a_number_of_threads_that_is_none():
     with pytest.raises(InputError, match="0 threads"):
-        threads.checked_threads(0)
+        LeastSquares(threads=0)

@@ -26,8 +26,9 @@ class SubstitutedSolver:
 
     name = "substituted"
 
-    def __init__(self, name: str = "auto") -> None:
+    def __init__(self, name: str = "auto", threads: int = 1) -> None:
         self._name = name
+        self._threads = threads
         self._substitution: Substitution | None = None
         self._kept: IntArray = np.zeros(0, dtype=np.int64)
 
@@ -41,7 +42,7 @@ class SubstitutedSolver:
             return
         self._substitution, self._kept, self._matrix = substitution, substitution.kept, substitution.matrix
         self._map_entries(substitution)
-        self._inner: Solver = choose_solver(self._inner_pattern, self._name)
+        self._inner: Solver = choose_solver(self._inner_pattern, self._name, threads=self._threads)
         self._inner.analyse(self._inner_pattern)
 
     def _map_entries(self, substitution: Substitution) -> None:

@@ -20,6 +20,7 @@ from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
 from obseq.leastsquares.strategies import strategy_of
 from obseq.leastsquares.substituted import SubstitutedSolver
+from obseq.leastsquares.threads import checked_threads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -42,6 +43,12 @@ class LeastSquares(Definition):
     arrays). Equations are added in batches of one formula. `solve` changes the unknowns in place and
     returns a result that keeps its own copy.
 
+    Args:
+        solver: name of the solver (see `solvers.choose_solver`).
+        threads: how many share assembly, factorisation and standard deviations. The solution differs by
+            rounding from one number to another, not from run to run. Up to 16,000 observations, and for
+            small matrices, there is one whatever is asked for.
+
     Example:
         >>> system = LeastSquares()
         >>> a, b = system.add_scalars(["a", "b"], [0.0, 0.0])
@@ -50,9 +57,10 @@ class LeastSquares(Definition):
         [2.0, 5.0]
     """
 
-    def __init__(self, solver: str = "auto") -> None:
+    def __init__(self, solver: str = "auto", threads: int = 1) -> None:
         super().__init__()
         self._solver_name = solver
+        self._threads = checked_threads(threads)
         self._bound: dict[bool, NormalEquations] = {}
         self._solvers: dict[bool, Solver] = {}
 
@@ -120,12 +128,13 @@ class LeastSquares(Definition):
                 eliminated,
                 self._constraints,
                 self._viscosities,
+                self._threads,
             )
         return self._bound[reduced]
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
-        return raw_residuals(self.unknowns, batch)
+        return raw_residuals(self.unknowns, batch, self._threads)
 
     def solve(
         self,
@@ -195,8 +204,8 @@ class LeastSquares(Definition):
         if self._constraints:
             if self._datum.size:
                 raise InputError("a datum and hard constraints do not go together: freeze unknowns instead")
-            return SubstitutedSolver(self._solver_name)
-        solver = choose_solver(equations.pattern, self._solver_name)
+            return SubstitutedSolver(self._solver_name, self._threads)
+        solver = choose_solver(equations.pattern, self._solver_name, threads=self._threads)
         return self._on_datum(equations, solver) if self._datum.size else solver
 
     def _on_datum(self, equations: NormalEquations, solver: Solver) -> DatumSolver:
@@ -240,7 +249,7 @@ class LeastSquares(Definition):
             squares,
             self.unknowns,
             self.unknowns.state(),
-            {batch: raw_residuals(self.unknowns, batch) for batch in equations.batches},
+            {batch: self.residuals(batch) for batch in equations.batches},
             cofactors,
             self._substitution().redundant if self._constraints else (),
         )
