@@ -200,6 +200,35 @@ class Definition:
         blocks = {role.name: column for role, column in zip(shape.roles, ids, strict=True)}
         return Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None)
 
+    def add_normal_equations(
+        self, ids: ArrayLike, matrix: ArrayLike, vector: ArrayLike, group: str = "normal equations"
+    ) -> Batch:
+        """Adds what another adjustment found of some unknowns: x' A x - 2 b' x, as independent linear rows.
+
+        With A = Q^-1 and b = A x0, for cofactors Q and values x0, they are observations of x0 with their full
+        covariance. Directions that A does not determine (eigenvalues of zero) give no row.
+
+        Args:
+            ids: (k,) different blocks of points, vectors or scalars, of any sizes.
+            matrix: (m, m) A, symmetric and positive semi-definite, m unknowns in the order of the blocks.
+            vector: (m,) b.
+            group: name under which sums of squares are kept.
+        """
+        blocks = self.unknowns.checked(ids, "normal equations")
+        size = self.unknowns.size[blocks]
+        m = int(size.sum())
+        given = finite(matrix, (m, m), "normal equations, matrix")
+        values, vectors = np.linalg.eigh(given)
+        if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max() or values[0] < -1e-9 * values[-1]:
+            raise InputError("normal equations: the matrix must be symmetric and positive semi-definite")
+        kept = values > 1e-12 * values[-1]
+        roots = np.sqrt(values[kept])
+        rows = vectors[:, kept].T * roots[:, None]
+        right = vectors[:, kept].T @ finite(vector, (m,), "normal equations, vector") / roots
+        parts = np.split(rows, np.cumsum(size)[:-1], axis=1)
+        columns = [np.repeat(block, len(rows)) for block in blocks]
+        return self.add_linear(columns, parts, right, 1.0, group=group)
+
     def add_prior(self, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str = "prior") -> Prior:
         """Adds soft constraints x = value +- sigma for blocks that are alike.
 
