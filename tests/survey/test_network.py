@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError, SingularSystemError
-from obseq.survey import Network, Orientation
+from obseq.survey import Network, Orientation, PointFileOptions
 
 LAMBERT = "IGNF:LAMB93"
 DEMO_FRAME = f"RTL*657700*6860700*0*{LAMBERT}"
@@ -250,3 +250,22 @@ def test_disconnected_points_are_listed_with_the_reason(tmp_path):
     observations = "3 A B 10 0.01\n3 P Q 5 0.01\n"
     with pytest.raises(InputError, match=r"point P: not connected[\s\S]*point Q: not connected"):
         read(tmp_path, observations, points).adjust()
+
+
+def test_points_in_another_format_give_the_same_network(tmp_path, demo):
+    # MMVII's own import: ImportGCP ANXYZ, AddInfoFree=0, Sigma=0.001.
+    lines = ["1 PtA 657700 6860700 10", "0 PtB 657710 6860700 10"]
+    lines += ["0 PtC 657710 6860710 10", "1 PtD 657700 6860690 10"]
+    (tmp_path / "points.txt").write_text("\n".join(lines))
+    network = Network.read(
+        str(files("obseq.survey") / "data" / "demo.obs"),
+        tmp_path / "points.txt",
+        frame=DEMO_FRAME,
+        points_crs=LAMBERT,
+        point_sigma=0.001,
+        point_format="ANXYZ",
+        point_options=PointFileOptions(free_pattern="0"),
+    )
+    adjusted = network.adjust()
+    np.testing.assert_allclose(adjusted.points.coordinates, demo.points.coordinates, atol=1e-9)
+    assert adjusted.sigma0 == pytest.approx(demo.sigma0)

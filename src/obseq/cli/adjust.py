@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 from obseq.cli.files import check_writable, write_all
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
 from obseq.cli.progress import Progress
+from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.report.record import AdjustmentRecord, PhaseRecord
@@ -79,6 +80,20 @@ def register(commands: Commands) -> None:
     )
     files.add_argument("--cor", nargs="+", type=Path, required=True, metavar="FILE", help="point files (COR)")
     files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
+    files.add_argument(
+        "--point-format",
+        metavar="FIELDS",
+        help="the point files are not COR files: the fields of their lines as in MMVII's ImportGCP, for "
+        "instance ANXYZ (additional information, name, x, y, z)",
+    )
+    files.add_argument(
+        "--free",
+        metavar="PATTERN",
+        help="with --point-format: points whose field A matches this expression as a whole are free",
+    )
+    files.add_argument(
+        "--comment", metavar="C", help="with --point-format: what begins a comment (without it: #)"
+    )
     systems = command.add_argument_group("coordinate systems")
     systems.add_argument(
         "--frame",
@@ -136,11 +151,24 @@ def run(arguments: argparse.Namespace) -> int:
         "frame": arguments.frame,
         "points_crs": arguments.points_crs,
         "point_sigma": arguments.point_sigma,
+        **_point_format(arguments),
     }
     solving = {"max_iterations": arguments.iterations}
     return adjust(
         Request(arguments.obs, arguments.cor, _given(reading), _given(solving), results_of(arguments))
     )
+
+
+def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
+    """How points are read when they are not in COR files."""
+    options = _given({"free_pattern": arguments.free, "comment": arguments.comment})
+    if arguments.point_format is None:
+        if options:
+            raise InputError("--free and --comment go with --point-format, which says what the lines hold")
+        return {}
+    from obseq.survey import PointFileOptions
+
+    return {"point_format": arguments.point_format, "point_options": PointFileOptions(**options)}
 
 
 def adjust(request: Request) -> int:

@@ -125,6 +125,7 @@ class Adjustment:
                 {"sigma0": step.sigma0, "max_step": step.max_step} for step in solution.iterations
             ],
             "sigma0": solution.sigma0,
+            "variance_factor": solution.variance_factor,
             "converged": solution.converged,
             "stop_reason": solution.stop_reason.value,
             "precision": self.precision,

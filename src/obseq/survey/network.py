@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +17,11 @@ from obseq.survey.checks import check_counts, check_datum, check_sights
 from obseq.survey.cor_file import read_cor
 from obseq.survey.frame import Frame, frame_of
 from obseq.survey.initial import InitialValues, initial_values
-from obseq.survey.model import join
+from obseq.survey.model import join, merge_points
 from obseq.survey.obs_file import read_obs
+from obseq.survey.point_file import PointFileOptions, read_points
 
 if TYPE_CHECKING:
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -37,6 +38,13 @@ MAX_ITERATIONS = 25
 def _described(step: Iteration) -> str:
     sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
     return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
+
+
+def _read_free_format(
+    files: str | Path | Sequence[str | Path], point_format: str, options: PointFileOptions
+) -> Points:
+    paths = [files] if isinstance(files, str | Path) else files
+    return merge_points([read_points(path, point_format, options) for path in paths])
 
 
 class Stopwatch:
@@ -90,17 +98,21 @@ class Network:
         points_crs: str | None = None,
         point_sigma: float | None = None,
         encoding: str = "utf-8",
+        point_format: str | None = None,
+        point_options: PointFileOptions | None = None,
     ) -> Network:
-        """Reads OBS and COR files.
+        """Reads OBS files and point files.
 
         Args:
             observation_files: OBS files; each starts afresh, their observations are put together.
-            point_files: COR files.
+            point_files: COR files, or files of another format (`point_format`).
             frame: Definition of the computation frame; without it a Local system. A bare `RTL` takes its
                 origin from the mean of the points.
             points_crs: Definition of the system of the points; without it the frame.
             point_sigma: Sigma (m) of known points whose line gives none.
             encoding: Encoding of names in the files.
+            point_format: Fields of a line of the point files, as MMVII's ImportGCP names them (`ANXYZ`).
+            point_options: Everything else about such files; `point_sigma` and `encoding` go before it.
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
@@ -108,7 +120,13 @@ class Network:
         watch = Stopwatch()
         with watch.phase("read"):
             book = read_obs(observation_files, encoding)
-            points = read_cor(point_files, point_sigma, encoding)
+            if point_format is None:
+                points = read_cor(point_files, point_sigma, encoding)
+            else:
+                options = replace(point_options or PointFileOptions(), encoding=encoding)
+                if point_sigma is not None:
+                    options = replace(options, sigma=point_sigma)
+                points = _read_free_format(point_files, point_format, options)
         with watch.phase("coordinate systems"):
             computation, given = frame_of(frame, points_crs, points.coordinates, points.names)
             placed = points.has_coordinates
