@@ -86,6 +86,21 @@ def test_l1_iterations_ignore_a_blunder():
     assert np.abs(system.solve().values(ids) - true).max() > 0.5
 
 
+def test_dogleg_starts_at_the_solution_of_a_linear_system():
+    system = LeastSquares()
+    ids = system.add_scalars(["x"], [4.0])
+    system.add_prior(ids, [[4.0]], 1.0)
+    result = system.solve(strategy="dogleg")
+    assert result.converged
+    assert result.values(ids)[0, 0] == 4.0
+
+
+def test_least_absolute_residuals_have_no_least_squares_covariance():
+    system, _ = network()
+    with pytest.raises(InputError, match="covariances of an L1 solution"):
+        system.solve(strategy="l1", covariance="all")
+
+
 def test_names_and_parameters_are_checked():
     system, _ = network()
     with pytest.raises(InputError, match="unknown strategy 'newton'; known: gauss-newton"):

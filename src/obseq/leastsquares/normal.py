@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,7 @@ class Linearisation:
         eliminated: sum of g_t' N_tt^-1 g_t over the eliminated blocks, whose share of matrix and gradient is
             already subtracted.
         damping: what was added to the diagonal of N, as a share of it.
+        diagonal: (n_free,) diagonal of N before damping and elimination.
     """
 
     values: FloatArray
@@ -50,6 +51,7 @@ class Linearisation:
     squares: dict[str, float]
     eliminated: float = 0.0
     damping: float = 0.0
+    diagonal: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def cost(self) -> float:
@@ -93,13 +95,16 @@ class NormalEquations:
         """Number of free unknowns, eliminated ones included."""
         return self.pattern.n + int(np.count_nonzero(self.layout.groups.local >= 0))
 
-    def assemble(self, damping: float = 0.0, viscous: bool = True) -> Linearisation:
+    def assemble(
+        self, damping: float = 0.0, viscous: bool = True, floor: FloatArray | None = None
+    ) -> Linearisation:
         """Normal matrix, gradient and sums of squares at the current values.
 
         The values are the same array at each call: they last until the next one.
 
         Args:
             damping: share of each diagonal entry of N that is added to it (Levenberg-Marquardt).
+            floor: (n_free,) least diagonal that the damping is a share of; that of N itself when None.
             viscous: with the pull to the current values; without, N is that of the observations and priors.
 
         Raises:
@@ -119,11 +124,15 @@ class NormalEquations:
         self._add_priors(values, gradient, squares)
         if viscous:
             self._add_viscosities(values)
-        values[self.pattern.diagonal] *= 1.0 + damping
+        diagonal = values[self.pattern.diagonal]
+        if damping:
+            values[self.pattern.diagonal] += damping * (
+                diagonal if floor is None else np.maximum(diagonal, floor)
+            )
         eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
-        return Linearisation(values, gradient, squares, eliminated, damping)
+        return Linearisation(values, gradient, squares, eliminated, damping, diagonal)
 
     def reweight(self) -> None:
         """Gives batches that have a loss the weights of their residuals at the current values."""

@@ -18,7 +18,7 @@ from obseq.leastsquares.objects import matching, synchronise
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
 from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
-from obseq.leastsquares.strategies import strategy_of
+from obseq.leastsquares.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.substituted import SubstitutedSolver
 from obseq.leastsquares.threads import checked_threads
 
@@ -168,6 +168,10 @@ class LeastSquares(Definition):
         equations = self.equations(reduced=True)
         options = Options(max_iterations, tolerance, sigma0_groups)
 
+        chosen, wanted = strategy_of(strategy), covariance is not None and covariance is not False
+        if wanted and chosen == GaussNewton("l1"):
+            raise InputError("covariances of an L1 solution are not those of least squares: ask for none")
+
         def before(number: int) -> None:
             synchronise(self, self._objects)
             if before_iteration is not None:
@@ -176,10 +180,10 @@ class LeastSquares(Definition):
         redundancy, done = self.redundancy, Progress(reason=StopReason.NO_UNKNOWNS)
         if not self.unknowns.frozen.all():
             solver = self._analysed(reduced=True)
-            run = runner(strategy_of(strategy), equations, solver, self._constraints)
+            run = runner(chosen, equations, solver, self._constraints)
             done = run(options, redundancy, before, progress or _silent)
         before(len(done.iterations))
-        wanted = covariance is not None and covariance is not False and not self.unknowns.frozen.all()
+        wanted = wanted and not self.unknowns.frozen.all()
         cofactors = self._cofactors() if wanted else None
         return self._result(equations, options, redundancy, done, cofactors)
 

@@ -121,7 +121,11 @@ def _accepted_trial(equations: NormalEquations, region: Region) -> tuple[Trial, 
 
 
 class DampedRegion:
-    """Levenberg-Marquardt: the damping falls with good gains, and grows faster and faster with bad ones."""
+    """Levenberg-Marquardt: the damping falls with good gains, and grows faster and faster with bad ones.
+
+    It is a share of the largest diagonal met so far (Moré, 1978), so that an unknown that loses its influence
+    does not run away.
+    """
 
     def __init__(
         self,
@@ -134,6 +138,7 @@ class DampedRegion:
         self._solver = solver
         self._constraints = constraints
         self._growth = 2.0
+        self._floor = np.zeros(equations.pattern.n)
         self.damping = strategy.damping
 
     @property
@@ -144,7 +149,8 @@ class DampedRegion:
     def trial(self) -> Trial:
         """The damped step; a singular matrix is damped more, until it is regular."""
         for _ in range(MOST_TRIALS):
-            linearisation = self._equations.assemble(self.damping)
+            linearisation = self._equations.assemble(self.damping, floor=self._floor)
+            self._floor = np.maximum(self._floor, linearisation.diagonal)
             try:
                 step, length = solved(self._equations, self._solver, self._constraints, linearisation)
             except SingularSystemError:
@@ -195,7 +201,7 @@ class DoglegRegion:
         newton = self._solver.solve(-gradient) * scale
         downhill = -gradient / scale
         curvature = float((downhill / scale) @ (matrix @ (downhill / scale)))
-        steepest = downhill * (float(downhill @ downhill) / curvature)
+        steepest = downhill * (float(downhill @ downhill) / curvature if curvature > 0.0 else 0.0)
         self._full = float(np.linalg.norm(newton))
         if self._radius is None:
             self._radius = self._full
