@@ -21,13 +21,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         formulas = select(options.names)
         if options.list:
-            print("\n".join(sorted(formula.name for formula in formulas)))  # noqa: T201
+            print("\n".join(sorted(formula.name for formula in formulas)))
             return 0
         if options.c99:
             return _write_c99(formulas, options.c99)
         return _run(formulas, generated_folder(), options.check, partial=bool(options.names))
     except ObseqError as error:
-        print(f"gencode: {error}", file=sys.stderr)  # noqa: T201
+        print(f"gencode: {error}", file=sys.stderr)
         return 2
 
 
@@ -81,17 +81,17 @@ def _run(formulas: list[Formula], folder: Path, check: bool, partial: bool) -> i
         return _show(found)
     apply(found)
     for change in found:
-        print(f"{'deleted' if change.due is None else 'wrote'} {change.path.name}")  # noqa: T201
+        print(f"{'deleted' if change.due is None else 'wrote'} {change.path.name}")
     for formula in formulas:
         if formula.name not in registered:
-            print(f"wrote {ondemand.keep(formula)}")  # noqa: T201
-    print(f"{len(formulas)} formulas, {len(found)} files changed")  # noqa: T201
+            print(f"wrote {ondemand.keep(formula)}")
+    print(f"{len(formulas)} formulas, {len(found)} files changed")
     return 0
 
 
 def _write_c99(formulas: list[Formula], folder: Path) -> int:
     written = write_headers(formulas, folder)
-    print(f"wrote {len(written)} C99 headers in {folder}")  # noqa: T201
+    print(f"wrote {len(written)} C99 headers in {folder}")
     return 0
 
 
@@ -104,14 +104,14 @@ def _pages(modules: dict[str, Module], folder: Path | None) -> list[Change]:
 
 def _show(found: list[Change]) -> int:
     for change in found:
-        print(change.difference(), end="")  # noqa: T201
+        print(change.difference(), end="")
     if found:
-        print(f"gencode: {len(found)} generated files are stale; repair them with: gencode", file=sys.stderr)  # noqa: T201
+        print(f"gencode: {len(found)} generated files are stale; repair them with: gencode", file=sys.stderr)
     return 1 if found else 0
 
 
 def _progress(name: str) -> None:
-    print(f"\r\033[K{name}", end="", file=sys.stderr, flush=True)  # noqa: T201
+    print(f"\r\033[K{name}", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

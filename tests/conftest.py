@@ -11,9 +11,9 @@ settings.load_profile("fixed")
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def shared_data() -> Path:
     """The folder of real data kept beside the repository; tests that need it skip without it."""
     if not SHARED_DATA.is_dir():
-        pytest.skip(f"the shared data folder is absent: {SHARED_DATA}")
+        pytest.skip(reason=f"the shared data folder is absent: {SHARED_DATA}")
     return SHARED_DATA

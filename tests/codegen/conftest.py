@@ -41,7 +41,7 @@ def _evaluate(graph: Graph, node: int, inputs: Mapping[str, Any]) -> Any:
     return values[node]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def evaluate() -> Callable[[Graph, int, Mapping[str, Any]], Any]:
     """(graph, node, value of each input) -> value of the node, in the arithmetic of the inputs."""
     return _evaluate

@@ -13,7 +13,7 @@ DIGITS = 80
 Exact = Callable[[Formula, Sequence[float], Sequence[float]], tuple[np.ndarray, np.ndarray]]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def exact() -> Exact:
     """(formula, unknowns, observations) -> values and Jacobian, from differences in 80 digits."""
     return _exact

@@ -14,9 +14,8 @@ from numba import cfunc
 from obseq.kernels import formula_names, load
 from obseq.kernels.loading import _compiled
 
-pytestmark = pytest.mark.skipif(
-    not binding.get_host_cpu_features().get("avx2"), reason="asserted of processors with AVX2"
-)
+NO_AVX2 = not binding.get_host_cpu_features().get("avx2")
+pytestmark = pytest.mark.skipif(NO_AVX2, reason="asserted of processors with AVX2")
 
 KERNELS = ("value", "value_and_jacobian", "directional")
 
