@@ -7,6 +7,7 @@ from networks import mixed_system
 from obseq.errors import InputError
 from obseq.leastsquares import DivergenceError, LeastSquares, threads
 from obseq.leastsquares.normal import NormalEquations, residuals
+from obseq.leastsquares.solvers.blas import _thread_functions
 
 
 @pytest.fixture
@@ -155,3 +156,17 @@ def test_solution_and_covariances_of_two_threads(tiny_shares, is_constrained):
 def test_a_number_of_threads_that_is_none():
     with pytest.raises(InputError, match="0 threads"):
         LeastSquares(threads=0)
+
+
+def test_one_thread_is_one_of_blas_too():
+    functions = _thread_functions()
+    if functions is None:
+        pytest.skip("SciPy is not built on its own OpenBLAS here")
+    seen = []
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    system.add_linear([x], [[[1.0]]], [2.0], 1.0)
+    before = functions[0]()
+    system.solve(progress=lambda _: seen.append(functions[0]()))
+    assert set(seen) == {1}
+    assert functions[0]() == before

@@ -20,7 +20,7 @@ from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
 from obseq.leastsquares.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.substituted import SubstitutedSolver
-from obseq.leastsquares.threads import checked_threads
+from obseq.leastsquares.threads import blas_threads, checked_threads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -181,10 +181,12 @@ class LeastSquares(Definition):
         if not self.unknowns.frozen.all():
             solver = self._analysed(reduced=True)
             run = runner(chosen, equations, solver, self._constraints)
-            done = run(options, redundancy, before, progress or _silent)
+            with blas_threads(self._threads):
+                done = run(options, redundancy, before, progress or _silent)
         before(len(done.iterations))
         wanted = wanted and not self.unknowns.frozen.all()
-        cofactors = self._cofactors() if wanted else None
+        with blas_threads(self._threads):
+            cofactors = self._cofactors() if wanted else None
         return self._result(equations, options, redundancy, done, cofactors)
 
     def _refuse_untouched(self) -> None:
