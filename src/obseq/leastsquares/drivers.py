@@ -233,6 +233,32 @@ def scatter(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def add_block(
+    store: FloatArray,
+    at: np.uint64,
+    quads: int,
+    columns: int,
+    records: FloatArray,
+    a: np.uint64,
+    b: np.uint64,
+    width: np.uint64,
+    n: np.uint64,
+) -> None:
+    """Adds the products of two parts of any size, over n rows of records, to a block of its own."""
+    height = FOUR * U(quads)
+    for quad in range(quads):
+        place, part, column = at + FOUR * U(quad), a + FOUR * U(quad), 0
+        while columns - column >= 4:
+            outer4(store, place, height, records, part, b + U(column), width, n)
+            place += FOUR * height
+            column += 4
+        while column < columns:
+            outer1(store, place, height, records, part, b + U(column), width, n)
+            place += height
+            column += 1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def scatter_runs(
     store: FloatArray,
     pair: IntArray,
@@ -264,14 +290,9 @@ def scatter_runs(
                 store, U(place[k]), code >> ONE, records, base + a + shift, base + b - shift, w, rows
             )
         elif quads == 1 and columns == 4:
-            outer4(store, FOUR * U(place[k]), ONE, records, base + a, base + b, w, rows)
+            outer4(store, FOUR * U(place[k]), FOUR, records, base + a, base + b, w, rows)
         else:
-            at = FOUR * U(place[k])
-            for column in range(columns):
-                for quad in range(quads):
-                    part = base + a + FOUR * U(quad)
-                    outer1(store, at, ONE, records, part, base + b + U(column), w, rows)
-                    at += FOUR
+            add_block(store, FOUR * U(place[k]), quads, columns, records, base + a, base + b, w, rows)
         lane = last
 
 
@@ -306,15 +327,11 @@ def scatter_each(
     elif quads == 1 and columns == 4 and n == ONE:
         for lane in range(lanes):
             base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
-            outer4(store, at, ONE, records, base + a, base + b, w, ONE)
+            outer4(store, at, FOUR, records, base + a, base + b, w, ONE)
     else:
         for lane in range(lanes):
             base, at = U(lane) * step, FOUR * U(place[U(first) + U(lane)])
-            for column in range(columns):
-                for quad in range(quads):
-                    part = base + a + FOUR * U(quad)
-                    outer1(store, at, ONE, records, part, base + b + U(column), w, n)
-                    at += FOUR
+            add_block(store, at, quads, columns, records, base + a, base + b, w, n)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

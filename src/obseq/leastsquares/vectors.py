@@ -93,7 +93,7 @@ def _transpose(rows: int) -> Any:
 def _outer(columns: int, stepped: bool = False) -> Any:
     """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles, for k < columns, r < n.
 
-    Column k is at `at + 4 k`; or, `stepped`, where the lower triangle by columns has it: each column is
+    Column k is at `at + height k`; or, `stepped`, where the lower triangle by columns has it: each column is
     one shorter than the one before, the first has `height` entries, and only three doubles are written.
     """
 
@@ -103,7 +103,7 @@ def _outer(columns: int, stepped: bool = False) -> Any:
         record = _data(context, builder, signature.args[3], args[3])
         places = [at]
         for k in range(1, columns):
-            step = builder.sub(height, _INT64(k)) if stepped else _INT64(4)
+            step = builder.sub(height, _INT64(k)) if stepped else height
             places.append(builder.add(places[-1], step))
         totals = [cgutils.alloca_once_value(builder, _load(builder, store, place)) for place in places]
         with cgutils.for_range(builder, n) as loop:
