@@ -22,7 +22,6 @@ from obseq.survey.obs_file import read_obs
 from obseq.survey.point_file import PointFileOptions, read_points
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from obseq.leastsquares import Iteration, LeastSquaresResult
