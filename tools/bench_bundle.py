@@ -4,8 +4,8 @@
 
 Without a file, a synthetic problem of 50 cameras, 10,000 points and 40,000 observations. Ceres is that of the
 system (Debian: libceres-dev), called by `bench_bundle.cpp` with its best solver for such problems,
-derivatives by automatic differentiation and AVX. Times are of the processor, for all
-Levenberg-Marquardt iterations divided by their number; what is done once (structure, first use) is left out on both sides.
+derivatives by automatic differentiation and AVX. Times are of the processor, for all Levenberg-Marquardt
+iterations divided by their number; what is done once (structure, first use) is left out on both sides.
 """
 
 from __future__ import annotations

@@ -184,12 +184,16 @@ def _places(
     joining = loose[pairs.rows] | loose[pairs.columns]
     pair, middle = _consecutive(width, ~direct & ~joining, end)
     loose_diagonal, end = _consecutive(widths, loose, middle)
-    loose_pair, end = _consecutive(width, joining, end)
+    by_loose_block = np.flatnonzero(joining)  # so that one elimination reads one stretch of memory
+    owner = np.where(loose[pairs.rows], pairs.rows, pairs.columns)[by_loose_block]
+    by_loose_block = by_loose_block[np.argsort(owner, kind="stable")]
+    every = np.ones(len(by_loose_block), dtype=bool)
+    pair[by_loose_block], end = _consecutive(width[by_loose_block], every, end)
     if end > np.iinfo(np.uint32).max:
         raise InputError(
             "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
         )
-    return _Places(pair + loose_pair, diagonal + loose_diagonal, spare, length, middle, end)
+    return _Places(pair, diagonal + loose_diagonal, spare, length, middle, end)
 
 
 def part_width(size: IntArray) -> IntArray:
