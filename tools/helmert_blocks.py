@@ -27,118 +27,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bench_network import survey
+from helmert_leaves import Part, Reduced, leaf_answers, leaf_up
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.blas import dgemm
 
-from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 from obseq.leastsquares.threads import blas_threads
 from obseq.leastsquares.unknowns import Kind
 
 if TYPE_CHECKING:
-    from obseq.leastsquares.normal import Linearisation, NormalEquations
+    from obseq.leastsquares import LeastSquares
 
 COORDINATES = 3
-
-
-@dataclass(frozen=True)
-class Part:
-    """What a leaf is built from: points, rotations, observations of formulas, known points.
-
-    Attributes:
-        points: (n, 3) values.
-        rotations: (m, 3, 3) values.
-        frozen: (3 (n + m),) unknowns that keep their value.
-        batches: formula, blocks by argument (points from 0, rotations from n on), observations, sigmas.
-        priors: points, values, sigmas.
-        numbers: (3 (n + m),) number of each unknown in the whole network, -1 where frozen.
-        junction: (3 (n + m),) True for unknowns that other leaves have as well.
-    """
-
-    points: np.ndarray
-    rotations: np.ndarray
-    frozen: np.ndarray
-    batches: tuple[tuple[str, dict[str, np.ndarray], np.ndarray, np.ndarray], ...]
-    priors: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
-    numbers: np.ndarray
-    junction: np.ndarray
-
-
-class Leaf:
-    """A part with its equations and its factor."""
-
-    def __init__(self, part: Part) -> None:
-        self.system = LeastSquares()
-        points = self.system.add_points([f"P{k}" for k in range(len(part.points))], part.points)
-        turns = self.system.add_rotations([f"R{k}" for k in range(len(part.rotations))], part.rotations)
-        ids = np.concatenate([points, turns])
-        self.system.unknowns.frozen[:] = part.frozen
-        for formula, blocks, observations, sigmas in part.batches:
-            self.system.add(formula, {name: ids[b] for name, b in blocks.items()}, observations, sigmas)
-        for chosen, values, given in part.priors:
-            self.system.add_prior(ids[chosen], values, given)
-        self.equations: NormalEquations = self.system.equations()
-        scalars = self.equations.free.scalars
-        self.numbers = part.numbers[scalars]
-        last = np.flatnonzero(part.junction[scalars])
-        self.boundary = self.numbers[last]
-        self.solver = SupernodalCholesky(last=last)
-        self.solver.analyse(self.equations.pattern)
-        self.moves_done = 0
-        self.linearise()
-
-    def linearise(self) -> None:
-        """Assembles at the present unknowns, and eliminates all but the junction."""
-        self.linearisation: Linearisation = self.equations.assemble()
-        self.solver.eliminate(self.linearisation.values)
-
-    def move(self, junction: np.ndarray) -> None:
-        """Moves the unknowns of the part, given the steps of its junction unknowns."""
-        step = self.solver.expand(-self.linearisation.gradient, junction)
-        self.system.unknowns.move(self.equations.step(step, self.linearisation))
-        self.moves_done += 1
-        self.linearise()
-
-
-LEAVES: dict[str, Leaf] = {}
-"""The leaves that this worker has built, by the file of their part."""
-
-
-def leaf_after(file: str, moves: list[np.ndarray]) -> Leaf:
-    """The leaf after these steps of its junction: the one kept, or one built anew that takes them all."""
-    if file not in LEAVES or LEAVES[file].moves_done > len(moves):
-        LEAVES[file] = Leaf(pickle.loads(Path(file).read_bytes()))
-    leaf = LEAVES[file]
-    for junction in moves[leaf.moves_done :]:
-        leaf.move(junction)
-    return leaf
-
-
-@dataclass(frozen=True)
-class Reduced:
-    """A system that remains for the unknowns `numbers`: matrix and right-hand side; and the cost below."""
-
-    numbers: np.ndarray
-    matrix: np.ndarray
-    right: np.ndarray
-    cost: float
-
-
-def leaf_up(file: str, moves: list[np.ndarray]) -> Reduced:
-    """What a leaf leaves to its parent."""
-    with blas_threads(1):
-        leaf = leaf_after(file, moves)
-        right = leaf.solver.reduce(-leaf.linearisation.gradient)
-        return Reduced(leaf.boundary, leaf.solver.schur_complement(), right, leaf.linearisation.cost)
-
-
-def leaf_answers(
-    file: str, moves: list[np.ndarray], inverse: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers, values and variances of the free unknowns of a leaf, given the inverse on its junction."""
-    with blas_threads(1):
-        leaf = leaf_after(file, moves)
-        found = leaf.solver.expand_inverse(inverse)[leaf.equations.pattern.diagonal]
-    return leaf.numbers, leaf.system.unknowns.values[leaf.equations.free.scalars], found
 
 
 @dataclass
@@ -159,13 +59,18 @@ class Front:
     def inverse(self, outer: np.ndarray) -> np.ndarray:
         """Inverse of the whole system on own and outer unknowns, given that on the outer ones."""
         gain = cho_solve(self.lower, self.coupling)
-        cross = -gain @ outer
-        top = cho_solve(self.lower, np.eye(len(self.own))) - cross @ gain.T
+        cross = -product(gain, outer)
+        top = cho_solve(self.lower, np.eye(len(self.own))) - product(cross, gain.T)
         return np.block([[top, cross], [cross.T, outer]])
 
     def for_child(self, child: int) -> np.ndarray:
         """Places of a child's unknowns among own and outer ones."""
         return places(np.concatenate([self.own, self.outer]), self.children[child])
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """A product by SciPy's BLAS, whose threads `blas_threads` rules; NumPy has another."""
+    return np.asarray(dgemm(1.0, a, b)) if a.size and b.size else a @ b
 
 
 def places(among: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -186,7 +91,7 @@ def merge(children: list[Reduced], is_own: np.ndarray) -> tuple[Front, Reduced]:
         right[at] += child.right
     lower = cho_factor(matrix[:own, :own], lower=True)
     coupling = matrix[:own, own:]
-    remaining = matrix[own:, own:] - coupling.T @ cho_solve(lower, coupling)
+    remaining = matrix[own:, own:] - product(coupling.T, cho_solve(lower, coupling))
     rest = right[own:] - coupling.T @ cho_solve(lower, right[:own])
     parts = [child.numbers for child in children]
     front = Front(numbers[:own], numbers[own:], lower, coupling, right[:own], parts)
@@ -353,14 +258,12 @@ class DaskWorkers:
         from distributed import Client, LocalCluster
 
         self.client = Client(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
-        self.addresses = sorted(self.client.scheduler_info()["workers"])
 
     def submit(self, function: Any, file: str, *arguments: Any) -> Any:
         """Sends work on a leaf to where that leaf is kept."""
-        worker = self.addresses[int(Path(file).stem) % len(self.addresses)]
-        return self.client.submit(
-            function, file, *arguments, workers=[worker], allow_other_workers=True, pure=False
-        )
+        present = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
+        worker = present[int(Path(file).stem) % len(present)]
+        return self.client.submit(function, file, *arguments, workers=[worker], pure=False)
 
     def close(self) -> None:
         """Ends the cluster."""
