@@ -2,12 +2,10 @@
 
 import subprocess
 import sys
-import time
 
 import pytest
 
 from obseq.kernels import formula_names, load
-from obseq.kernels.loading import _compiled
 
 
 def test_descriptions_agree_with_the_layout() -> None:
@@ -48,17 +46,3 @@ print(sorted(loaded))
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     expected = ["obseq.generated.dist3d", "obseq.generated.index", "obseq.generated.topo_hz"]
     assert result.stdout.strip() == str([*expected, "obseq.generated.topo_zen"])
-
-
-@pytest.mark.slow
-def test_a_compiled_kernel_loads_in_milliseconds() -> None:
-    """The middle one of a few, in time of the processor: the first one also starts numba."""
-    modules = [load(name).module for name in formula_names()[::12]]
-    again = _compiled.__wrapped__
-    kept = [again(module, "value_and_jacobian") for module in modules]
-    spent = []
-    for module in modules:
-        start = time.process_time()
-        kept.append(again(module, "value_and_jacobian"))
-        spent.append(time.process_time() - start)
-    assert sorted(spent)[len(spent) // 2] < 0.010
