@@ -69,7 +69,8 @@ class StoreLayout:
         matrix: its pattern.
         size: number of doubles of the store.
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles; 0 where it has none.
-        stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column.
+        stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column;
+            sorted by the block of the two that comes first, whose columns they go to.
         batches: one layout per batch.
         groups: the eliminated blocks.
         fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
@@ -147,6 +148,7 @@ def store_layout(
         np.append(position, places.spare), np.append(height, 2 * STORED_HEIGHT), places.diagonal, places.spare
     )
     stored = np.column_stack([places.pair, pairs.rows, pairs.columns, offsets])[kept & ~direct]
+    stored = stored[np.argsort(np.minimum(stored[:, 1], stored[:, 2]), kind="stable")]
     return StoreLayout(
         free=free,
         matrix=matrix,

@@ -11,7 +11,7 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.batches import aligned_zeros, padded_length
 from obseq.leastsquares.diagnosis import eliminated_error
 from obseq.leastsquares.layout import part_width, store_layout
-from obseq.leastsquares.threads import in_threads, share_bounds, share_out
+from obseq.leastsquares.threads import column_bounds, in_threads, share_bounds, share_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,6 +88,7 @@ class NormalEquations:
         self.free = self.layout.free
         self._threads = threads
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
+        self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._store = aligned_zeros(self._shares.size)  # behind the matrix, all zero between two assemblies
 
     @property
@@ -230,7 +231,13 @@ class NormalEquations:
         poured = self.layout.diagonal.copy()
         poured[self.layout.groups.blocks] = 0
         pour_diagonal(store, poured, start, size, number, indptr, gradient)
-        pour_pairs(store, self.layout.stored, start, size, number, first, indptr)
+        bounds = self._pour_bounds
+
+        def pour_share(share: int) -> None:
+            stored = self.layout.stored[bounds[share] : bounds[share + 1]]
+            pour_pairs(store, stored, start, size, number, first, indptr)
+
+        in_threads(pour_share, len(bounds) - 1)
         return store[: self.pattern.nnz], gradient
 
     def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:

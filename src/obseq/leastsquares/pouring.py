@@ -85,14 +85,16 @@ def pour_pairs(
         at, p, q, offset = stored[k, 0], stored[k, 1], stored[k, 2], stored[k, 3]
         threes = size[p] == 3 and size[q] == 3
         width = (size[p] + 4) // 4 * 4
+        end = at + (10 if threes else width * size[q])
         for j in range(size[q]):
             column = free[start[q] + j]
+            if column < 0:
+                continue
             source = at + (j * (9 - j) // 2 if threes else j * width)
             for i in range(size[p]):
                 row = free[start[p] + i]
                 value = store[source + i]
-                store[source + i] = 0.0
-                if column < 0 or row < 0:
+                if row < 0:
                     continue
                 if p > q:
                     store[indptr[column] + offset + (row - first[p]) - (column - first[q])] += value
@@ -102,3 +104,4 @@ def pour_pairs(
                     store[indptr[min(row, column)] + abs(row - column)] += value
                 else:
                     store[indptr[row]] += 2.0 * value
+        store[at:end] = 0.0

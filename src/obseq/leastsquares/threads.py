@@ -79,6 +79,15 @@ def share_bounds(counts: Sequence[int], threads: int) -> IntArray:
     return np.asarray(np.minimum(np.arange(shares + 1)[:, None] * tiles // shares * LANES, n))
 
 
+def column_bounds(columns: IntArray, shares: int) -> IntArray:
+    """(shares + 1,) bounds of about equal parts of sorted columns (n,), none in two parts."""
+    n = len(columns)
+    if not n:
+        return np.zeros(2, dtype=np.int64)
+    inner = np.arange(1, shares) * n // shares
+    return np.concatenate([[0], np.searchsorted(columns, columns[inner]), [n]])
+
+
 def share_out(layout: StoreLayout, counts: Sequence[int], threads: int) -> Shares:
     """Divides the observations of all batches; diverts positions, in place, where shares would meet.
 
