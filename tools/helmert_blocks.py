@@ -1,10 +1,11 @@
 """A network adjusted in Helmert blocks: a tree of eliminations for any executor, checked against one machine.
 
-The area is halved again and again. An observation belongs to the leaf of its first block (its station); a
-block of unknowns is eliminated at the lowest node of the tree below which all its observations are. A leaf is
-a `LeastSquares` of its own whose solver eliminates all but the junction unknowns; a node adds the systems
-that remain of its two children, eliminates its own unknowns and passes the rest on; the root solves.
-Solutions, and the inverse on what children share with their parents, come back down.
+The area is halved again and again. An observation belongs to the leaf of its last block (its target, so
+that stations are on the junctions: there are fewer of them); a block of unknowns is eliminated at the lowest
+node of the tree below which all its observations are. A leaf is a `LeastSquares` of its own whose solver
+eliminates all but the junction unknowns; a node adds the systems that remain of its two children, eliminates
+its own unknowns and passes the rest on; the root solves. Solutions, and the inverse on what children share
+with their parents, come back down.
 
 An executor is anything with `submit(function, *arguments)` that gives something with `result()`: a
 `concurrent.futures` pool, or a `distributed.Client` of Dask. A worker keeps the leaves that it has built; one
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from bench_network import survey
 from helmert_leaves import Part, Reduced, leaf_answers, leaf_up
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
@@ -47,20 +48,20 @@ class Front:
 
     own: np.ndarray
     outer: np.ndarray
-    lower: Any
+    lower: np.ndarray
     coupling: np.ndarray
     right: np.ndarray
     children: list[np.ndarray] = field(default_factory=list)
 
     def solution(self, outer: np.ndarray) -> np.ndarray:
         """Steps of own and outer unknowns."""
-        return np.concatenate([cho_solve(self.lower, self.right - self.coupling @ outer), outer])
+        return np.concatenate([cho_solve((self.lower, True), self.right - self.coupling @ outer), outer])
 
     def inverse(self, outer: np.ndarray) -> np.ndarray:
         """Inverse of the whole system on own and outer unknowns, given that on the outer ones."""
-        gain = cho_solve(self.lower, self.coupling)
+        gain = cho_solve((self.lower, True), self.coupling)
         cross = -product(gain, outer)
-        top = cho_solve(self.lower, np.eye(len(self.own))) - product(cross, gain.T)
+        top = cho_solve((self.lower, True), np.eye(len(self.own))) - product(cross, gain.T)
         return np.block([[top, cross], [cross.T, outer]])
 
     def for_child(self, child: int) -> np.ndarray:
@@ -89,10 +90,10 @@ def merge(children: list[Reduced], is_own: np.ndarray) -> tuple[Front, Reduced]:
         at = places(numbers, child.numbers)
         matrix[np.ix_(at, at)] += child.matrix
         right[at] += child.right
-    lower = cho_factor(matrix[:own, :own], lower=True)
-    coupling = matrix[:own, own:]
-    remaining = matrix[own:, own:] - product(coupling.T, cho_solve(lower, coupling))
-    rest = right[own:] - coupling.T @ cho_solve(lower, right[:own])
+    lower, coupling = cho_factor(matrix[:own, :own], lower=True)[0], matrix[:own, own:]
+    half = solve_triangular(lower, coupling, lower=True)
+    remaining = matrix[own:, own:] - product(half.T, half)
+    rest = right[own:] - half.T @ solve_triangular(lower, right[:own], lower=True)
     parts = [child.numbers for child in children]
     front = Front(numbers[:own], numbers[own:], lower, coupling, right[:own], parts)
     return front, Reduced(numbers[own:], remaining, rest, sum(child.cost for child in children))
@@ -175,7 +176,7 @@ def cut(system: LeastSquares, depth: int) -> tuple[list[Part], np.ndarray]:
     leaf_of = np.zeros(n_blocks, dtype=np.int64)
     leaf_of[points] = halved(table.read(points)[:, :2], depth)
     touched = np.zeros((n_leaves, n_blocks), dtype=bool)
-    of_batch = [leaf_of[batch.blocks[0]] for batch in equations.batches]
+    of_batch = [leaf_of[batch.blocks[-1]] for batch in equations.batches]
     for batch, leaf in zip(equations.batches, of_batch, strict=True):
         for blocks in batch.blocks:
             touched[leaf, blocks] = True
