@@ -92,3 +92,23 @@ def test_an_object_belongs_to_one_system():
     LeastSquares().attach(scalar)
     with pytest.raises(InputError, match="already attached"):
         LeastSquares().attach(scalar)
+
+
+def test_sharing_by_name_pattern():
+    system = LeastSquares()
+    cameras = [Vector(f"camera {k}", [k, 10.0 * k], ["F", "PPx"]) for k in (1.0, 2.0, 3.0)]
+    system.attach(*cameras)
+    for camera in cameras:
+        system.add_prior(camera.ids["values"], [camera.values], 1.0)
+    system.share_matching(r"camera .*\.F")
+    system.solve()
+    # One focal length for all, the mean of 1, 2, 3; the principal points stay apart.
+    assert [camera.values[0] for camera in cameras] == pytest.approx([2.0, 2.0, 2.0])
+    assert [camera.values[1] for camera in cameras] == pytest.approx([10.0, 20.0, 30.0])
+
+
+def test_sharing_components_that_are_not_alike_is_refused():
+    system = LeastSquares()
+    system.attach(Vector("a", [1.0, 2.0], ["F", "G"]), Vector("b", [1.0, 2.0], ["G", "F"]))
+    with pytest.raises(InputError, match="other components of 'b' than of 'a'"):
+        system.share_matching(r"[ab]\.F")

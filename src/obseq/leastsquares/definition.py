@@ -9,6 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.batches import Batch, formula_shape, linear_shape
 from obseq.leastsquares.manifolds import checked_rotations, direction_context, rotation_context
+from obseq.leastsquares.objects import matching
 from obseq.leastsquares.priors import Prior, Viscosity
 from obseq.leastsquares.unknowns import Kind, UnknownTable, finite
 
@@ -98,6 +99,11 @@ class Definition:
     def freeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
         """Keeps unknowns at their current values: whole blocks, or components by number or by name."""
         self.unknowns.set_frozen(ids, components, True)
+
+    def freeze_matching(self, pattern: str, frozen: bool = True) -> None:
+        """Freezes (or frees) all unknowns whose full name (`camera.rotation.z`) matches an expression."""
+        for block, components in matching(self.unknowns, pattern).items():
+            self.unknowns.set_frozen([block], components, frozen)
 
     def unfreeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
         """Frees unknowns again."""
@@ -295,6 +301,22 @@ class Definition:
         names = self.unknowns.names
         labels = [f"{names[block]} = {names[blocks[0]]}" for block in other]
         return self.constrain_linear([first, other], [-rows, rows], np.zeros(len(rows)), labels)
+
+    def share_matching(self, pattern: str) -> Batch:
+        r"""Makes equal, component by component, all unknowns whose full name matches an expression.
+
+        `camera .*\.(F|PPx|PPy)` shares three parameters among all cameras, whose components must be alike.
+        """
+        found = matching(self.unknowns, pattern)
+        first = next(iter(found.values()))
+        for block, components in found.items():
+            if components != first:
+                names = self.unknowns.names
+                raise InputError(
+                    f"share_matching: {pattern!r} matches other components of {names[block]!r} than of "
+                    f"{names[next(iter(found))]!r}"
+                )
+        return self.share(list(found), first)
 
     def remove_constraint(self, constraint: Batch) -> None:
         """Takes a constraint out again."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from obseq.leastsquares.system import LeastSquares
+    from obseq.leastsquares.unknowns import UnknownTable
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -140,7 +141,7 @@ def synchronise(system: LeastSquares, objects: Sequence[UnknownObject]) -> None:
             item.push(system)
 
 
-def matching(system: LeastSquares, pattern: str) -> dict[int, list[int]]:
+def matching(table: UnknownTable, pattern: str) -> dict[int, list[int]]:
     """Components whose full name (`PtA.x`, `camera.rotation.z`) matches a regular expression as a whole.
 
     Returns:
@@ -153,7 +154,6 @@ def matching(system: LeastSquares, pattern: str) -> dict[int, list[int]]:
         expression = re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
-    table = system.unknowns
     found: dict[int, list[int]] = {}
     for scalar, name in enumerate(table.component_names(np.arange(table.n_scalars))):
         if expression.fullmatch(name):

@@ -14,7 +14,7 @@ from obseq.leastsquares.definition import Definition
 from obseq.leastsquares.diagnosis import untouched_error
 from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.normal import NormalEquations, raw_residuals, used_blocks
-from obseq.leastsquares.objects import matching, synchronise
+from obseq.leastsquares.objects import synchronise
 from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
 from obseq.leastsquares.runners import runner
 from obseq.leastsquares.solvers import choose_solver
@@ -64,18 +64,13 @@ class LeastSquares(Definition):
         self._bound: dict[bool, NormalEquations] = {}
         self._solvers: dict[bool, Solver] = {}
 
-    # Objects and patterns
+    # Objects
 
     def attach(self, *objects: UnknownObject) -> None:
         """Adds the unknowns of objects; they get the values of every accepted state (see `objects`)."""
         for item in objects:
             item.attach(self)
             self._objects.append(item)
-
-    def freeze_matching(self, pattern: str, frozen: bool = True) -> None:
-        """Freezes (or frees) all unknowns whose full name (`camera.rotation.z`) matches an expression."""
-        for block, components in matching(self, pattern).items():
-            self.unknowns.set_frozen([block], components, frozen)
 
     # Counting
 
