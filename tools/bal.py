@@ -57,7 +57,8 @@ class BalCamera(Formula):
         plane = Point2(-seen.x * inverse, -seen.y * inverse)
         square = plane.dot(plane)
         focal, k1, k2 = interior
-        return (focal * (1 + square * (k1 + k2 * square))) * plane - image
+        moved: Point2 = (focal * (1 + square * (k1 + k2 * square))) * plane - image
+        return moved
 
 
 @functools.cache

@@ -92,7 +92,7 @@ def compare(problem: Problem, program: Path | None, iterations: int, rounds: int
                 theirs.append(run_rival(program, file, iterations))
                 iterations = theirs[-1].iterations
             ours.append(run_ours(system, start, iterations))
-    figures = {"ours": summary(ours)}
+    figures: dict[str, Any] = {"ours": summary(ours)}
     if theirs:
         ratios = [a.seconds / b.seconds for a, b in zip(ours, theirs, strict=True)]
         figures |= {"ceres": summary(theirs), "ratio": median(ratios)}

@@ -20,6 +20,7 @@ import sys
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
@@ -117,7 +118,7 @@ def _sights(points: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, n
 
     n = len(points)
     stations = np.sort(rng.choice(n, int(0.245 * n), replace=False))
-    near = cKDTree(points[stations, :2]).query(points[:, :2], 6)[1]
+    near = np.asarray(cKDTree(points[stations, :2]).query(points[:, :2], 6)[1])
     seen = stations[near] != np.arange(n)[:, None]
     seen &= np.cumsum(seen, axis=1) <= np.where(rng.random(n) < 0.75, 5, 4)[:, None]
     target, rank = np.nonzero(seen)
@@ -217,8 +218,8 @@ def measure(problem: str, n_points: int, threads: int, rounds: int) -> dict[str,
             inverse = solver.selected_inverse()
         with clock.phase("residuals and cost"):
             equations.sums_of_squares()
-    n = system.n_observations
-    figures = {
+    seconds, n = clock.medians(), system.n_observations
+    figures: dict[str, Any] = {
         "problem": problem,
         "points": n_points,
         "threads": threads,
@@ -230,13 +231,12 @@ def measure(problem: str, n_points: int, threads: int, rounds: int) -> dict[str,
         "ordering": solver.statistics.ordering,
         "sigma0": (linearisation.cost / system.redundancy) ** 0.5 if system.redundancy else None,
         "largest_precision": float(inverse[equations.pattern.diagonal].max() ** 0.5),
-        "seconds": clock.medians(),
+        "seconds": seconds,
+        "assembly_ns": 1e9 * seconds["assembly"]["wall"] / n,
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-    figures["assembly_ns"] = 1e9 * figures["seconds"]["assembly"]["wall"] / n
-    figures["standard deviations / factorisation"] = (
-        figures["seconds"]["all standard deviations"]["wall"] / figures["seconds"]["factorisation"]["wall"]
-    )
+    deviations, factor = seconds["all standard deviations"], seconds["factorisation"]
+    figures["standard deviations / factorisation"] = deviations["wall"] / factor["wall"]
     if find_spec("pypardiso") is not None:
         figures["pardiso"] = against_pardiso(equations, linearisation.values, solver, threads, rounds)
     return figures
@@ -331,11 +331,8 @@ def main() -> None:
         os.environ[variable] = str(options.threads)
     results = []
     for points in options.points or [DEFAULT_POINTS[options.problem]]:
-        results.append(
-            in_child(
-                lambda points=points: warmed_measure(options.problem, points, options.threads, options.rounds)
-            )
-        )
+        work = partial(warmed_measure, options.problem, points, options.threads, options.rounds)
+        results.append(in_child(work))
         show(results[-1])
     if options.json:
         options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")

@@ -195,7 +195,7 @@ def homes(touched: np.ndarray) -> np.ndarray:
     while (first != last).any():
         apart = first != last
         first, last = np.where(apart, first // 2, first), np.where(apart, last // 2, last)
-    return first
+    return np.asarray(first)
 
 
 def _part(
@@ -256,7 +256,7 @@ class DaskWorkers:
     """Workers of a Dask cluster, here a local one. If one is lost, another takes its leaves over."""
 
     def __init__(self, workers: int) -> None:
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster  # type: ignore[import-not-found,unused-ignore]
 
         self.client = Client(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
 
