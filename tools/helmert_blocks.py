@@ -222,6 +222,8 @@ def _part(
     priors = []
     for prior in equations.priors:
         rows = np.flatnonzero(leaf_of[prior.ids] == key)
+        if not rows.size:
+            continue
         sigmas = 1.0 / prior.weights.reshape(-1, COORDINATES)[rows]
         priors.append((local[prior.ids[rows]], prior.values.reshape(-1, COORDINATES)[rows], sigmas))
     return Part(
