@@ -8,6 +8,7 @@ from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, directional, jacobians
 from obseq.codegen.graph import Graph
 from obseq.codegen.printing import Printer, Store, row_place
+from obseq.codegen.products import share_products
 from obseq.codegen.signs import share_signs
 from obseq.codegen.stages import parked
 from obseq.codegen.translate import translate
@@ -89,7 +90,15 @@ def derive(formula: Formula) -> Derived:
     digest = mathematics_hash(formula, graph, residuals)
     candidates = jacobians(graph, residuals, formula.unknowns, formula.name)
     graph, jacobian = min(candidates, key=lambda candidate: _cost(candidate[0], candidate[1], residuals))
-    return Derived(formula, graph, residuals, share_signs(graph, residuals, jacobian), digest)
+    jacobian = share_signs(graph, residuals, jacobian)
+    outputs = [*residuals, *(node for row in jacobian for node in row)]
+    writings = [outputs, *share_products(graph, outputs)]
+    count, most = len(residuals), operations(graph, residuals)
+    fitting = [writing for writing in writings if operations(graph, writing[:count]) <= most]
+    best = min(fitting, key=lambda writing: operations(graph, writing))
+    cheapest = iter(best)
+    residuals = [next(cheapest) for _ in residuals]
+    return Derived(formula, graph, residuals, [[next(cheapest) for _ in row] for row in jacobian], digest)
 
 
 def _cost(graph: Graph, jacobian: Jacobian, residuals: list[int]) -> int:
