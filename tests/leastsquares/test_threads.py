@@ -161,7 +161,7 @@ def test_a_number_of_threads_that_is_none():
 def test_one_thread_is_one_of_blas_too():
     functions = _thread_functions()
     if functions is None:
-        pytest.skip("SciPy is not built on its own OpenBLAS here")
+        pytest.skip(reason="SciPy is not built on its own OpenBLAS here")
     seen = []
     system = LeastSquares()
     x = system.add_scalars(["x"], [0.0])
