@@ -11,6 +11,7 @@ from obseq.codegen.printing import Printer, Store, row_place
 from obseq.codegen.products import share_products
 from obseq.codegen.signs import share_signs
 from obseq.codegen.stages import parked
+from obseq.codegen.terms import collect_terms
 from obseq.codegen.translate import translate
 from obseq.formulas.base import Formula
 
@@ -93,6 +94,7 @@ def derive(formula: Formula) -> Derived:
     jacobian = share_signs(graph, residuals, jacobian)
     outputs = [*residuals, *(node for row in jacobian for node in row)]
     writings = [outputs, *share_products(graph, outputs)]
+    writings += [collect_terms(graph, writing) for writing in writings]
     count, most = len(residuals), operations(graph, residuals)
     fitting = [writing for writing in writings if operations(graph, writing[:count]) <= most]
     best = min(fitting, key=lambda writing: operations(graph, writing))

@@ -64,6 +64,11 @@ class Graph:
             self.nodes.append(node)
         return self._numbers[node]
 
+    def find(self, operator: str, *operands: int) -> int | None:
+        """The number of a node that is there already, None without it."""
+        ordered = tuple(sorted(operands)) if operator in COMMUTATIVE else operands
+        return self._numbers.get(Node(operator, ordered))
+
     def constant(self, value: float) -> int:
         """A constant; minus zero is zero."""
         return self.node(CONSTANT, value=float(value) + 0.0)
@@ -81,7 +86,7 @@ class Graph:
         """The operand of a negation, None for any other node."""
         return self.nodes[node].operands[0] if self.nodes[node].operator == "neg" else None
 
-    def _scaled(self, node: int) -> tuple[float, int] | None:
+    def scaled(self, node: int) -> tuple[float, int] | None:
         """(factor, rest) of a product by a constant, None for any other node."""
         operator, operands, _ = self.nodes[node]
         if operator == "mul":
@@ -110,7 +115,7 @@ class Graph:
 
     def _combined(self, a: int, b: int, sign: float) -> int | None:
         """The sum a + sign b when both are multiples of one node, else None."""
-        (p, x), (q, y) = self._scaled(a) or (1.0, a), self._scaled(b) or (1.0, b)
+        (p, x), (q, y) = self.scaled(a) or (1.0, a), self.scaled(b) or (1.0, b)
         return self._scale(p + sign * q, x) if x == y else None
 
     def sub(self, a: int, b: int) -> int:
@@ -139,7 +144,7 @@ class Graph:
             return self.constant(-value)
         if (opposite := self._negated(a)) is not None:
             return opposite
-        if (scaled := self._scaled(a)) is not None:
+        if (scaled := self.scaled(a)) is not None:
             return self.mul(self.constant(-scaled[0]), scaled[1])
         operator, operands, _ = self.nodes[a]
         if operator == "sub":
@@ -157,7 +162,7 @@ class Graph:
             return self.neg(self.mul(opposite, b))
         if (opposite := self._negated(b)) is not None:
             return self.neg(self.mul(a, opposite))
-        first, second = self._scaled(a), self._scaled(b)
+        first, second = self.scaled(a), self.scaled(b)
         if first is not None and second is not None:
             return self._scale(first[0] * second[0], self.mul(first[1], second[1]))
         if a == b and self.nodes[a].operator == "sqrt":
@@ -184,7 +189,7 @@ class Graph:
         """A product without its constant factor, however deep in it."""
         if self._monomial(node).coefficient == 1.0:
             return node
-        if (scaled := self._scaled(node)) is not None:
+        if (scaled := self.scaled(node)) is not None:
             return self._plain(scaled[1])
         a, b = self.nodes[node].operands
         return self.mul(self._plain(a), self._plain(b))
@@ -204,7 +209,7 @@ class Graph:
             return self.neg(a)
         if (opposite := self._negated(a)) is not None:
             return self._scale(-factor, opposite)
-        if (scaled := self._scaled(a)) is not None:
+        if (scaled := self.scaled(a)) is not None:
             return self._scale(factor * scaled[0], scaled[1])
         coefficient, factors = self._monomial(a)
         monomial = Monomial(factor * coefficient, factors)
@@ -221,7 +226,7 @@ class Graph:
             return self.neg(self.rcp(opposite))
         if self.nodes[a].operator == "rcp":
             return self.nodes[a].operands[0]
-        if (scaled := self._scaled(a)) is not None:
+        if (scaled := self.scaled(a)) is not None:
             return self._scale(1.0 / scaled[0], self.rcp(scaled[1]))
         return self.node("rcp", a)
 

@@ -5,6 +5,7 @@ import pytest
 from obseq.codegen.counting import operations
 from obseq.codegen.graph import Graph
 from obseq.codegen.products import PREFERENCES, share_products
+from obseq.codegen.terms import collect_terms
 
 
 def test_products_of_the_same_factors_share_the_common_pair():
@@ -43,3 +44,16 @@ def test_names_of_products_survive():
     for writing in share_products(graph, outputs):
         used = graph.reachable(writing)
         assert "area" in {graph.names[node] for node in used if node in graph.names}
+
+
+def test_a_repeated_term_is_collected_when_its_multiple_is_known(evaluate):
+    graph = Graph()
+    x, y = graph.input("x"), graph.input("y")
+    repeated = graph.add(graph.add(x, y), graph.mul(graph.constant(2.0), x))
+    tripled = graph.mul(graph.constant(3.0), x)
+    outputs = [repeated, tripled]
+    collected = collect_terms(graph, outputs)
+    assert (operations(graph, outputs), operations(graph, collected)) == (4, 2)
+    inputs = {"x": 1.25, "y": -0.5}
+    assert [evaluate(graph, node, inputs) for node in collected] == [3.25, 3.75]
+    assert collect_terms(graph, [repeated]) == [repeated]
