@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.unknowns import Kind
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
     BoolArray = NDArray[np.bool_]
-
-LANES = 32
-STRIDE = 40
 
 
 @dataclass(frozen=True)

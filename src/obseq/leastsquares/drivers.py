@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
     PositionArray = NDArray[np.uint32]
 
-LANES = 32
+LANES = 32  # written here too, those of kernels.layout: numba's cache does not see another file change
 STRIDE = 40
 U = np.uint64
 ROW = U(STRIDE)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.batches import LANES, padded_length
+from obseq.kernels.layout import LANES
+from obseq.leastsquares.batches import padded_length
 from obseq.leastsquares.unknowns import PADDING
 
 if TYPE_CHECKING:

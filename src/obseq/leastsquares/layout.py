@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.elimination import elimination_groups
 from obseq.leastsquares.pattern import block_pairs, free_unknowns, matrix_pattern, role_pairs
 
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     PositionArray = NDArray[np.uint32]
 
-LANES = 32
-STRIDE = 40
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.kernels.layout import LANES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-LANES = 32
 
 LEAST_SHARE = 8192
 """Observations of a share: a millisecond of work, ten times what it costs to start a thread."""
