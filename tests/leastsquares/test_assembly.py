@@ -5,7 +5,7 @@ import pytest
 from networks import dense_normal, mixed_system
 
 from obseq.leastsquares import DivergenceError, LeastSquares
-from obseq.leastsquares.normal import jacobian_rows
+from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 
 
 def compare(system, batches, tolerance=1e-7):
@@ -127,6 +127,6 @@ def test_jacobian_on_request_is_that_of_the_differences():
 
 def test_the_drivers_and_the_kernels_lay_tiles_out_alike():
     from obseq.kernels import layout
-    from obseq.leastsquares import drivers
+    from obseq.leastsquares.loops import accumulation
 
-    assert (drivers.LANES, drivers.STRIDE) == (layout.LANES, layout.STRIDE)
+    assert (accumulation.LANES, accumulation.STRIDE) == (layout.LANES, layout.STRIDE)

@@ -11,9 +11,9 @@ from obseq.codegen import compile_formula
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Length, Point2, norm
 from obseq.formulas.functions import Scalar
-from obseq.leastsquares.ellipses import error_ellipses
-from obseq.leastsquares.hypothesis_tests import global_test
-from obseq.leastsquares.reliability import reliability
+from obseq.leastsquares.statistics.ellipses import error_ellipses
+from obseq.leastsquares.statistics.hypothesis_tests import global_test
+from obseq.leastsquares.statistics.reliability import reliability
 
 
 class FlatDistance(Formula):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.conditioning import condition_number
 from obseq.leastsquares.solvers import SingularMatrixError
+from obseq.leastsquares.statistics.conditioning import condition_number
 
 
 def line(shift):

@@ -6,7 +6,7 @@ from networks import levelled_square
 
 from obseq import InputError, SingularSystemError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.constraints import ContradictoryConstraintsError
+from obseq.leastsquares.iterations.constraints import ContradictoryConstraintsError
 
 
 def bordered(normal, rhs, rows, values):

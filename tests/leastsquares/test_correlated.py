@@ -5,8 +5,8 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.reliability import reliability
-from obseq.leastsquares.stacked import stacked_rows
+from obseq.leastsquares.iterations.stacked_rows import stacked_rows
+from obseq.leastsquares.statistics.reliability import reliability
 
 
 def covariances(n, m=3, seed=0):

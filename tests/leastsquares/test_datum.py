@@ -5,7 +5,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.datum import DatumSolver
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import SymmetricPattern, choose_solver
 
 

@@ -73,7 +73,7 @@ def test_each_iteration_is_the_same():
 
 @pytest.mark.parametrize("portion", [10, 4_000_000])
 def test_the_reduced_matrix_is_the_schur_complement(portion, monkeypatch):
-    monkeypatch.setattr("obseq.leastsquares.elimination.PORTION", portion)
+    monkeypatch.setattr("obseq.leastsquares.assembly.schur.PORTION", portion)
     whole, points, *_ = bundle(False, seed=3)
     reduced = bundle(True, seed=3)[0]
     full, small = whole.equations(), reduced.equations(reduced=True)
@@ -186,7 +186,7 @@ def test_one_eliminated_block_in_two_arguments():
 
 
 def test_a_group_that_is_too_large(monkeypatch):
-    monkeypatch.setattr("obseq.leastsquares.elimination.LARGEST", 20)
+    monkeypatch.setattr("obseq.leastsquares.assembly.schur.LARGEST", 20)
     system, points, *_ = mixed_system()
     system.eliminate(points)
     with pytest.raises(

@@ -6,7 +6,7 @@ from scipy import stats
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.ellipses import (
+from obseq.leastsquares.statistics.ellipses import (
     confidence_factor,
     error_ellipses,
     error_ellipsoids,

@@ -6,7 +6,7 @@ from scipy import stats
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.hypothesis_tests import (
+from obseq.leastsquares.statistics.hypothesis_tests import (
     global_test,
     non_centrality,
     normal_critical,

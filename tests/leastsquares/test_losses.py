@@ -6,7 +6,7 @@ from scipy.optimize import least_squares, linprog
 
 from obseq import InputError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.losses import (
+from obseq.leastsquares.problem.losses import (
     IGG3,
     L1,
     Attenuated,

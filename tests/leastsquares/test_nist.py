@@ -17,7 +17,7 @@ from obseq.codegen import compile_formula
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number, Vector
 from obseq.formulas.functions import Scalar, atan2, exp, power
-from obseq.leastsquares.strategies import LevenbergMarquardt
+from obseq.leastsquares.iterations.strategies import LevenbergMarquardt
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def test_every_problem_of_the_folder_has_a_model(shared_data):
 
 
 def test_only_normal_equations_cost_bennett5_its_digits(shared_data):
-    from obseq.leastsquares.stacked import stacked_rows
+    from obseq.leastsquares.iterations.stacked_rows import stacked_rows
 
     expected, data = problem(shared_data, "Bennett5")
     system = obseq.LeastSquares()

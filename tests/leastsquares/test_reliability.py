@@ -5,9 +5,9 @@ import pytest
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.hypothesis_tests import non_centrality, normal_critical, tau_critical
-from obseq.leastsquares.reliability import reliability
-from obseq.leastsquares.reweighting import set_active
+from obseq.leastsquares.problem.weights import set_active
+from obseq.leastsquares.statistics.hypothesis_tests import non_centrality, normal_critical, tau_critical
+from obseq.leastsquares.statistics.reliability import reliability
 
 CORNERS = np.array(
     [[0, 0, 0], [100, 0, 5], [100, 80, 0], [0, 80, 8], [50, 40, 30], [20, 60, 15], [70, 10, 12]], dtype=float
@@ -39,7 +39,7 @@ def trilateration(seed=1, sigma=0.01, blunder=None):
 
 def dense(system, parts):
     """The whole weighted Jacobian of some batches."""
-    from obseq.leastsquares.normal import jacobian_rows
+    from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 
     table, rows = system.unknowns, []
     for part in parts:
@@ -284,7 +284,7 @@ def test_a_million_and_a_half_observations():
 
 
 def test_robust_weights_count_and_outliers_stand_out():
-    from obseq.leastsquares.losses import Tukey
+    from obseq.leastsquares.problem.losses import Tukey
 
     system, _, distances, *_ = trilateration(blunder=(7, 0.5))
     plain = reliability(system, system.solve(covariance=True))

@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.snooping import Snooping, SnoopingEnd, Statistic, snoop
+from obseq.leastsquares.statistics.snooping import Snooping, SnoopingEnd, Statistic, snoop
 
 N_POINTS = 8
 

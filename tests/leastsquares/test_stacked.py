@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.stacked import StackedRows, l1_step, lsmr_step, qr_step, stacked_rows
+from obseq.leastsquares.iterations.stacked_rows import StackedRows, l1_step, lsmr_step, qr_step, stacked_rows
 
 
 def network(n=8, seed=0, prior=0.5):

@@ -7,7 +7,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.strategies import Dogleg, GaussNewton, LevenbergMarquardt
+from obseq.leastsquares.iterations.strategies import Dogleg, GaussNewton, LevenbergMarquardt
 
 
 def network(offset=0.3, seed=0, n=8):

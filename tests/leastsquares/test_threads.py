@@ -5,8 +5,9 @@ import pytest
 from networks import mixed_system
 
 from obseq.errors import InputError
-from obseq.leastsquares import DivergenceError, LeastSquares, threads
-from obseq.leastsquares.normal import NormalEquations, residuals
+from obseq.leastsquares import DivergenceError, LeastSquares
+from obseq.leastsquares.assembly import threads
+from obseq.leastsquares.assembly.normal_equations import NormalEquations, residuals
 from obseq.leastsquares.solvers.blas import _thread_functions
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.variance_components import (
+from obseq.leastsquares.statistics.variance_components import (
     Component,
     Method,
     group_components,
@@ -194,7 +194,7 @@ def test_inactive_observations_do_not_count():
     spoiled, points = network(6, (4.0, 0.5))
     one = np.array([[1.0, 0.0]] * 3)
     extra = spoiled.add_linear([points[:3], points[3:6]], [-one, one], [1e6] * 3, 0.01, group="vectors")
-    from obseq.leastsquares.reweighting import set_active
+    from obseq.leastsquares.problem.weights import set_active
 
     for row in range(3):
         set_active(extra, row, False)
@@ -236,7 +236,7 @@ def test_the_datum_changes_no_component():
 
 
 def test_robust_batches_are_refused():
-    from obseq.leastsquares.losses import Huber
+    from obseq.leastsquares.problem.losses import Huber
 
     system, _ = network(1)
     system.equations().batches[0].loss = Huber()

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from obseq.survey import closed_forms as forms
+from obseq.survey.initial import closed_forms as forms
 
 TURN = 2.0 * math.pi
 

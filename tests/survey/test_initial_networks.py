@@ -104,7 +104,13 @@ def test_85_points_in_the_frame_of_the_training(shared_data, tmp_path):
 
 
 def make_network(tmp_path, *options):
-    command = [sys.executable, ROOT / "tools" / "make_network.py", "--out", tmp_path, *map(str, options)]
+    command = [
+        sys.executable,
+        ROOT / "tools" / "benchmarks" / "make_network.py",
+        "--out",
+        tmp_path,
+        *map(str, options),
+    ]
     subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
     return tmp_path / "network.obs", tmp_path / "network.cor", read_cor(tmp_path / "true.cor")
 

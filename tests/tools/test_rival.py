@@ -12,7 +12,7 @@ import pytest
 from obseq.formulas import REGISTRY
 from obseq.kernels import calculator, derivatives
 
-TOOLS = Path(__file__).parents[2] / "tools"
+TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 FORMULAS = {formula.name: formula for formula in REGISTRY}
 
 FUNCTIONS = {

@@ -7,31 +7,31 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.constraints import substitution
-from obseq.leastsquares.covariance import Cofactors
-from obseq.leastsquares.datum import DatumSolver
-from obseq.leastsquares.definition import Definition
-from obseq.leastsquares.diagnosis import untouched_error
-from obseq.leastsquares.gauss_newton import Options, Progress, factor, sigma0_of
-from obseq.leastsquares.normal import NormalEquations, raw_residuals, used_blocks
-from obseq.leastsquares.objects import synchronise
-from obseq.leastsquares.result import Iteration, LeastSquaresResult, StopReason
-from obseq.leastsquares.runners import runner
+from obseq.leastsquares.assembly.normal_equations import NormalEquations, raw_residuals, used_blocks
+from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
+from obseq.leastsquares.diagnosis.singular import untouched_error
+from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
+from obseq.leastsquares.iterations.constraints import substitution
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
+from obseq.leastsquares.iterations.gauss_newton import Options, Progress, factor, sigma0_of
+from obseq.leastsquares.iterations.runs import runner
+from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
+from obseq.leastsquares.problem.definition import Definition
+from obseq.leastsquares.problem.objects import synchronise
+from obseq.leastsquares.solution.cofactors import Cofactors
+from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult, StopReason
 from obseq.leastsquares.solvers import choose_solver
-from obseq.leastsquares.strategies import GaussNewton, strategy_of
-from obseq.leastsquares.substituted import SubstitutedSolver
-from obseq.leastsquares.threads import blas_threads, checked_threads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from numpy.typing import ArrayLike, NDArray
 
-    from obseq.leastsquares.batches import Batch
-    from obseq.leastsquares.constraints import Substitution
-    from obseq.leastsquares.objects import UnknownObject
+    from obseq.leastsquares.iterations.constraints import Substitution
+    from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.objects import UnknownObject
     from obseq.leastsquares.solvers import Solver
-    from obseq.leastsquares.strategies import Strategy
 
     FloatArray = NDArray[np.float64]
 

@@ -1,8 +1,10 @@
 """Survey networks: points, observations, stations, files and initial values."""
 
-from obseq.survey.adjustment import Adjustment
-from obseq.survey.cor_file import read_cor, write_cor
-from obseq.survey.initial import InitialValues, initial_values
+from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.files.cor import read_cor, write_cor
+from obseq.survey.files.obs import read_obs, write_obs
+from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.model import (
     FieldBook,
     Observations,
@@ -16,8 +18,6 @@ from obseq.survey.model import (
     merge_points,
 )
 from obseq.survey.network import Network
-from obseq.survey.obs_file import read_obs, write_obs
-from obseq.survey.point_file import PointFileOptions, read_points
 
 __all__ = [
     "Adjustment",

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
-from obseq.survey.adjustment import AdjustedPoints, AdjustedStations, Adjustment
-from obseq.survey.checks import check_counts, check_datum, check_sights
-from obseq.survey.cor_file import read_cor
-from obseq.survey.frame import Frame, frame_of
-from obseq.survey.initial import InitialValues, initial_values
+from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
+from obseq.survey.adjustment.frame import Frame, frame_of
+from obseq.survey.files.cor import read_cor
+from obseq.survey.files.obs import read_obs
+from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.model import join, merge_points
-from obseq.survey.obs_file import read_obs
-from obseq.survey.point_file import PointFileOptions, read_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.leastsquares import Iteration, LeastSquaresResult
-    from obseq.survey.equations import Equations
+    from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook, Points
 
     FloatArray = NDArray[np.float64]
@@ -165,7 +165,7 @@ class Network:
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
-        from obseq.survey.equations import Equations
+        from obseq.survey.adjustment.equations import Equations
 
         watch = Stopwatch(progress)
         with watch.phase("initial values"):

@@ -1,0 +1,1 @@
+"""From batches to normal equations: patterns, the store of small blocks, elimination, threads."""

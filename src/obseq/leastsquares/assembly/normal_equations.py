@@ -1,0 +1,371 @@
+"""Normal equations of a set of batches and priors: assembled at the current values, refilled in place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import ObseqError
+from obseq.leastsquares.assembly.store import part_width, store_layout
+from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_bounds, share_out
+from obseq.leastsquares.diagnosis.singular import eliminated_error
+from obseq.leastsquares.problem.batches import aligned_zeros, padded_length
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.assembly.store import BatchLayout
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.priors import Prior, Viscosity
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+
+
+class DivergenceError(ObseqError):
+    """An equation, or a step, is no longer finite; the message names the first such observation."""
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """The least squares problem around the current values.
+
+    Attributes:
+        values: (nnz,) lower triangle of N = J' W J in the order of the pattern.
+        gradient: (n_free,) J' W r.
+        squares: sum of weighted squared residuals by group.
+        eliminated: sum of g_t' N_tt^-1 g_t over the eliminated blocks, whose share of matrix and gradient is
+            already subtracted.
+        damping: what was added to the diagonal of N, as a share of it.
+        diagonal: (n_free,) diagonal of N before damping and elimination.
+    """
+
+    values: FloatArray
+    gradient: FloatArray
+    squares: dict[str, float]
+    eliminated: float = 0.0
+    damping: float = 0.0
+    diagonal: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def cost(self) -> float:
+        """Sum of all weighted squared residuals."""
+        return sum(self.squares.values())
+
+
+class NormalEquations:
+    """Assembles the equations of a table of unknowns; the pattern is that of its creation.
+
+    Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
+    Blocks that only hard constraints touch are in the matrix with zeros. Observations are shared among
+    `threads`; with the same number of threads the numbers are the same at each run.
+    """
+
+    def __init__(
+        self,
+        table: UnknownTable,
+        batches: Sequence[Batch],
+        priors: Sequence[Prior],
+        eliminated: BoolArray | None = None,
+        constraints: Sequence[Batch] = (),
+        viscosities: Sequence[Viscosity] = (),
+        threads: int = 1,
+    ) -> None:
+        self.table = table
+        self.batches = tuple(batches)
+        self.priors = tuple(priors)
+        self.viscosities = tuple(viscosities)
+        self.used = used_blocks(table, [*batches, *constraints], priors)
+        none = np.zeros(len(table), dtype=bool)
+        self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
+        self.pattern = self.layout.matrix
+        self.free = self.layout.free
+        self._threads = threads
+        self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
+        self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
+        self._store = aligned_zeros(self._shares.size)  # behind the matrix, all zero between two assemblies
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of free unknowns, eliminated ones included."""
+        return self.pattern.n + int(np.count_nonzero(self.layout.groups.local >= 0))
+
+    def assemble(
+        self, damping: float = 0.0, viscous: bool = True, floor: FloatArray | None = None
+    ) -> Linearisation:
+        """Normal matrix, gradient and sums of squares at the current values.
+
+        The values are the same array at each call: they last until the next one.
+
+        Args:
+            damping: share of each diagonal entry of N that is added to it (Levenberg-Marquardt).
+            floor: (n_free,) least diagonal that the damping is a share of; that of N itself when None.
+            viscous: with the pull to the current values; without, N is that of the observations and priors.
+
+        Raises:
+            DivergenceError: a residual or a derivative is not finite.
+            SingularSystemError: the observations of an eliminated block do not determine it.
+        """
+        self.reweight()
+        squares: dict[str, float] = {}
+        self._store[: self.pattern.nnz] = 0.0
+        self._store[self.layout.first_eliminated :] = 0.0
+        for batch, total in zip(self.batches, self._added_up(), strict=True):
+            if not np.isfinite(total):
+                self._store[:] = 0.0
+                raise DivergenceError(self._explain(batch))
+            squares[batch.group] = squares.get(batch.group, 0.0) + total
+        values, gradient = self._poured()
+        self._add_priors(values, gradient, squares)
+        if viscous:
+            self._add_viscosities(values)
+        diagonal = values[self.pattern.diagonal]
+        if damping:
+            values[self.pattern.diagonal] += damping * (
+                diagonal if floor is None else np.maximum(diagonal, floor)
+            )
+        eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
+        if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
+            raise DivergenceError(self._explain(*self.batches))
+        return Linearisation(values, gradient, squares, eliminated, damping, diagonal)
+
+    def reweight(self) -> None:
+        """Gives batches that have a loss the weights of their residuals at the current values."""
+        for batch in self.batches:
+            if batch.loss is not None:
+                batch.reweight(residuals(self.table, batch, self._threads))
+
+    def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
+        """(n_scalars,) step of all unknowns from that of the matrix's (n_free,): zero where frozen.
+
+        The linearisation must be that of the last assembly.
+        """
+        step = np.zeros(self.table.n_scalars)
+        step[self.free.scalars] = solved
+        if len(self.layout.groups.blocks):
+            self._substitute_back(linearisation.damping, step)
+        return step
+
+    def _substitute_back(self, damping: float, step: FloatArray) -> None:
+        """Writes the steps of eliminated unknowns."""
+        from obseq.leastsquares.loops.schur_complement import substitute_back
+
+        table, layout = self.table, self.layout
+        substitute_back(self._store, layout.diagonal, layout.groups, table.start, table.size, damping, step)
+
+    def sums_of_squares(self) -> dict[str, float]:
+        """Sum of weighted squared residuals by group, from values alone."""
+        squares: dict[str, float] = {}
+        for batch in self.batches:
+            weights = batch.weights[:, : batch.n]
+            with np.errstate(over="ignore", invalid="ignore"):
+                misfits = residuals(self.table, batch, self._threads)
+                scaled = np.where(weights != 0.0, misfits.T * weights, 0.0)
+                total = float(np.sum(np.square(scaled)))
+            if not np.isfinite(total):
+                raise DivergenceError(self._explain(batch))
+            squares[batch.group] = squares.get(batch.group, 0.0) + total
+        for prior in self.priors:
+            squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
+        return squares
+
+    def _added_up(self) -> list[float]:
+        """Adds all batches to the store; returns their sums of weighted squared residuals."""
+        kernels = [batch.shape.kernel() for batch in self.batches]
+        bounds = self._shares.bounds
+
+        def add_share(share: int) -> list[float]:
+            spans = zip(bounds[share], bounds[share + 1], strict=True)
+            parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
+            return [self._assemble_batch(*part) for part in parts]
+
+        try:
+            totals = in_threads(add_share, len(self._shares))
+        except BaseException:  # interrupted: what is behind the matrix must be zero at the next assembly
+            self._store[:] = 0.0
+            raise
+        if len(self._shares.moves):
+            from obseq.leastsquares.loops.shares import add_copies
+
+            add_copies(self._store, self._shares.moves)
+        return [sum(of_batch) for of_batch in zip(*totals, strict=True)]
+
+    def _assemble_batch(self, batch: Batch, layout: BatchLayout, kernel: int, span: tuple[int, int]) -> float:
+        from obseq.leastsquares.loops.accumulation import assemble
+
+        return float(
+            assemble(
+                kernel,
+                batch.shape.new_tile(),
+                batch.dimensions_of(*span),
+                batch.roles,
+                batch.starts,
+                batch.contexts,
+                self.table.padded_values,
+                self.table.padded_context,
+                batch.observation_tiles,
+                batch.observation_rows,
+                batch.weights,
+                batch.roots,
+                layout.record_rows,
+                layout.pairs,
+                layout.positions,
+                layout.heights,
+                aligned_zeros(layout.scratch),
+                self._store,
+            )
+        )
+
+    def _poured(self) -> tuple[FloatArray, FloatArray]:
+        from obseq.leastsquares.loops.blocks_to_matrix import pour_diagonal, pour_pairs
+
+        store, number, first = self._store, self.free.number, self.free.first
+        start, size, indptr = self.table.start, self.table.size, self.pattern.indptr
+        gradient = np.zeros(self.pattern.n)
+        poured = self.layout.diagonal.copy()
+        poured[self.layout.groups.blocks] = 0
+        pour_diagonal(store, poured, start, size, number, indptr, gradient)
+        bounds = self._pour_bounds
+
+        def pour_share(share: int) -> None:
+            stored = self.layout.stored[bounds[share] : bounds[share + 1]]
+            pour_pairs(store, stored, start, size, number, first, indptr)
+
+        in_threads(pour_share, len(bounds) - 1)
+        return store[: self.pattern.nnz], gradient
+
+    def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
+        for prior in self.priors:
+            squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
+            weight = np.square(prior.weights)
+            pull = weight * prior.residuals(self.table.values)
+            row = self.free.number[prior.scalars]
+            free = row >= 0
+            np.add.at(values, self.pattern.diagonal[row[free]], weight[free])
+            np.add.at(gradient, row[free], pull[free])
+            if len(self.layout.groups.blocks):
+                self._add_to_eliminated(prior.scalars, weight, pull)
+
+    def _add_viscosities(self, values: FloatArray) -> None:
+        """Adds the weights of a pull to the current values: to the diagonal only."""
+        for viscosity in self.viscosities:
+            row = self.free.number[viscosity.scalars]
+            free = row >= 0
+            np.add.at(values, self.pattern.diagonal[row[free]], viscosity.weights[free])
+            if len(self.layout.groups.blocks):
+                none = np.zeros_like(viscosity.weights)
+                self._add_to_eliminated(viscosity.scalars, viscosity.weights, none)
+
+    def _add_to_eliminated(self, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
+        """Adds priors to the diagonal blocks and gradients of eliminated blocks."""
+        table = self.table
+        block = np.searchsorted(table.start, scalars, side="right") - 1
+        chosen = np.isin(block, self.layout.groups.blocks)
+        block, scalars = block[chosen], scalars[chosen]
+        size, within = table.size[block], scalars - table.start[block]
+        width, at = part_width(size), 4 * self.layout.diagonal[block]
+        np.add.at(self._store, at + within * width + within, weight[chosen])
+        np.add.at(self._store, at + size * width + within, pull[chosen])
+
+    def _eliminate(self, gradient: FloatArray, damping: float) -> float:
+        from obseq.leastsquares.loops.schur_complement import eliminate
+
+        table, layout, free = self.table, self.layout, self.free
+        failed = np.full(1, -1, dtype=np.int64)
+        decrease = eliminate(
+            self._store,
+            layout.diagonal,
+            layout.groups,
+            table.start,
+            table.size,
+            free.number,
+            free.first,
+            free.count,
+            self.pattern.indptr,
+            layout.fill,
+            damping,
+            gradient,
+            failed,
+        )
+        if failed[0] >= 0:
+            raise eliminated_error(table, int(failed[0]))
+        return float(decrease)
+
+    def _explain(self, *batches: Batch) -> str:
+        for batch in batches:
+            rows = jacobian_rows(self.table, batch)
+            wrong = np.flatnonzero(~np.isfinite(rows).all(axis=0) & batch.active)
+            if wrong.size:
+                more = f" ({wrong.size} observations of the batch are so)" if wrong.size > 1 else ""
+                return (
+                    f"{batch.label(wrong[0])}: the residual or its derivatives are not finite{more}. "
+                    "The equation is undefined there: correct the initial values, or remove the observation"
+                )
+        return "the normal equations overflow: check the sigmas and the units of the observations"
+
+
+def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
+    """(n_blocks,) True for the blocks that an active observation or a prior touches."""
+    used = np.zeros(len(table), dtype=bool)
+    for batch in batches:
+        used[batch.blocks[:, batch.active]] = True
+    for prior in priors:
+        used[prior.ids] = True
+    return used
+
+
+def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
+    """(n, n_residuals) computed minus observed, at the current values, in their units."""
+    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads)
+    return np.ascontiguousarray(rows.T)
+
+
+def residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
+    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
+    raw = raw_residuals(table, batch, threads)
+    return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
+
+
+def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
+    """(n_residuals + n_residuals * n_unknowns, n) residuals, then derivatives residual by residual.
+
+    They are whitened where the residuals are correlated.
+    """
+    m, count = batch.shape.n_residuals, batch.shape.n_unknowns
+    rows = _evaluated(table, batch, batch.shape.kernel(), m * (1 + count))
+    if not batch.roots.size:
+        return rows
+    derivatives = batch.whitened(rows[m:].reshape(m, count, -1)).reshape(m * count, -1)
+    return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
+
+
+def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, threads: int = 1) -> FloatArray:
+    from obseq.leastsquares.loops.accumulation import evaluate
+
+    results = np.empty((rows, padded_length(batch.n)))
+    bounds = share_bounds([batch.n], threads)[:, 0]
+
+    def evaluate_share(share: int) -> None:
+        evaluate(
+            kernel,
+            batch.shape.new_tile(),
+            batch.dimensions_of(bounds[share], bounds[share + 1]),
+            batch.roles,
+            batch.starts,
+            batch.contexts,
+            table.padded_values,
+            table.padded_context,
+            batch.observation_tiles,
+            batch.observation_rows,
+            rows,
+            results,
+        )
+
+    in_threads(evaluate_share, len(bounds) - 1)
+    return results[:, : batch.n]

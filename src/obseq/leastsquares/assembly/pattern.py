@@ -1,0 +1,127 @@
+"""The pattern of the normal matrix: which blocks of unknowns meet, and where the lower triangle has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.solvers import SymmetricPattern
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FreeUnknowns:
+    """The numbering of the matrix: free unknowns that some equation touches, in the order of the table.
+
+    Attributes:
+        number: (n_scalars,) number of each unknown in the matrix, -1 where frozen or without equation.
+        scalars: (n_free,) position among all unknowns of each row of the matrix.
+        first: (n_blocks,) number of the first free unknown of each block.
+        count: (n_blocks,) number of free unknowns of each block; those of one block are consecutive.
+    """
+
+    number: IntArray
+    scalars: IntArray
+    first: IntArray
+    count: IntArray
+
+
+@dataclass(frozen=True)
+class BlockPairs:
+    """Distinct ordered pairs of blocks that some observation joins, sorted by column, then row.
+
+    Attributes:
+        rows: (n_pairs,) block of the row part.
+        columns: (n_pairs,) block of the column part.
+        occurrence: (n_occurrences,) pair of each occurrence, by batch, pair of roles, observation; -1
+            where a block is frozen.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    occurrence: IntArray
+
+    @property
+    def low(self) -> IntArray:
+        """(n_pairs,) the block of the two that comes first: its columns hold the pair."""
+        return np.minimum(self.rows, self.columns)
+
+    @property
+    def high(self) -> IntArray:
+        """(n_pairs,) the block of the two that comes last."""
+        return np.maximum(self.rows, self.columns)
+
+
+def role_pairs(n_roles: int) -> list[tuple[int, int]]:
+    """Pairs of roles of a formula, (row part, column part), in the order in which everything lists them."""
+    return [(p, q) for p in range(n_roles) for q in range(p)]
+
+
+def free_unknowns(table: UnknownTable, used: BoolArray) -> FreeUnknowns:
+    """Numbers the free unknowns of the blocks in use (n_blocks,)."""
+    taken = ~table.frozen & np.repeat(used, table.size)
+    scalars = np.flatnonzero(taken)
+    number = np.full(table.n_scalars, -1, dtype=np.int64)
+    number[scalars] = np.arange(len(scalars))
+    count = np.add.reduceat(taken, table.start, dtype=np.int64) if len(table) else table.size
+    return FreeUnknowns(number, scalars, np.cumsum(count) - count, count)
+
+
+def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
+    """Every pair of live blocks (n_blocks,) that some observation joins."""
+    n = max(len(live), 1)
+    keys = [
+        np.where(live[batch.blocks[p]] & live[batch.blocks[q]], batch.blocks[q] * n + batch.blocks[p], -1)
+        for batch in batches
+        for p, q in role_pairs(len(batch.blocks))
+    ]
+    joined = np.concatenate(keys) if keys else np.zeros(0, dtype=np.int64)
+    distinct, occurrence = np.unique(joined, return_inverse=True)
+    if distinct.size and distinct[0] < 0:
+        distinct, occurrence = distinct[1:], occurrence - 1
+    return BlockPairs(distinct % n, distinct // n, occurrence)
+
+
+def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[SymmetricPattern, IntArray]:
+    """Pattern of the lower triangle; offset (n_pairs,) of each pair below the top of its block column.
+
+    Args:
+        free: numbering.
+        low: (n_pairs,) first block of each pair of different blocks that meet; pairs may come more than once.
+        high: (n_pairs,) second block.
+    """
+    from obseq.leastsquares.loops.blocks_to_matrix import pattern_rows
+
+    n, count = len(free.count), free.count
+    live = np.flatnonzero(count)
+    keys = np.concatenate([live * (n + 1), low * n + high])
+    distinct, inverse = np.unique(keys, return_inverse=True)
+    column, row = distinct // max(n, 1), distinct % max(n, 1)
+    above = np.cumsum(count[row]) - count[row]
+    top = np.zeros(n, dtype=np.int64)
+    top[live] = above[np.searchsorted(column, live)]
+    offsets = above - top[column]
+    height = np.bincount(column, weights=count[row], minlength=n).astype(np.int64)
+    lengths = np.repeat(height[live], count[live]) - _ranks(count[live])
+    indptr = np.concatenate([[0], np.cumsum(lengths)])
+    indices = np.empty(indptr[-1], dtype=np.int32)
+    pattern_rows(column, row, offsets, count, free.first, indptr, indices)
+    return SymmetricPattern(len(indptr) - 1, indptr, indices), offsets[inverse[len(live) :]]
+
+
+def _ranks(counts: IntArray) -> IntArray:
+    """0, 1, ..., count - 1 for each count, one after the other."""
+    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

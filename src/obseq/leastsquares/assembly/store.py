@@ -1,0 +1,270 @@
+"""Where assembly puts things: the store of the normal equations, and the place of each small block in it.
+
+The front of the store is the sparse normal matrix itself: the lower triangle of the free unknowns by
+columns. Pairs of blocks of three free unknowns, the common case, are added there directly. Behind it come
+blocks of their own: one per block of unknowns (its diagonal block, and its share of the gradient as one
+more column), and one per other pair, whole whether or not some unknowns are frozen; these are poured into
+the matrix at the end. A spare block takes what concerns frozen blocks. All is worked out once per set of
+equations and frozen unknowns, without loops over observations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.kernels.layout import LANES, STRIDE
+from obseq.leastsquares.assembly.pattern import block_pairs, free_unknowns, matrix_pattern, role_pairs
+from obseq.leastsquares.assembly.schur import elimination_groups
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.assembly.pattern import BlockPairs, FreeUnknowns
+    from obseq.leastsquares.assembly.schur import Groups
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+    from obseq.leastsquares.solvers import SymmetricPattern
+
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+    PositionArray = NDArray[np.uint32]
+
+STORED_HEIGHT = 5
+"""Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
+
+
+@dataclass(frozen=True)
+class BatchLayout:
+    """What the drivers need to scatter one batch (`accumulation.scatter` says how it is read).
+
+    Attributes:
+        record_rows: (width,) scaled row of each place of a record; -1 for zeros.
+        pairs: (n_pairs, 6) place of the row part, of the column part, quads of rows, columns, row of
+            `heights` or -1.
+        positions: (n_pairs, n) place of each small block in the store.
+        heights: (n_threes, n) height of the first column, twice, plus one for parts that change places.
+        scratch: number of doubles the driver needs for records and scaled rows.
+    """
+
+    record_rows: IntArray
+    pairs: IntArray
+    positions: PositionArray
+    heights: PositionArray
+    scratch: int
+
+
+@dataclass(frozen=True)
+class StoreLayout:
+    """Places of all blocks, for one set of equations and frozen unknowns.
+
+    Attributes:
+        free: the numbering of the matrix.
+        matrix: its pattern.
+        size: number of doubles of the store.
+        diagonal: (n_blocks,) place of each diagonal block in units of four doubles; 0 where it has none.
+        stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column;
+            sorted by the block of the two that comes first, whose columns they go to.
+        batches: one layout per batch.
+        groups: the eliminated blocks.
+        fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
+        first_eliminated: where the blocks of eliminated unknowns begin; they last until the next assembly.
+        spare: (2,) place and length of the spare block.
+    """
+
+    free: FreeUnknowns
+    matrix: SymmetricPattern
+    size: int
+    diagonal: IntArray
+    stored: IntArray
+    batches: tuple[BatchLayout, ...]
+    groups: Groups
+    fill: PositionArray
+    first_eliminated: int
+    spare: IntArray
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where blocks of their own begin (0 where a block has none), in doubles, and how long the store is."""
+
+    pair: IntArray
+    diagonal: IntArray
+    spare: int
+    spare_length: int
+    first_eliminated: int
+    size: int
+
+
+@dataclass(frozen=True)
+class _Addresses:
+    """What the drivers are told of each distinct pair, and as last entry of the spare block."""
+
+    position: IntArray
+    height: IntArray
+    diagonal: IntArray
+    spare: int
+
+
+def store_layout(
+    table: UnknownTable, batches: Sequence[Batch], used: BoolArray, eliminated: BoolArray
+) -> StoreLayout:
+    """Works out the layout.
+
+    Args:
+        table: unknowns.
+        batches: equations.
+        used: (n_blocks,) True for the blocks that some equation or prior touches.
+        eliminated: (n_blocks,) True for the blocks to be eliminated before the matrix is formed.
+
+    Raises:
+        InputError: an observation joins two eliminated blocks, or the matrix is too large.
+    """
+    free = free_unknowns(table, used & ~eliminated)
+    loose = _with_free_unknowns(table, used & eliminated)
+    pairs = block_pairs(batches, (free.count > 0) | loose)
+    groups = elimination_groups(table, pairs, loose)
+    n = max(len(table), 1)
+    fill = groups.fill_keys(n)
+    kept = ~(loose[pairs.rows] | loose[pairs.columns])
+    low, high = np.concatenate([pairs.low[kept], fill // n]), np.concatenate([pairs.high[kept], fill % n])
+    matrix, found = matrix_pattern(free, low, high)
+    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), found[np.count_nonzero(kept) :]
+    offsets[kept] = found[: np.count_nonzero(kept)]
+    direct = _direct(table.size, free, pairs)
+    places = _places(table, matrix, free, pairs, direct, loose)
+    top = matrix.indptr[free.first[pairs.low[direct]]]
+    position, height = places.pair.copy(), np.full(len(kept), 2 * STORED_HEIGHT)
+    position[direct] = top + offsets[direct]
+    height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
+    height[direct] += (pairs.rows < pairs.columns)[direct]
+    addressed = _Addresses(
+        np.append(position, places.spare), np.append(height, 2 * STORED_HEIGHT), places.diagonal, places.spare
+    )
+    stored = np.column_stack([places.pair, pairs.rows, pairs.columns, offsets])[kept & ~direct]
+    stored = stored[np.argsort(np.minimum(stored[:, 1], stored[:, 2]), kind="stable")]
+    return StoreLayout(
+        free=free,
+        matrix=matrix,
+        size=places.size,
+        diagonal=places.diagonal // 4,
+        stored=np.ascontiguousarray(stored),
+        batches=_batch_layouts(batches, addressed, pairs.occurrence),
+        groups=groups.placed(places.pair),
+        fill=groups.fill_offsets(n, fill, of_fill),
+        first_eliminated=places.first_eliminated,
+        spare=np.array([places.spare, places.spare_length]),
+    )
+
+
+def _with_free_unknowns(table: UnknownTable, blocks: BoolArray) -> BoolArray:
+    """(n_blocks,) True for those of the blocks that have a free unknown."""
+    taken = ~table.frozen & np.repeat(blocks, table.size)
+    return np.asarray(np.add.reduceat(taken, table.start, dtype=np.int64) > 0) if len(table) else blocks
+
+
+def _places(
+    table: UnknownTable,
+    matrix: SymmetricPattern,
+    free: FreeUnknowns,
+    pairs: BlockPairs,
+    direct: BoolArray,
+    loose: BoolArray,
+) -> _Places:
+    """Places behind the matrix: spare block, diagonal blocks, pairs; then the same for eliminated blocks."""
+    spare = (matrix.nnz + 11) // 8 * 8
+    widths = part_width(table.size) * (table.size + 1)
+    length = int(widths.max(initial=0))
+    diagonal, end = _consecutive(widths, free.count > 0, spare + length)
+    width = part_width(table.size)[pairs.rows] * table.size[pairs.columns]
+    joining = loose[pairs.rows] | loose[pairs.columns]
+    pair, middle = _consecutive(width, ~direct & ~joining, end)
+    loose_diagonal, end = _consecutive(widths, loose, middle)
+    by_loose_block = np.flatnonzero(joining)  # so that one elimination reads one stretch of memory
+    owner = np.where(loose[pairs.rows], pairs.rows, pairs.columns)[by_loose_block]
+    by_loose_block = by_loose_block[np.argsort(owner, kind="stable")]
+    every = np.ones(len(by_loose_block), dtype=bool)
+    pair[by_loose_block], end = _consecutive(width[by_loose_block], every, end)
+    if end > np.iinfo(np.uint32).max:
+        raise InputError(
+            "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
+        )
+    return _Places(pair, diagonal + loose_diagonal, spare, length, middle, end)
+
+
+def part_width(size: IntArray) -> IntArray:
+    """Doubles of a record part: derivatives, residual, zeros up to a multiple of four."""
+    return np.asarray((size + 4) // 4 * 4)
+
+
+def _direct(size: IntArray, free: FreeUnknowns, pairs: BlockPairs) -> BoolArray:
+    """(n_pairs,) True for pairs of two different blocks of three free unknowns."""
+    whole = (size == 3) & (free.count == 3)
+    return np.asarray(whole[pairs.rows] & whole[pairs.columns] & (pairs.rows != pairs.columns))
+
+
+def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntArray, int]:
+    """Consecutive places from `first` on for the blocks present (0 for the others), and the end."""
+    taken = np.where(present, widths, 0)
+    ends = first + np.cumsum(taken)
+    return np.where(present, ends - taken, 0), int(ends[-1]) if len(ends) else first
+
+
+def _batch_layouts(
+    batches: Sequence[Batch], places: _Addresses, occurrence: IntArray
+) -> tuple[BatchLayout, ...]:
+    result, first = [], 0
+    for batch in batches:
+        last = first + batch.n * len(role_pairs(len(batch.blocks)))
+        result.append(_batch_layout(batch, places, occurrence[first:last].reshape(-1, batch.n)))
+        first = last
+    return tuple(result)
+
+
+def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BatchLayout:
+    sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
+    widths = part_width(sizes)
+    part = np.cumsum(widths) - widths
+    pairs: list[tuple[int, ...]] = []
+    positions: list[IntArray] = []
+    heights: list[IntArray] = []
+    for p, ids in enumerate(batch.blocks):
+        at = places.diagonal[ids]
+        if at.any():
+            positions.append(np.where(at == 0, places.spare, at) // 4)
+            pairs.append((part[p], part[p], widths[p] // 4, sizes[p] + 1, -1, _runs(positions[-1])))
+    for (p, q), found in zip(role_pairs(len(sizes)), occurrence, strict=True):
+        if (found < 0).all():
+            continue
+        threes = sizes[p] == 3 and sizes[q] == 3
+        positions.append(places.position[found] if threes else places.position[found] // 4)
+        row = len(heights) if threes else -1
+        pairs.append((part[p], part[q], widths[p] // 4, sizes[q], row, _runs(positions[-1])))
+        if threes:
+            heights.append(places.height[found])
+    width = int(widths.sum())
+    return BatchLayout(
+        _record_rows(batch, part, width),
+        np.array(pairs, dtype=np.int64).reshape(-1, 6),
+        np.array(positions, dtype=np.uint32).reshape(-1, batch.n),
+        np.array(heights, dtype=np.uint32).reshape(-1, batch.n),
+        batch.shape.n_residuals * (LANES * width + STRIDE * (1 + batch.shape.n_unknowns)) + STRIDE,
+    )
+
+
+def _runs(positions: IntArray) -> int:
+    """1 when most observations share their block with the one before."""
+    return int(2 * np.count_nonzero(np.diff(positions) == 0) > len(positions))
+
+
+def _record_rows(batch: Batch, part: IntArray, width: int) -> IntArray:
+    rows = np.full(width, -1, dtype=np.int64)
+    for role, first in zip(batch.shape.roles, part, strict=True):
+        rows[first : first + role.size] = 1 + role.row + np.arange(role.size)
+        rows[first + role.size] = 0
+    return rows

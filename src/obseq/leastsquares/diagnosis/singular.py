@@ -1,0 +1,67 @@
+"""What is wrong with a system that cannot be solved, by the names of its unknowns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import SingularSystemError
+from obseq.leastsquares.diagnosis.null_space import TAKES_PART, explained
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+    from obseq.leastsquares.solvers import Solver
+
+    IntArray = NDArray[np.int64]
+
+SHOWN = 12
+"""Names given in a message; the error's `unknowns` has them all."""
+
+REMEDY = "freeze them, give them a prior, or add observations that depend on them"
+
+
+def untouched_error(table: UnknownTable, untouched: IntArray) -> SingularSystemError:
+    """The error for blocks (ids) that no equation touches and that are not frozen."""
+    scalars = np.concatenate([table.start[block] + np.arange(table.size[block]) for block in untouched])
+    names = table.component_names(scalars[~table.frozen[scalars]])
+    return SingularSystemError(f"no equation touches {_listed(names)}: {REMEDY}", names)
+
+
+def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystemError:
+    """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
+    table, scalars = equations.table, equations.free.scalars
+    defect = solver.defect()
+    pivots = table.component_names(scalars[defect.indices])
+    involved = table.component_names(scalars[_participants(solver)])
+    message = f"the observations leave {len(pivots)} unknown(s) undetermined: {_listed(pivots)}"
+    if len(involved) > len(pivots):
+        message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
+    meaning = explained(equations, solver.null_vectors())
+    if meaning:
+        message += f". Nothing fixes {'; nor '.join(meaning)}"
+    return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)
+
+
+def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:
+    """The error for an eliminated unknown (position among all) that its own observations do not determine."""
+    (name,) = table.component_names(scalar)
+    reason = f"{name} is to be eliminated, and the observations of its block do not determine it"
+    return SingularSystemError(f"{reason}: {REMEDY}", (name,))
+
+
+def _participants(solver: Solver) -> IntArray:
+    """Unknowns that move without changing any residual to first order."""
+    vectors = np.abs(solver.null_vectors())
+    if not vectors.size:
+        return np.zeros(0, dtype=np.int64)
+    moves: IntArray = np.flatnonzero(vectors.max(axis=1) > TAKES_PART * vectors.max())
+    return moves
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    more = f", ... ({len(names)} in all)" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

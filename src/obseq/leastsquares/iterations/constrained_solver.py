@@ -1,0 +1,114 @@
+"""A solver of constrained systems: any other solver, behind the substitution dX = T dY."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.solvers import Defect, SingularMatrixError, SymmetricPattern, choose_solver
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.leastsquares.iterations.constraints import Substitution
+    from obseq.leastsquares.solvers import Solver, SolverStatistics
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+class SubstitutedSolver:
+    """Factors T' N T; stands for T (T' N T)^-1 T' wherever a solver stands for N^-1.
+
+    The pattern that it is given is that of N. `substitute` comes before `factor`, and again when T changes.
+    """
+
+    name = "substituted"
+
+    def __init__(self, name: str = "auto", threads: int = 1) -> None:
+        self._name = name
+        self._threads = threads
+        self._substitution: Substitution | None = None
+        self._kept: IntArray = np.zeros(0, dtype=np.int64)
+
+    def analyse(self, pattern: SymmetricPattern) -> None:
+        """Takes the pattern of N."""
+        self._pattern = pattern
+
+    def substitute(self, substitution: Substitution) -> None:
+        """Takes T; the analysis is made anew when it differs from the last one."""
+        if substitution.is_like(self._substitution):
+            return
+        self._substitution, self._kept, self._matrix = substitution, substitution.kept, substitution.matrix
+        self._map_entries(substitution)
+        self._inner: Solver = choose_solver(self._inner_pattern, self._name, threads=self._threads)
+        self._inner.analyse(self._inner_pattern)
+
+    def _map_entries(self, substitution: Substitution) -> None:
+        """Which entries of N go to which entries of T' N T, and times what."""
+        matrix, pattern = substitution.matrix, self._pattern
+        row, column = pattern.indices.astype(np.int64), pattern.columns()
+        count = np.diff(matrix.indptr).astype(np.int64)
+        pairs = count[row] * count[column]
+        source = np.repeat(np.arange(pattern.nnz), pairs)
+        within = np.arange(len(source)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
+        width = np.repeat(count[column], pairs)
+        a = matrix.indptr[row[source]] + within // np.maximum(width, 1)
+        b = matrix.indptr[column[source]] + within % np.maximum(width, 1)
+        first, second = matrix.indices[a].astype(np.int64), matrix.indices[b].astype(np.int64)
+        product = matrix.data[a] * matrix.data[b]
+        diagonal = (row == column)[source]
+        kept = ~diagonal | (first >= second)
+        self._inner_pattern, self._target = _lower_pattern(
+            matrix.shape[1], np.maximum(first, second)[kept], np.minimum(first, second)[kept]
+        )
+        self._source = source[kept]
+        met_twice = ~diagonal & (first == second)
+        self._weight = (product * np.where(met_twice, 2.0, 1.0))[kept]
+        self._back_weight = (product * np.where(diagonal & (first != second), 2.0, 1.0))[kept]
+
+    def factor(self, values: FloatArray) -> None:
+        """Factors T' N T for the values of N.
+
+        Raises:
+            SingularMatrixError: the constrained system does not determine some unknowns.
+        """
+        weights = self._weight * values[self._source]
+        inner: FloatArray = np.bincount(self._target, weights, self._inner_pattern.nnz).astype(np.float64)
+        try:
+            self._inner.factor(inner)
+        except SingularMatrixError as error:
+            raise SingularMatrixError(self._kept[error.indices], error.pivots) from None
+
+    def solve(self, rhs: ArrayLike) -> FloatArray:
+        """T (T' N T)^-1 T' times right-hand sides (n,) or (n, k)."""
+        inner = self._inner.solve(self._matrix.T @ np.asarray(rhs, dtype=np.float64))
+        return np.asarray(self._matrix @ inner)
+
+    def selected_inverse(self) -> FloatArray:
+        """(nnz,) entries of T (T' N T)^-1 T' on the pattern of N."""
+        inner = self._inner.selected_inverse()
+        weights = self._back_weight * inner[self._target]
+        return np.bincount(self._source, weights, self._pattern.nnz).astype(np.float64)
+
+    def defect(self) -> Defect:
+        """Where pivots vanished, in the numbering of N."""
+        inner = self._inner.defect()
+        return Defect(self._kept[inner.indices], inner.pivots)
+
+    def null_vectors(self) -> FloatArray:
+        """(n, k) basis of the changes that neither observations nor constraints resist."""
+        return np.asarray(self._matrix @ self._inner.null_vectors())
+
+    @property
+    def statistics(self) -> SolverStatistics:
+        """Size and cost of the factorisation of T' N T."""
+        return self._inner.statistics
+
+
+def _lower_pattern(n: int, row: IntArray, column: IntArray) -> tuple[SymmetricPattern, IntArray]:
+    """The pattern that holds entries (row, column) of a lower triangle, and the place of each of them."""
+    keys, place = np.unique(column * n + row, return_inverse=True)
+    indptr = np.searchsorted(keys, n * np.arange(n + 1))
+    return SymmetricPattern(n, indptr, (keys % max(n, 1)).astype(np.int32)), place

@@ -1,0 +1,69 @@
+"""From a strategy to the iterations that follow it."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.iterations.gauss_newton import iterate, solved
+from obseq.leastsquares.iterations.stacked_rows import l1_step, lsmr_step, qr_step, stacked_rows
+from obseq.leastsquares.iterations.strategies import Dogleg, LevenbergMarquardt
+from obseq.leastsquares.iterations.trust_region import DampedRegion, DoglegRegion, iterate_in_region
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.iterations.gauss_newton import Options, Progress
+    from obseq.leastsquares.iterations.stacked_rows import StackedRows
+    from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.solution.result import Iteration
+    from obseq.leastsquares.solvers import Solver
+
+    FloatArray = NDArray[np.float64]
+
+Runner: TypeAlias = "Callable[[Options, int, Callable[[int], None], Callable[[Iteration], None]], Progress]"
+"""(options, redundancy, before, progress) -> what the iterations did."""
+
+ROW_STEPS: dict[str, Callable[[StackedRows], FloatArray]] = {"qr": qr_step, "lsmr": lsmr_step, "l1": l1_step}
+
+
+def runner(
+    strategy: Strategy, equations: NormalEquations, solver: Solver, constraints: Sequence[Batch]
+) -> Runner:
+    """The iterations of a strategy on a system, its solver analysed."""
+    if isinstance(strategy, Dogleg):
+        _require_plain("dogleg", equations, constraints)
+        return partial(iterate_in_region, equations, DoglegRegion(equations, solver, strategy))
+    normal = partial(solved, equations, solver, constraints)
+    if isinstance(strategy, LevenbergMarquardt):
+        if strategy.constant:
+            return partial(iterate, equations, normal, damping=strategy.damping)
+        return partial(iterate_in_region, equations, DampedRegion(equations, solver, constraints, strategy))
+    if strategy.step == "normal":
+        return partial(iterate, equations, normal)
+    _require_plain(strategy.step, equations, constraints)
+    return partial(iterate, equations, partial(_row_direction, equations, ROW_STEPS[strategy.step]))
+
+
+def _require_plain(name: str, equations: NormalEquations, constraints: Sequence[Batch]) -> None:
+    if constraints or equations.n_unknowns != equations.pattern.n:
+        raise InputError(
+            f"{name}: not for systems with hard constraints or eliminated unknowns; use "
+            "gauss-newton or levenberg-marquardt"
+        )
+
+
+def _row_direction(
+    equations: NormalEquations, step: Callable[[StackedRows], FloatArray], linearisation: Linearisation
+) -> tuple[FloatArray, float]:
+    """The step of the stacked rows; its length is the norm of J dx."""
+    rows = stacked_rows(equations)
+    move = step(rows)
+    return equations.step(move, linearisation), float(np.linalg.norm(rows.jacobian @ move))

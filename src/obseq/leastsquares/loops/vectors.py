@@ -1,0 +1,137 @@
+"""Four doubles at a time: the two operations that assembly is made of, as LLVM vector instructions.
+
+The compiler does not find them by itself in a loop over scalars (it emits one scalar instruction per
+product), and they are most of the work between an observation and its normal equations.
+Loops that use them are cached by numba, which does not see changes in this file: touch `accumulation.py` too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+_FOUR = ir.VectorType(ir.DoubleType(), 4)
+_INT32 = ir.IntType(32)
+_INT64 = ir.IntType(64)
+_CONTRACT = ("contract",)
+
+
+def _data(context: Any, builder: Any, array_type: Any, array: Any) -> Any:
+    return context.make_array(array_type)(context, builder, array).data
+
+
+def _address(builder: Any, base: Any, index: Any) -> Any:
+    return builder.bitcast(builder.gep(base, [index]), ir.PointerType(_FOUR))
+
+
+def _load(builder: Any, base: Any, index: Any) -> Any:
+    return builder.load(_address(builder, base, index), align=8)
+
+
+def _store(builder: Any, vector: Any, base: Any, index: Any) -> None:
+    builder.store(vector, _address(builder, base, index), align=8)
+
+
+def _store_three(builder: Any, vector: Any, base: Any, index: Any) -> None:
+    """Leaves the fourth double alone: another thread may be adding to it."""
+    pair = ir.PointerType(ir.VectorType(ir.DoubleType(), 2))
+    first_two = _shuffle(builder, vector, vector, [0, 1])
+    builder.store(first_two, builder.bitcast(builder.gep(base, [index]), pair), align=8)
+    third = builder.gep(base, [builder.add(index, _INT64(2))])
+    builder.store(builder.extract_element(vector, _INT32(2)), third)
+
+
+def _shuffle(builder: Any, first: Any, second: Any, mask: list[int]) -> Any:
+    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT32, len(mask)), mask))
+
+
+def _splat(builder: Any, scalar: Any) -> Any:
+    vector = builder.insert_element(ir.Constant(_FOUR, ir.Undefined), scalar, _INT32(0))
+    return _shuffle(builder, vector, vector, [0, 0, 0, 0])
+
+
+def _multiply_add(builder: Any, total: Any, vector: Any, scalar: Any) -> Any:
+    product = builder.fmul(vector, _splat(builder, scalar), flags=_CONTRACT)
+    return builder.fadd(total, product, flags=_CONTRACT)
+
+
+def _transpose(rows: int) -> Any:
+    """Reads four doubles at four places; writes the first `rows` columns at `at + k stride`."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        source = _data(context, builder, signature.args[0], args[0])
+        target = _data(context, builder, signature.args[5], args[5])
+        a, b, c, d = (_load(builder, source, index) for index in args[1:5])
+        even_ab, odd_ab = _shuffle(builder, a, b, [0, 4, 2, 6]), _shuffle(builder, a, b, [1, 5, 3, 7])
+        even_cd, odd_cd = _shuffle(builder, c, d, [0, 4, 2, 6]), _shuffle(builder, c, d, [1, 5, 3, 7])
+        columns = [
+            _shuffle(builder, even_ab, even_cd, [0, 1, 4, 5]),
+            _shuffle(builder, odd_ab, odd_cd, [0, 1, 4, 5]),
+            _shuffle(builder, even_ab, even_cd, [2, 3, 6, 7]),
+            _shuffle(builder, odd_ab, odd_cd, [2, 3, 6, 7]),
+        ]
+        at = args[6]
+        for column in columns[:rows]:
+            _store(builder, column, target, at)
+            at = builder.add(at, args[7])
+        return context.get_dummy_value()
+
+    @intrinsic
+    def transpose(
+        typing: Any, source: Any, i0: Any, i1: Any, i2: Any, i3: Any, target: Any, at: Any, stride: Any
+    ) -> Any:
+        index = types.uint64
+        return types.void(source, index, index, index, index, target, index, index), emit
+
+    return transpose
+
+
+def _outer(columns: int, stepped: bool = False) -> Any:
+    """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles, for k < columns, r < n.
+
+    Column k is at `at + height k`; or, `stepped`, where the lower triangle by columns has it: each column is
+    one shorter than the one before, the first has `height` entries, and only three doubles are written.
+    """
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        _, at, height, _, a, b, width, n = args
+        store = _data(context, builder, signature.args[0], args[0])
+        record = _data(context, builder, signature.args[3], args[3])
+        places = [at]
+        for k in range(1, columns):
+            step = builder.sub(height, _INT64(k)) if stepped else height
+            places.append(builder.add(places[-1], step))
+        totals = [cgutils.alloca_once_value(builder, _load(builder, store, place)) for place in places]
+        with cgutils.for_range(builder, n) as loop:
+            shift = builder.mul(loop.index, width)
+            vector = _load(builder, record, builder.add(a, shift))
+            if stepped:
+                vector = _shuffle(builder, vector, ir.Constant(_FOUR, [0.0] * 4), [0, 1, 2, 4])
+            for k, total in enumerate(totals):
+                place = builder.add(builder.add(b, shift), _INT64(k))
+                scalar = builder.load(builder.gep(record, [place]))
+                builder.store(_multiply_add(builder, builder.load(total), vector, scalar), total)
+        for place, total in zip(places, totals, strict=True):
+            put = _store_three if stepped else _store
+            put(builder, builder.load(total), store, place)
+        return context.get_dummy_value()
+
+    @intrinsic
+    def outer(
+        typing: Any, store: Any, at: Any, height: Any, record: Any, a: Any, b: Any, width: Any, n: Any
+    ) -> Any:
+        index = types.uint64
+        return types.void(store, index, index, record, index, index, index, index), emit
+
+    return outer
+
+
+transpose3 = _transpose(3)
+transpose4 = _transpose(4)
+outer1 = _outer(1)
+outer4 = _outer(4)
+outer_threes = _outer(3, stepped=True)

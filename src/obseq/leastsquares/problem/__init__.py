@@ -1,0 +1,1 @@
+"""What a system consists of: unknowns, equations in batches, priors, losses and weights."""

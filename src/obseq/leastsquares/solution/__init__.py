@@ -1,0 +1,1 @@
+"""What an adjustment found: the record, covariances, and its forms for people and programs."""

@@ -1,0 +1,56 @@
+"""Covariances of the unknowns, from the inverse of the normal matrix on its own pattern."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.leastsquares.assembly.pattern import FreeUnknowns
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+    from obseq.leastsquares.solvers import Solver, SymmetricPattern
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+class Cofactors:
+    """Entries of Q = N^-1 on the pattern of N, frozen unknowns at zero; any other entry through a solve."""
+
+    def __init__(
+        self, table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
+    ) -> None:
+        self._table = table
+        self._free = free
+        self._pattern = pattern
+        self._solver = solver
+        self.values = solver.selected_inverse()
+
+    def blocks(self, ids: ArrayLike) -> FloatArray:
+        """(n, k, k) cofactors of blocks that are alike."""
+        free = self._free.number[self._table.scalars(ids, "covariance")]
+        row, column = free[:, :, None], free[:, None, :]
+        low, high = np.minimum(row, column), np.maximum(row, column)
+        present = low >= 0
+        at = self._pattern.indptr[np.where(present, low, 0)] + high - low
+        return np.where(present, self.values[np.where(present, at, 0)], 0.0)
+
+    def variances(self) -> FloatArray:
+        """(n_scalars,) diagonal of Q for all unknowns, zero where frozen."""
+        result = np.zeros(self._table.n_scalars)
+        result[self._free.scalars] = self.values[self._pattern.diagonal]
+        return result
+
+    def between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
+        """(n, m) cofactors between two lists of unknowns (positions among all unknowns), by solves."""
+        rows = np.atleast_1d(np.asarray(first, dtype=np.int64))
+        columns = np.atleast_1d(np.asarray(second, dtype=np.int64))
+        free_rows, free_columns = self._free.number[rows], self._free.number[columns]
+        units = np.zeros((self._pattern.n, len(columns)))
+        present = np.flatnonzero(free_columns >= 0)
+        units[free_columns[present], present] = 1.0
+        solved = self._solver.solve(units)
+        return np.where(free_rows[:, None] >= 0, solved[np.maximum(free_rows, 0)], 0.0)

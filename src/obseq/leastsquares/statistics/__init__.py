@@ -1,0 +1,1 @@
+"""What the solution says of its observations: reliability, tests, components, ellipses."""

@@ -1,0 +1,167 @@
+"""What the statistics of an adjustment read of a solved system: weights, rows of the Jacobian, inverse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.kernels.layout import LANES
+from obseq.leastsquares.problem.batches import padded_length
+from obseq.leastsquares.problem.unknowns import PADDING
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.solution.cofactors import Cofactors
+    from obseq.leastsquares.solution.result import LeastSquaresResult
+    from obseq.leastsquares.system import LeastSquares
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+OBSERVATIONS_AT_A_TIME = 128 * LANES
+"""Observations whose derivatives are in memory together: as many as stay in cache."""
+
+
+@dataclass(frozen=True)
+class FinalState:
+    """A solved system at its solution, whatever became of the unknowns since.
+
+    Attributes:
+        equations: the equations that were solved.
+        result: their solution.
+        cofactors: the inverse Q of the normal matrix.
+    """
+
+    equations: NormalEquations
+    result: LeastSquaresResult
+    cofactors: Cofactors
+    _values: FloatArray = field(repr=False)
+    _context: FloatArray = field(repr=False)
+
+    def leverages(self, batch: Batch, crossed: bool = False) -> FloatArray:
+        """The products a Q a', with a the row of the Jacobian of an observation divided by its given sigma.
+
+        Returns:
+            (n, n_residuals); (n, n_residuals, n_residuals) when `crossed`. Zero for inactive observations.
+        """
+        from obseq.leastsquares.loops.leverages import leverages
+
+        k = batch.shape.n_residuals
+        results = np.zeros((batch.n, k * k if crossed else k))
+        roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
+        pattern = self.equations.pattern
+        for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
+            chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
+            leverages(
+                self._derivatives(batch, chosen),
+                np.ascontiguousarray(np.where(batch.active[chosen], 1.0 / batch.sigmas[chosen].T, 0.0)),
+                np.ascontiguousarray(batch.starts[:, chosen]),
+                roles,
+                self.equations.free.number,
+                self.cofactors.values,
+                pattern.indptr,
+                pattern.indices,
+                crossed,
+                results[chosen[0] : chosen[-1] + 1],
+            )
+        return results.reshape(batch.n, k, k) if crossed else results
+
+    def prior_leverages(self, prior: Prior) -> FloatArray:
+        """(n_scalars,) the same for the equations of a prior; 0 where the unknown is frozen."""
+        return np.asarray(self.cofactors.variances()[prior.scalars] * np.square(prior.weights))
+
+    def rows(self, batch: Batch, chosen: ArrayLike) -> FloatArray:
+        """(k, n_residuals, n_free) rows of the Jacobian over the sigmas, for a few observations (k,)."""
+        index = np.atleast_1d(np.asarray(chosen, dtype=np.int64))
+        k, m, u = len(index), batch.shape.n_residuals, batch.shape.n_unknowns
+        weights = np.where(batch.active[index], 1.0 / batch.sigmas[index].T, 0.0)
+        weighted = self._derivatives(batch, index).reshape(m, u, k) * weights[:, None, :]
+        result = np.zeros((k, m, self.equations.n_unknowns))
+        for role, ids in zip(batch.shape.roles, batch.blocks[:, index], strict=True):
+            starts = self.equations.table.start[ids]
+            columns = self.equations.free.number[starts[:, None] + np.arange(role.size)]
+            for row in range(k):
+                present = np.flatnonzero(columns[row] >= 0)
+                result[row][:, columns[row, present]] += weighted[:, role.row + present, row]
+        return result
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Q times right-hand sides (n_free,) or (n_free, k)."""
+        return self.cofactors._solver.solve(rhs)
+
+    def all_unknowns(self, free: FloatArray) -> FloatArray:
+        """(n_scalars,) from (n_free,): zeros where frozen."""
+        result = np.zeros(self.equations.table.n_scalars)
+        result[self.equations.free.scalars] = free
+        return result
+
+    def _derivatives(self, batch: Batch, index: IntArray) -> FloatArray:
+        """(n_residuals n_unknowns, k) derivatives of chosen observations (k,), residual by residual."""
+        from obseq.leastsquares.loops.accumulation import evaluate
+
+        shape, padded = batch.shape, np.append(index, np.repeat(index[-1:], -len(index) % LANES))
+        results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(len(index))))
+        evaluate(
+            shape.kernel(),
+            shape.new_tile(),
+            np.array([len(index), *batch.dimensions[1:]]),
+            batch.roles,
+            np.ascontiguousarray(batch.starts[:, padded]),
+            np.ascontiguousarray(batch.contexts[:, padded]),
+            self._values,
+            self._context,
+            np.ascontiguousarray(batch.observation_tiles[:, padded]),
+            batch.observation_rows,
+            len(results),
+            results,
+        )
+        derivatives = results[shape.n_residuals :, : len(index)]
+        whitened = batch.whitened(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1), index)
+        return np.ascontiguousarray(whitened.reshape(derivatives.shape))
+
+
+def whitening(batch: Batch, chosen: IntArray | None = None) -> FloatArray:
+    """(n, m, m) matrices U with U' U the inverse of the covariance of each observation.
+
+    Args:
+        batch: the batch.
+        chosen: (n,) observations; all when None.
+    """
+    index = np.arange(batch.n) if chosen is None else chosen
+    m = batch.shape.n_residuals
+    rows = np.eye(m)[:, :, None] / batch.sigmas[index].T[None]
+    return np.ascontiguousarray(batch.whitened(rows, index).transpose(2, 0, 1))
+
+
+def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
+    """The state that a result describes.
+
+    Raises:
+        InputError: covariances were not asked for, or the system or its weights have changed since.
+    """
+    cofactors, equations = result._asked(), system.equations()
+    if equations.pattern is not cofactors._pattern:
+        raise InputError(
+            "equations or unknowns were added, frozen or freed since this result: "
+            "solve again with covariance=True"
+        )
+    _refuse_new_weights(equations, result)
+    values = np.append(result._state.values, np.zeros(PADDING))
+    context = np.append(result._state.context, np.zeros(PADDING))
+    return FinalState(equations, result, cofactors, values, context)
+
+
+def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
+    cost = sum(prior.sum_of_squares(result._state.values) for prior in equations.priors)
+    for batch in equations.batches:
+        scaled = result.whitened_residuals(batch) * batch.weights[:, : batch.n].T
+        cost += float(np.sum(np.square(scaled[batch.active])))
+    if not np.isclose(cost, result.cost, rtol=1e-6, atol=1e-12):
+        raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")

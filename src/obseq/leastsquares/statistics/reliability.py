@@ -1,0 +1,348 @@
+"""How observations control each other: redundancy numbers, tests of residuals, detectable blunders.
+
+Everything follows from h = a Q a', with a the row of the Jacobian of an observation divided by its sigma and
+Q the inverse of the normal matrix: the redundancy number is r = 1 - h, the variance of the residual is
+r sigma^2. Where a loss gives a robust weight g, from 0 to 1, r = 1 - g h, and residuals are judged by what
+they are against the other observations, v / r, whose variance is (1 + h / r) sigma^2. Only entries of Q on
+the pattern of N are needed. Formulas and sources: docs/statistics.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.statistics.final_state import FinalState, final_state, whitening
+from obseq.leastsquares.statistics.hypothesis_tests import (
+    non_centrality,
+    normal_critical,
+    normal_p_values,
+    tau_critical,
+    tau_p_values,
+)
+from obseq.leastsquares.statistics.observation_statistics import (
+    UNCONTROLLED,
+    correlated_numbers,
+    independent_numbers,
+    residual_cofactors,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.solution.result import LeastSquaresResult
+    from obseq.leastsquares.statistics.observation_statistics import Numbers
+    from obseq.leastsquares.system import LeastSquares
+
+    FloatArray = NDArray[np.float64]
+    BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ObservationReliability:
+    """The quality of the observations of one batch, or of the equations of one prior.
+
+    All arrays are (n, n_residuals), (n_scalars, 1) for a prior; NaN for inactive observations.
+
+    Attributes:
+        source: the batch or the prior.
+        residuals: computed minus observed, in the unit of the observation.
+        sigmas: given standard deviations.
+        redundancy: redundancy numbers r, from 0 (not controlled) to 1 (fully controlled); those of correlated
+            residuals may lie outside.
+        controlled: True where other observations control this one: w is defined there.
+        w: Baarda's standardised residual v / (sigma sqrt(r)), standard normal without blunder; NaN where
+            uncontrolled.
+        tau: Pope's, w / sigma0 with sigma0 estimated; NaN where uncontrolled, or without redundancy.
+        detectable: minimal detectable bias, in the unit of the observation: what the test of w finds with the
+            level and the power of the analysis; infinite where uncontrolled.
+        left_out_residuals: what the residual would be if this scalar equation alone were left out (v / r when
+            uncorrelated), to first order; NaN where uncontrolled. Minus this is the estimate of a blunder.
+        external: external reliability, the length sqrt(dx' N dx) of what an undetected bias of that size does
+            to the unknowns: no function of them moves by more than this many of its standard deviations.
+    """
+
+    source: Batch | Prior
+    residuals: FloatArray
+    sigmas: FloatArray
+    redundancy: FloatArray
+    controlled: BoolArray
+    w: FloatArray
+    tau: FloatArray
+    detectable: FloatArray
+    left_out_residuals: FloatArray
+    external: FloatArray
+    _total_redundancy: int = field(repr=False)
+    _names: tuple[str, ...] | None = field(repr=False, default=None)
+
+    @property
+    def active(self) -> BoolArray:
+        """True where the observation took part in the adjustment."""
+        return np.asarray(np.isfinite(self.redundancy))
+
+    @property
+    def w_p_values(self) -> FloatArray:
+        """Probability of a larger |w| without blunder, the given sigmas being right."""
+        return normal_p_values(self.w)
+
+    @property
+    def tau_p_values(self) -> FloatArray:
+        """Probability of a larger |tau| without blunder, the sigmas being right up to one factor."""
+        return tau_p_values(self.tau, self._total_redundancy)
+
+    def label(self, row: int) -> str:
+        """What to call an observation in a message."""
+        if isinstance(self.source, Batch):
+            return self.source.label(row)
+        return f"{self.source.group} of {self._names[row] if self._names else row}"
+
+    def columns(self) -> dict[str, list[str] | list[int] | list[float]]:
+        """A table by columns, a line per scalar equation; `component` numbers those of an observation."""
+        n, k = self.redundancy.shape
+        lines = [(row, component) for row in range(n) for component in range(k)]
+        numbers = {
+            "residual": self.residuals,
+            "sigma": self.sigmas,
+            "redundancy": self.redundancy,
+            "w": self.w,
+            "tau": self.tau,
+            "detectable": self.detectable,
+            "external": self.external,
+        }
+        return {
+            "observation": [self.label(row) for row, _ in lines],
+            "component": [component for _, component in lines],
+            **{name: np.asarray(array, dtype=np.float64).ravel().tolist() for name, array in numbers.items()},
+        }
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What happens when one observation, with all its residuals, is left out; to first order, without refit.
+
+    Attributes:
+        label: the observation.
+        residuals: (n_residuals,) its residuals against the unknowns that the other observations give.
+        change: (n_scalars,) what is added to all unknowns, zero where frozen; `Reliability.change_of` picks
+            blocks.
+        cost: sum of weighted squared residuals of the others.
+    """
+
+    label: str
+    residuals: FloatArray
+    change: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """The quality of all observations of an adjustment.
+
+    Attributes:
+        observations: one record per batch, in order of addition.
+        constraints: one record per prior.
+        level: level of the single test behind the detectable biases.
+        power: its power.
+        non_centrality: delta_0, the shift of w that the test finds with that power.
+        redundancy: redundancy of the adjustment; the redundancy numbers sum up to it.
+        sigma0: square root of the variance factor, which scales tau; None with redundancy 0.
+    """
+
+    observations: tuple[ObservationReliability, ...]
+    constraints: tuple[ObservationReliability, ...]
+    level: float
+    power: float
+    non_centrality: float
+    redundancy: int
+    sigma0: float | None
+    _state: FinalState = field(repr=False)
+
+    @property
+    def all(self) -> tuple[ObservationReliability, ...]:
+        """Batches, then priors."""
+        return self.observations + self.constraints
+
+    @property
+    def sum_of_redundancy_numbers(self) -> float:
+        """Equal to `redundancy` up to rounding: a check of the whole computation."""
+        return float(sum(np.nansum(part.redundancy) for part in self.all))
+
+    @property
+    def n_tests(self) -> int:
+        """Number of scalar equations whose residual can be tested."""
+        return sum(int(np.count_nonzero(part.controlled)) for part in self.all)
+
+    @property
+    def w_critical(self) -> float:
+        """Limit of |w| at the level of the analysis."""
+        return normal_critical(self.level)
+
+    @property
+    def tau_critical(self) -> float:
+        """Limit of |tau| at the level of the analysis."""
+        return tau_critical(self.level, self.redundancy)
+
+    def of(self, source: Batch | Prior) -> ObservationReliability:
+        """The record of one batch or prior."""
+        for part in self.all:
+            if part.source is source:
+                return part
+        raise InputError("this batch or prior was not part of the solved system")
+
+    def uncontrolled(self) -> tuple[str, ...]:
+        """Names of active observations that nothing controls: w is undefined, any blunder goes unseen."""
+        return tuple(
+            part.label(int(row))
+            for part in self.all
+            for row in np.flatnonzero((part.active & ~part.controlled).any(axis=1))
+        )
+
+    def residual_cofactors(self, batch: Batch) -> FloatArray:
+        """(n, n_residuals, n_residuals) cofactors of residual vectors, in squared units of residuals."""
+        leverages = self._state.leverages(batch, crossed=True)
+        whitened = residual_cofactors(leverages, batch.robust_weights())
+        colour = np.linalg.inv(whitening(batch))
+        cofactors = colour @ whitened @ np.swapaxes(colour, 1, 2)
+        cofactors[~batch.active] = np.nan
+        return np.asarray(cofactors)
+
+    def effect_of_bias(
+        self, batch: Batch, row: int, component: int = 0, bias: float | None = None
+    ) -> FloatArray:
+        """(n_scalars,) what a bias of one observed value does to all unknowns, by a solve.
+
+        Args:
+            batch: the batch of the observation.
+            row: its row.
+            component: which of its residuals.
+            bias: in the unit of the observation (observed too large); the detectable bias when None.
+        """
+        if bias is None:
+            bias = float(self.of(batch).detectable[row, component])
+        if not np.isfinite(bias):
+            raise InputError(f"{batch.label(row)}: nothing controls this observation; give the bias")
+        direction = whitening(batch, np.array([row]))[0, :, component]
+        weighted = bias * batch.robust_weights()[row] * direction
+        return self._unknowns(self._state.solve(weighted @ self._state.rows(batch, [row])[0]))
+
+    def left_out(self, batch: Batch, row: int) -> LeftOut:
+        """What remains when one observation is left out, by a solve; of first order when not linear.
+
+        Raises:
+            InputError: the observation is inactive, or the others do not determine the unknowns without it.
+        """
+        if not batch.active[row]:
+            raise InputError(f"{batch.label(row)}: the observation is not active, it is left out already")
+        rows = self._state.rows(batch, [row])[0]
+        solved = self._state.solve(np.ascontiguousarray(rows.T))
+        weight = float(batch.robust_weights()[row])
+        remaining = np.eye(len(rows)) - weight * (rows @ solved)
+        if np.linalg.eigvalsh(remaining)[0] < UNCONTROLLED:
+            raise InputError(f"{batch.label(row)}: without this observation some unknowns are undetermined")
+        whiten = whitening(batch, np.array([row]))[0]
+        normalised = whiten @ self._state.result.residuals(batch)[row]
+        predicted = np.linalg.solve(remaining, normalised)
+        cost = self._state.result.cost - weight * float(normalised @ predicted)
+        change = self._unknowns(solved @ (weight * predicted))
+        return LeftOut(batch.label(row), np.linalg.solve(whiten, predicted), change, cost)
+
+    def change_of(self, ids: ArrayLike, change: FloatArray) -> FloatArray:
+        """(n, k) the part of a change of all unknowns that concerns blocks that are alike."""
+        return np.asarray(change[self._state.equations.table.scalars(ids)])
+
+    def to_dict(self) -> dict[str, object]:
+        """Levels, sums and one table per batch and prior."""
+        return {
+            "level": self.level,
+            "power": self.power,
+            "redundancy": self.redundancy,
+            "sigma0": self.sigma0,
+            "uncontrolled": list(self.uncontrolled()),
+            "observations": [_titled(part) for part in self.observations],
+            "constraints": [_titled(part) for part in self.constraints],
+        }
+
+    def _unknowns(self, free: FloatArray) -> FloatArray:
+        return self._state.all_unknowns(free)
+
+
+def reliability(
+    system: LeastSquares, result: LeastSquaresResult, level: float = 0.001, power: float = 0.80
+) -> Reliability:
+    """The quality of all observations of a solved system, from its final weights.
+
+    Args:
+        system: the system, as it was when solved.
+        result: its solution, with covariances asked for.
+        level: level of the single test behind the detectable biases.
+        power: its power.
+
+    Raises:
+        InputError: covariances were not asked for, or the system changed since.
+    """
+    state, shift = final_state(system, result), non_centrality(level, power)
+    sigma0 = None if result.variance_factor is None else float(np.sqrt(result.variance_factor))
+    measured = tuple(_of_batch(state, batch, shift, sigma0) for batch in state.equations.batches)
+    priors = tuple(_of_prior(state, prior, shift, sigma0) for prior in state.equations.priors)
+    return Reliability(measured, priors, level, power, shift, result.redundancy, sigma0, state)
+
+
+def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
+    residuals, weights = state.result.residuals(batch), batch.robust_weights()
+    if batch.roots.size:
+        roots = whitening(batch)
+        numbers = correlated_numbers(residuals, roots, state.leverages(batch, crossed=True), weights)
+        sigmas = np.linalg.norm(np.linalg.inv(roots), axis=2)
+    else:
+        sigmas = np.asarray(batch.sigmas)
+        numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
+    active = np.broadcast_to(batch.active[:, None], residuals.shape)
+    return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0)
+
+
+def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | None) -> ObservationReliability:
+    residuals, sigmas = state.result.prior_residuals(prior)[:, None], 1.0 / prior.weights[:, None]
+    leverages = state.prior_leverages(prior)[:, None]
+    numbers = independent_numbers(residuals, sigmas, leverages, np.ones_like(sigmas))
+    return _record(state, prior, residuals, sigmas, numbers, np.ones_like(numbers.controlled), shift, sigma0)
+
+
+def _record(
+    state: FinalState,
+    source: Batch | Prior,
+    residuals: FloatArray,
+    sigmas: FloatArray,
+    numbers: Numbers,
+    active: BoolArray,
+    shift: float,
+    sigma0: float | None,
+) -> ObservationReliability:
+    controlled = numbers.controlled & active
+    missing = np.where(active, np.inf, np.nan)
+    w = np.where(controlled, numbers.left_out / numbers.spread, np.nan)
+    detectable = shift * numbers.spread
+    return ObservationReliability(
+        source,
+        residuals,
+        sigmas,
+        np.where(active, numbers.redundancy, np.nan),
+        controlled,
+        w,
+        w / sigma0 if sigma0 else np.full_like(w, np.nan),
+        np.where(controlled, detectable, missing),
+        np.where(controlled, numbers.left_out, np.nan),
+        np.where(controlled, numbers.effect * detectable, missing),
+        state.result.redundancy,
+        None if isinstance(source, Batch) else state.equations.table.component_names(source.scalars),
+    )
+
+
+def _titled(part: ObservationReliability) -> Mapping[str, object]:
+    return {"group": part.source.group, **part.columns()}

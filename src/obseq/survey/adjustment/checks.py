@@ -1,0 +1,67 @@
+"""What can be said against a network before it is computed, in the words of a surveyor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.model import ObservationType
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.model import FieldBook, Points
+
+    FloatArray = NDArray[np.float64]
+
+LISTED = 8
+"""Names given in a message before it says how many more there are."""
+
+SHORTEST_HORIZONTAL = 1e-5
+"""Horizontal distance (m) below which a direction means nothing: 1 um turns it by 0.1 rad."""
+
+
+def check_datum(points: Points) -> None:
+    """Raises InputError when no coordinate of any point is known."""
+    if points.is_free.all():
+        raise InputError(
+            "no point is known: nothing fixes the position of the network. Give at least one point of the "
+            "point file as known (flag 1) with its sigma"
+        )
+
+
+def check_counts(points: Points, book: FieldBook) -> None:
+    """Raises InputError naming the points that have fewer observations than free coordinates."""
+    observations, n = book.observations, len(points)
+    count = np.zeros(n, np.int64)
+    for ends in (observations.from_points, observations.to_points):
+        count += np.bincount(ends[observations.active], minlength=n)[:n]
+    lacking = np.flatnonzero(count < points.is_free.sum(axis=1))
+    if lacking.size:
+        listed = ", ".join(f"{points.names[row]} ({count[row]})" for row in lacking[:LISTED])
+        more = f" and {lacking.size - LISTED} more" if lacking.size > LISTED else ""
+        raise InputError(
+            f"points with fewer active observations (in brackets) than unknown coordinates: {listed}{more}. "
+            f"Observe them more, or remove them from the point file"
+        )
+
+
+def check_sights(book: FieldBook, initial: InitialValues) -> None:
+    """Raises InputError at the first angle whose target is on the vertical axis of its station."""
+    observations = book.observations
+    is_angle = np.isin(observations.types, (ObservationType.Hz, ObservationType.Zen))
+    rows = np.flatnonzero(is_angle & observations.active)
+    coordinates = initial.coordinates
+    sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]
+    seen = np.einsum("nji,nj->ni", initial.rotations[observations.stations[rows]], sights)
+    vertical = rows[np.hypot(seen[:, 0], seen[:, 1]) < SHORTEST_HORIZONTAL]
+    if vertical.size:
+        row = int(vertical[0])
+        target = book.point_names[observations.to_points[row]]
+        raise InputError(
+            f"{book.label(row)}: the target is on the vertical of the station; its direction is undefined. "
+            f"Remove the line, or correct the coordinates of {target}"
+        )

@@ -1,0 +1,1 @@
+"""The files of surveyors: OBS, COR and free point files."""

@@ -1,0 +1,186 @@
+"""COR files (Comp3D point files): reading (`read_cor`) and writing (`write_cor`).
+
+A line is `flag name x y z [sx sy sz | s] [anything]`; a `*` begins a comment.
+
+| flag | the point is |
+|---|---|
+| 0 | free; its coordinates are starting values |
+| 1 | constrained in x, y, z |
+| 2 | constrained in x, y; z free |
+| 3 | constrained in z; x, y free |
+| 4, 5 | Comp3D's 1D point: x, y held; z free (4) or constrained (5) |
+| 6, 7 | Comp3D's 2D point: z held; x, y free (6) or constrained (7) |
+
+A constrained component with a sigma of 0 is held at its value; with a negative sigma its constraint is
+switched off and the component is free. This is Comp3D's reading; MMVII has no such file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.text import (
+    LEAST_SIGMA,
+    TextFile,
+    check_writable,
+    parse_number,
+    quoted,
+    read_text,
+    write_text,
+)
+from obseq.survey.model import Points, merge_points
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_FREE, _GIVEN, _HELD = "free", "given", "held"
+_FLAGS = {
+    0: (_FREE, _FREE, _FREE),
+    1: (_GIVEN, _GIVEN, _GIVEN),
+    2: (_GIVEN, _GIVEN, _FREE),
+    3: (_FREE, _FREE, _GIVEN),
+    4: (_HELD, _HELD, _FREE),
+    5: (_HELD, _HELD, _GIVEN),
+    6: (_FREE, _FREE, _HELD),
+    7: (_GIVEN, _GIVEN, _HELD),
+}
+_KNOWN_FLAGS = frozenset(str(flag) for flag in _FLAGS)
+_FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 and 7 plane only"
+
+
+def read_cor(
+    paths: str | Path | Sequence[str | Path], default_sigma: float | None = None, encoding: str = "utf-8"
+) -> Points:
+    """Reads COR files.
+
+    Args:
+        paths: one file, or several.
+        default_sigma: sigma (m) of known points whose line gives none; without it they are an error.
+        encoding: of the point names; comments may be in any encoding.
+
+    Raises:
+        InputError: naming file and line, what is wrong and what to do; also for a point given twice.
+    """
+    if default_sigma is not None and not 0.0 <= default_sigma < float("inf"):
+        raise InputError(
+            f"the default sigma of known points must be 0 or positive (metres), not {default_sigma}"
+        )
+    files = [paths] if isinstance(paths, str | Path) else paths
+    return merge_points([_read_one(read_text(path, encoding), default_sigma) for path in files])
+
+
+def _read_one(file: TextFile, default_sigma: float | None) -> Points:
+    names, rows, sigmas, infos, lines = [], [], [], [], []
+    for index, line in enumerate(file.lines):
+        fields = line.partition("*")[0].split()
+        if not fields:
+            continue
+        flag = _flag(file, index, fields)
+        file.check_name(index, fields[1])
+        given, info = _given_sigmas(file, index, fields[5:])
+        names.append(fields[1])
+        rows.append([_number(file, index, text) for text in fields[2:5]])
+        sigmas.append(_sigmas(file, index, flag, given, default_sigma))
+        infos.append(info)
+        lines.append(index + 1)
+    if not names:
+        raise InputError(f"{file.name}: holds no point (every line is empty or a comment)")
+    return Points(
+        names=tuple(names),
+        coordinates=np.array(rows, np.float64),
+        sigmas=np.array(sigmas, np.float64),
+        infos=tuple(infos),
+        files=(file.name,),
+        file_indices=np.zeros(len(names), np.int32),
+        lines=np.array(lines, np.int32),
+    )
+
+
+def _flag(file: TextFile, index: int, fields: list[str]) -> int:
+    flag = int(fields[0]) if fields[0] in _KNOWN_FLAGS else None
+    if flag is None:
+        raise file.error(
+            index, f"unknown flag {quoted(fields[0])!r}; a line begins with a flag: {_FLAG_HELP}"
+        )
+    if len(fields) < 5:
+        raise file.error(
+            index, f"{len(fields)} fields where at least 5 are needed: flag name x y z [sx sy sz, or s]"
+        )
+    return flag
+
+
+def _number(file: TextFile, index: int, text: str) -> float:
+    try:
+        return parse_number(text)
+    except ValueError as error:
+        raise file.error(index, f"{error} (fields are: flag name x y z [sx sy sz, or s])") from error
+
+
+def _given_sigmas(file: TextFile, index: int, fields: list[str]) -> tuple[list[float], str]:
+    """The three sigmas of a line (or none), and the text that follows."""
+    numbers: list[float] = []
+    for text in fields[:3]:
+        try:
+            numbers.append(float(text))
+        except ValueError:
+            break
+    if len(numbers) == 2:
+        raise file.error(index, "two sigmas are given where one (for x, y, z) or three are needed")
+    checked = [_number(file, index, text) for text in fields[: len(numbers)]]
+    if any(0.0 < sigma < LEAST_SIGMA for sigma in checked):
+        raise file.error(index, "the sigma makes the weight infinite; give 0 to hold the coordinate")
+    info = " ".join(fields[len(numbers) :])
+    return (checked * 3 if len(checked) == 1 else checked), quoted(info)
+
+
+def _sigmas(
+    file: TextFile, index: int, flag: int, given: list[float], default_sigma: float | None
+) -> list[float]:
+    kinds = _FLAGS[flag]
+    if _GIVEN in kinds and not given:
+        if default_sigma is None:
+            raise file.error(
+                index,
+                "a known point without sigma; add sx sy sz (m) to the line, or give the sigma of all such "
+                "points (--point-sigma, default_sigma)",
+            )
+        given = [default_sigma] * 3
+    return [_sigma(kind, given[k] if given else 0.0) for k, kind in enumerate(kinds)]
+
+
+def _sigma(kind: str, given: float) -> float:
+    """NaN for free, 0 for held."""
+    if kind == _HELD:
+        return 0.0
+    return float("nan") if kind == _FREE or given < 0.0 else given
+
+
+def write_cor(path: str | Path, points: Points, header: str = "") -> None:
+    """Writes points as a COR file that `read_cor` gives back; free components get a sigma of -1.
+
+    Args:
+        path: the file to write.
+        points: all with coordinates.
+        header: comment lines put first (without `*`).
+
+    Raises:
+        InputError: a point has no coordinates, a name cannot be written, or the file cannot be written.
+    """
+    lines = [f"* {line}" for line in header.splitlines()]
+    lines += [_cor_line(points, row) for row in range(len(points))]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _cor_line(points: Points, row: int) -> str:
+    name, xyz, sigmas = points.names[row], points.coordinates[row], points.sigmas[row]
+    check_writable(name)
+    if not np.isfinite(xyz).all():
+        raise InputError(f"point {name} has no coordinates; leave it out of the COR file")
+    start = " ".join([name, *(repr(float(value)) for value in xyz)])
+    if np.isnan(sigmas).all():
+        return f"0 {start}"
+    return " ".join(["1", start, *("-1" if np.isnan(s) else repr(float(s)) for s in sigmas)])

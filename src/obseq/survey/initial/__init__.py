@@ -1,0 +1,1 @@
+"""Initial values: positions of points and orientations of stations from the observations alone."""

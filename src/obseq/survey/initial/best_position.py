@@ -1,0 +1,210 @@
+"""The best position of one point among its candidates, or why there is none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.survey.initial.candidates import (
+    Candidate,
+    Surroundings,
+    heights_at,
+    paired_positions,
+    survey_surroundings,
+    unique_positions,
+)
+from obseq.survey.initial.known import minus, plus, times, transposed_times
+from obseq.survey.initial.refinement import Refined, agreeing, refine
+from obseq.survey.initial.relations import Constraint, disagreement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.known import State
+
+_MARGIN = 0.3
+"""Disagreement by which a position must be worse than another to be set aside."""
+_MOST_REFINED = 4
+_MOST_NEIGHBOURS = 12
+_FARTHEST = 10.0
+"""Expected errors by which averaging may move a position."""
+_SAME = 0.02
+"""Candidates nearer to each other than this part of their distance to the neighbours are one solution."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A candidate made to fit its constraints, and how much all constraints speak against it."""
+
+    candidate: Candidate
+    refined: Refined
+    disagreement: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The position that the constraints agree on, or none.
+
+    `alternatives` holds the positions that fit equally well when there are several; `strength` is that of the
+    best geometry seen (0: the constraints determine no position).
+    """
+
+    fit: Fit | None
+    strength: float
+    alternatives: tuple[Space, ...] = ()
+
+
+def choose(
+    state: State,
+    constraints: list[Constraint],
+    sigmas: Sequence[float],
+    least_strength: float,
+    hint: Space | None = None,
+) -> Choice:
+    """The position that the constraints agree on.
+
+    Args:
+        state: known points.
+        constraints: of the point.
+        sigmas: of all observations (m, rad).
+        least_strength: geometries weaker than this are not used (see `constraints.Refined`).
+        hint: an approximate position that decides between two solutions.
+    """
+    around = survey_surroundings(state, thinned(state, constraints))
+    if around is None:
+        return Choice(None, 0.0)
+    strongest = 0.0
+    for generate in (unique_positions, paired_positions):
+        found = list(generate(around))
+        complete = [candidate for candidate in found if candidate.has_height] or found
+        fits, strength = _fits(around, complete, sigmas, least_strength)
+        choice = _decide(around, fits, max(strength, strongest), hint)
+        if choice.fit is not None or choice.alternatives:
+            return choice
+        strongest = choice.strength
+    return Choice(None, strongest)
+
+
+def thinned(state: State, constraints: list[Constraint]) -> list[Constraint]:
+    """The constraints with the `_MOST_NEIGHBOURS` points that are known best."""
+    others = dict.fromkeys(c.other for c in constraints)
+    if len(others) <= _MOST_NEIGHBOURS:
+        return constraints
+    kept = set(sorted(others, key=lambda other: state.spreads[other])[:_MOST_NEIGHBOURS])
+    return [c for c in constraints if c.other in kept]
+
+
+def _fits(
+    around: Surroundings, candidates: Iterable[Candidate], sigmas: Sequence[float], least_strength: float
+) -> tuple[list[Fit], float]:
+    """The few least contradicted candidates that are well determined, and the greatest strength seen."""
+    ranked = sorted(
+        ((_disagreement(around, candidate), k, candidate) for k, candidate in enumerate(candidates)),
+        key=lambda item: item[:2],
+    )
+    fits: list[Fit] = []
+    strongest = 0.0
+    for _, _, candidate in ranked:
+        if any(_is_same(around, candidate, fit.candidate) for fit in fits):
+            continue
+        axes = (0, 1, 2) if candidate.has_height else (0, 1)
+        refined = refine(around.state, candidate.used, candidate.position, sigmas, axes)
+        strongest = max(strongest, refined.strength)
+        if refined.strength >= least_strength:
+            fits.append(_fit(around, candidate, refined))
+        if len(fits) == _MOST_REFINED:
+            break
+    return fits, strongest
+
+
+def _fit(around: Surroundings, candidate: Candidate, refined: Refined) -> Fit:
+    better = Candidate(refined.position, candidate.method, candidate.used, candidate.has_height)
+    return Fit(better, refined, _disagreement(around, better))
+
+
+def _disagreement(around: Surroundings, candidate: Candidate) -> float:
+    return disagreement(around.state, around.constraints, candidate.position, around.vertical)
+
+
+def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
+    apart = math.hypot(*minus(a.position, b.position))
+    return apart <= _SAME * max(math.hypot(*minus(a.position, around.origin)), 1e-3)
+
+
+def _decide(around: Surroundings, fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+    """The least contradicted position, unless another fits as well."""
+    if not fits:
+        return Choice(None, strongest)
+    ordered = sorted(fits, key=lambda fit: fit.disagreement)
+    best = ordered[0]
+    rivals = [
+        fit
+        for fit in ordered[1:]
+        if fit.disagreement - best.disagreement < _MARGIN
+        and not _is_same(around, fit.candidate, best.candidate)
+    ]
+    return _by_hint([best, *rivals], strongest, hint) if rivals else Choice(best, strongest)
+
+
+def averaged(state: State, constraints: list[Constraint], sigmas: Sequence[float], fit: Fit) -> Fit:
+    """The fit made to all constraints that agree with it, weighted; itself when no further one does."""
+    candidate = fit.candidate
+    chosen = agreeing(state, thinned(state, constraints), candidate.used, fit.refined, sigmas)
+    if len(chosen) == len(candidate.used) or not candidate.has_height:
+        return fit
+    refined = refine(state, chosen, candidate.position, sigmas, weighted=True)
+    moved = math.hypot(*minus(refined.position, candidate.position))
+    if not (refined.spread <= fit.refined.spread and moved <= _FARTHEST * fit.refined.spread):
+        return fit
+    better = Candidate(refined.position, candidate.method, tuple(chosen))
+    return Fit(better, refined, fit.disagreement)
+
+
+def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+    """The position clearly nearest to the hint; without one, the alternatives."""
+    positions = tuple(fit.candidate.position for fit in fits)
+    if hint is not None:
+        distances = [math.hypot(*minus(position, hint)) for position in positions]
+        nearest, second = sorted(distances)[:2]
+        if nearest < 0.5 * second:
+            return Choice(fits[distances.index(nearest)], strongest)
+    return Choice(None, strongest, positions)
+
+
+def choose_height(
+    state: State,
+    constraints: list[Constraint],
+    sigmas: Sequence[float],
+    least_strength: float,
+    position: Space,
+) -> Choice:
+    """The height of a point whose plumb line is known; two heights that fit equally well are left open.
+
+    Args:
+        state: known points.
+        constraints: of the point.
+        sigmas: of all observations (m, rad).
+        least_strength: geometries weaker than this are not used.
+        position: the point at a provisional height.
+    """
+    around = survey_surroundings(state, thinned(state, constraints))
+    if around is None:
+        return Choice(None, 0.0)
+    east, north, _ = times(around.vertical, minus(position, around.origin))
+    fits, strongest = [], 0.0
+    for height, constraint in heights_at(around, (east, north)):
+        start = _along_plumb_line(state, position, around.to_frame((east, north, height)))
+        refined = refine(state, (constraint,), start, sigmas, axes=(2,))
+        strongest = max(strongest, refined.strength)
+        if refined.strength >= least_strength:
+            fits.append(_fit(around, Candidate(start, "height", (constraint,)), refined))
+    return _decide(around, fits, strongest, None)
+
+
+def _along_plumb_line(state: State, position: Space, other: Space) -> Space:
+    """The point of the plumb line of `position` at the height of `other`."""
+    vertical = state.vertical_at(position)
+    rise = times(vertical, minus(other, position))[2]
+    return plus(position, transposed_times(vertical, (0.0, 0.0, rise)))

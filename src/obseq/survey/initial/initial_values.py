@@ -1,0 +1,184 @@
+"""Initial values of a network: coordinates of all points and orientations of all stations.
+
+Points with coordinates in the files keep them. The others are placed, the strongest geometry first, by: a
+complete vector from an oriented station, azimuth and distance, intersection of directions (in plan or in
+space), free station, resection from three directions, directions combined with distances, trilateration,
+isometry of a #BASC station on three points, heights by levelling, by zenith angles or by distances, and local
+frames tied by common points; repeated until nothing more can be placed.
+
+MMVII (`src/Topo/topoinit.cpp`) only knows the complete vector and the isometry. We also differ where it is
+wrong: the isometry is composed with the vertical (its rotation is the one the adjustment starts with), the
+vertical is that of the computed origin, distances count in both directions, and nothing depends on memory
+addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.initial.known import State, Step, Vertical
+from obseq.survey.initial.local_frames import LocalFrames
+from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
+from obseq.survey.initial.placement import GOOD, REST, Engine
+from obseq.survey.initial.sights import Graph, build_graph
+from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
+from obseq.survey.model import FieldBook, FloatArray, Orientation, Points, automatic_fix
+
+if TYPE_CHECKING:
+    from obseq.survey.initial.closed_forms import Space
+
+_GIVEN = Step("given")
+_MOST_LISTED = 20
+_SPREAD_OF_APPROXIMATE = 10.0
+"""Expected error (m) of a coordinate that is given and not constrained."""
+
+
+@dataclass(frozen=True, eq=False)
+class InitialValues:
+    """Where the adjustment starts.
+
+    Attributes:
+        coordinates: (n, 3) metres in the frame; NaN for points that could not be placed.
+        rotations: (m, 3, 3) R0 of each station, instrument -> frame; NaN where unknown.
+        g0: (m,) azimuth of the zero of the circle, radians, read as MMVII does; NaN where unknown.
+        orientations: (m,) int8 values of `Orientation`, after the automatic-FIX rule.
+        point_steps: how each point was placed ("given" for coordinates of the file), None if it was not.
+        station_steps: how each station was oriented, None if it was not.
+        unplaced: the points without position and the stations without orientation, with the reasons.
+    """
+
+    coordinates: FloatArray
+    rotations: FloatArray
+    g0: FloatArray
+    orientations: np.ndarray[tuple[int], np.dtype[np.int8]]
+    point_steps: tuple[Step | None, ...]
+    station_steps: tuple[Step | None, ...]
+    unplaced: tuple[Unplaced, ...]
+
+    def require_complete(self) -> None:
+        """Refuses to go on while something has no initial value.
+
+        Raises:
+            InputError: listing the points and stations, each with its reason.
+        """
+        if not self.unplaced:
+            return
+        listed = [f"  {item.what}: {item.reason}" for item in self.unplaced[:_MOST_LISTED]]
+        more = len(self.unplaced) - len(listed)
+        if more > 0:
+            listed.append(f"  and {more} more")
+        raise InputError(
+            "no initial value could be computed for:\n"
+            + "\n".join(listed)
+            + "\nadd the observations that are missing, or approximate coordinates (flag 0) to the point file"
+        )
+
+
+def initial_values(
+    points: Points, book: FieldBook, vertical: Vertical | None, *, recompute_free: bool = False
+) -> InitialValues:
+    """Computes initial values as far as the observations allow.
+
+    Args:
+        points: in the frame of the computation, completed by `join`.
+        book: the field book renumbered by `join`.
+        vertical: points (n, 3) -> R_(frame -> vertical) (n, 3, 3), east north up; None for a frame without
+            vertical, where only #FIX stations (axes of the frame) and #BASC stations have a meaning.
+        recompute_free: compute also the points that are free but have coordinates; these then only decide
+            between two solutions.
+
+    Raises:
+        InputError: a #VERT station in a frame without vertical, or a point where the frame has no vertical.
+    """
+    orientations = automatic_fix(book)
+    if vertical is None:
+        _refuse_plumb_stations(book, orientations)
+    graph = build_graph(book, len(points), orientations)
+    state = State(points.names, len(book.stations), vertical)
+    hints = _take_given(state, points, recompute_free)
+    state.origins = graph.origins
+    engine = Engine(state, graph, hints)
+    _work(engine, state, graph)
+    reasons = explain_points(state, graph, engine.choices, book) + explain_stations(state, graph, book)
+    return _result(state, graph, orientations, tuple(reasons))
+
+
+def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
+    plumb = np.flatnonzero(orientations == Orientation.VERT)
+    if len(plumb):
+        first = int(book.stations.observations(int(plumb[0]))[0])
+        raise InputError(
+            f"{book.label(first)}: a #VERT station needs a frame in which the vertical is defined; "
+            "compute in an RTL frame, or declare the station #FIX"
+        )
+
+
+def _take_given(state: State, points: Points, recompute_free: bool) -> dict[int, Space]:
+    """Puts coordinates of the files in the state; returns those that are only hints."""
+    hints: dict[int, Space] = {}
+    is_free = np.asarray(points.is_free.all(axis=1))
+    spreads = (
+        np.where(points.is_free, _SPREAD_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0).tolist()
+    )
+    for row, (known, xyz) in enumerate(
+        zip(points.has_coordinates.tolist(), points.coordinates.tolist(), strict=True)
+    ):
+        position = (xyz[0], xyz[1], xyz[2])
+        if not known:
+            continue
+        if recompute_free and is_free[row]:
+            hints[row] = position
+            continue
+        state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
+        state.spreads[row] = spreads[row]
+    return hints
+
+
+def _work(engine: Engine, state: State, graph: Graph) -> None:
+    """Good positions, then local frames, then the rest; again while something is placed."""
+    engine.start([point for point, position in enumerate(state.positions) if position is not None])
+    frames = LocalFrames(state, graph)
+    while True:
+        engine.run(GOOD)
+        tied = frames.place()
+        engine.start(tied)
+        if not tied and not engine.run(REST):
+            break
+    for station, orientation in enumerate(graph.orientations):
+        if orientation == Orientation.VERT and state.station_steps[station] is not None:
+            reconcile(state, graph, station)
+
+
+def _result(
+    state: State,
+    graph: Graph,
+    orientations: np.ndarray[tuple[int], np.dtype[np.int8]],
+    unplaced: tuple[Unplaced, ...],
+) -> InitialValues:
+    n, m = len(state.names), len(graph.origins)
+    coordinates, rotations, g0 = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan), np.full(m, np.nan)
+    for point in range(n):
+        if state.is_placed(point):
+            coordinates[point] = state.known(point)
+    plumb = [s for s in range(m) if state.g0[s] is not None]
+    if plumb:
+        g0[plumb] = [state.g0[s] for s in plumb]
+        vertical = np.array([state.vertical_of(graph.origins[s]) for s in plumb])
+        rotations[plumb] = plumb_rotation(vertical, g0[plumb])
+    for station, rotation in enumerate(state.rotations):
+        origin = state.verticals[graph.origins[station]]
+        if rotation is not None and origin is not None:
+            rotations[station], g0[station] = rotation, g0_of(rotation, origin)
+    return InitialValues(
+        coordinates,
+        rotations,
+        g0,
+        orientations,
+        tuple(step if state.is_placed(p) else None for p, step in enumerate(state.point_steps)),
+        tuple(state.station_steps),
+        unplaced,
+    )

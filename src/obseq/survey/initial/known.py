@@ -1,0 +1,167 @@
+"""What is known so far while initial values are computed: points, verticals, orientations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.initial.closed_forms import Space
+from obseq.survey.model import FloatArray
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Matrix = tuple[Space, Space, Space]
+"""A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""
+
+Vertical = Callable[[FloatArray], FloatArray]
+"""Points (n, 3) of the frame -> rotations (n, 3, 3) from the frame to local east, north, up."""
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Step:
+    """How a point was placed or a station oriented: the method and the rows of its observations."""
+
+    method: str
+    observations: tuple[int, ...] = ()
+
+
+def times(matrix: Matrix, v: Space) -> Space:
+    """Matrix times vector."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y, z = v
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def transposed_times(matrix: Matrix, v: Space) -> Space:
+    """Transposed matrix times vector."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y, z = v
+    return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
+
+
+def minus(a: Space, b: Space) -> Space:
+    """Difference of two points."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def plus(a: Space, b: Space) -> Space:
+    """Sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def as_matrix(array: FloatArray) -> Matrix:
+    """The plain form of a (3, 3) array."""
+    first, second, third = array.tolist()
+    return tuple(first), tuple(second), tuple(third)
+
+
+class State:
+    """Known coordinates and orientations; a point can be known in the horizontal, in height, or both.
+
+    Expected errors decide what is used first: `spreads[p]` of a position (m), `noises[p]` of a position
+    relative to the station `parents[p]` that placed it, `azimuth_spreads[k]` of the zero of a station (rad).
+
+    `positions[p]` is set once the horizontal position is known (on the plumb line of p, at a provisional
+    height while `has_height[p]` is false). `heights[p]` is a height above the reference point, along mean
+    plumb lines: differences of it are differences of ellipsoidal height to about 1e-6.
+    """
+
+    def __init__(self, names: Sequence[str], n_stations: int, vertical: Vertical | None) -> None:
+        n = len(names)
+        self.names = names
+        self.vertical = vertical
+        self.positions: list[Space | None] = [None] * n
+        self.has_height = bytearray(n)
+        self.heights: list[float | None] = [None] * n
+        self.verticals: list[Matrix | None] = [None] * n
+        self.rotations: list[Matrix | None] = [None] * n_stations
+        self.g0: list[float | None] = [None] * n_stations
+        self.point_steps: list[Step | None] = [None] * n
+        self.station_steps: list[Step | None] = [None] * n_stations
+        self.reference: int | None = None
+        self.spreads: list[float] = [0.0] * n
+        self.noises: list[float] = [0.0] * n
+        self.parents: list[int | None] = [None] * n
+        self.azimuth_spreads: list[float] = [0.0] * n_stations
+        self.origins: Sequence[int] = ()
+
+    def is_placed(self, point: int) -> bool:
+        """True when the three coordinates are known and its vertical has been computed."""
+        return self.verticals[point] is not None and bool(self.has_height[point])
+
+    def vertical_at(self, position: Space) -> Matrix:
+        """R_(frame -> vertical) at a position."""
+        if self.vertical is None:
+            return IDENTITY
+        return as_matrix(self.vertical(np.array([position]))[0])
+
+    def settle(self, points: Sequence[int]) -> None:
+        """Computes verticals and heights of points whose position has just been set, all at once.
+
+        Raises:
+            InputError: the frame gives no vertical at a point.
+        """
+        if not points:
+            return
+        if self.reference is None:
+            self.reference = points[0]
+        for point, matrix in zip(points, self._matrices(points), strict=True):
+            self.verticals[point] = matrix
+        for point in points:
+            if self.has_height[point]:
+                self.heights[point] = self.height_of(self.known(point), self.vertical_of(point))
+
+    def _matrices(self, points: Sequence[int]) -> list[Matrix]:
+        if self.vertical is None:
+            return [IDENTITY] * len(points)
+        rotations = np.asarray(self.vertical(np.array([self.positions[point] for point in points])))
+        for point, is_finite in zip(points, np.asarray(np.isfinite(rotations).all(axis=(1, 2))), strict=True):
+            if not is_finite:
+                raise InputError(
+                    f"point {self.names[point]}: the frame has no vertical at {self.positions[point]}; "
+                    "check its coordinates and the coordinate system"
+                )
+        return [as_matrix(rotation) for rotation in rotations]
+
+    def known(self, point: int) -> Space:
+        """Position of a point that has one."""
+        position = self.positions[point]
+        assert position is not None
+        return position
+
+    def vertical_of(self, point: int) -> Matrix:
+        """R_(frame -> vertical) at a point that has been settled."""
+        matrix = self.verticals[point]
+        assert matrix is not None
+        return matrix
+
+    def height_of(self, position: Space, vertical: Matrix) -> float:
+        """Height above the reference point along the mean of the two plumb lines."""
+        if self.reference is None:
+            return 0.0
+        up, other = vertical[2], self.vertical_of(self.reference)[2]
+        offset = minus(position, self.known(self.reference))
+        return sum((u + v) / 2.0 * d for u, v, d in zip(up, other, offset, strict=True))
+
+    def relative_spread(self, a: int, b: int, distance: float) -> float:
+        """Expected error (m) of b relative to a; small when one station placed both."""
+        station = self._common_station(a, b)
+        if station is None:
+            return math.hypot(self.spreads[a], self.spreads[b])
+        noises = [self.noises[p] for p in (a, b) if self.parents[p] == station]
+        return math.hypot(distance * self.azimuth_spreads[station], *noises)
+
+    def _common_station(self, a: int, b: int) -> int | None:
+        """The station that placed both points, or that stands on one and placed the other."""
+        first, second = self.parents[a], self.parents[b]
+        if first is not None and (first == second or self.origins[first] == b):
+            return first
+        return second if second is not None and self.origins[second] == a else None

@@ -1,0 +1,199 @@
+"""Groups of points and stations that hang together but touch known points only by common points.
+
+Two known stations that do not see each other, a traverse between two known points without any azimuth: no
+point of such a group can be placed alone. The group is computed in a frame of its own (a station at the
+origin, its circle at zero, parallel plumb lines), then turned and moved onto the points it shares with what
+is known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.survey.initial.known import State, Step, minus, plus, times, transposed_times
+from obseq.survey.initial.placement import Engine, Level
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.sights import Graph
+
+_LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
+_LEAST_BASE = 0.05
+"""Least distance between the common points, in parts of the size of the group."""
+
+
+@dataclass(frozen=True)
+class _Tie:
+    """Motion of a plumb local frame: turned by `angle` clockwise, then moved, in the frame at `origin`."""
+
+    origin: int
+    angle: float
+    local_centre: tuple[float, float]
+    centre: tuple[float, float]
+    rise: float | None
+    spread: float
+
+    def move(self, state: State, position: Space) -> Space:
+        """A position of the local frame, in the frame of the computation."""
+        east, north = position[0] - self.local_centre[0], position[1] - self.local_centre[1]
+        cosine, sine = math.cos(self.angle), math.sin(self.angle)
+        turned = (
+            self.centre[0] + east * cosine + north * sine,
+            self.centre[1] - east * sine + north * cosine,
+            position[2] + (self.rise or 0.0),
+        )
+        return plus(state.known(self.origin), transposed_times(state.vertical_of(self.origin), turned))
+
+
+class LocalFrames:
+    """Tries each group of stations once, until something else has been placed."""
+
+    def __init__(self, state: State, graph: Graph) -> None:
+        self.state, self.graph = state, graph
+        self.scratch = State(state.names, len(graph.origins), None)
+        self.scratch.origins = graph.origins
+
+    def place(self) -> list[int]:
+        """Points that local frames have placed in the state; they remain to be settled."""
+        allowed = [s for s in range(len(self.graph.origins)) if self._is_usable(s)]
+        groups = self._groups_with_ties(allowed)
+        tried: set[int] = set()
+        placed: list[int] = []
+        for station in allowed:
+            if station in groups and station not in tried and self._has_vector(station):
+                placed.extend(self._try_from(station, frozenset(allowed), tried))
+        return sorted(set(placed))
+
+    def _is_usable(self, station: int) -> bool:
+        """Not oriented, and not bound to the real north."""
+        if self.state.station_steps[station] is not None:
+            return False
+        if self.graph.orientations[station] != Orientation.FIX:
+            return True
+        return all(self.graph.sights[number].reading() is None for number in self.graph.sights_from[station])
+
+    def _has_vector(self, station: int) -> bool:
+        """A plumb station with at least one complete vector can begin a local frame."""
+        if self.graph.orientations[station] != Orientation.VERT:
+            return False
+        return any(
+            self.graph.sights[number].vector() is not None for number in self.graph.sights_from[station]
+        )
+
+    def _groups_with_ties(self, allowed: list[int]) -> set[int]:
+        """Stations whose connected group of sights contains two located points or more."""
+        parent: dict[int, int] = {}
+
+        def root(point: int) -> int:
+            while parent.setdefault(point, point) != point:
+                parent[point] = parent[parent[point]]
+                point = parent[point]
+            return point
+
+        for station in allowed:
+            for number in self.graph.sights_from[station]:
+                sight = self.graph.sights[number]
+                parent[root(sight.target)] = root(sight.origin)
+        ties: dict[int, int] = {}
+        for point in parent:
+            if self.state.verticals[point] is not None:
+                ties[root(point)] = ties.get(root(point), 0) + 1
+        return {s for s in allowed if ties.get(root(self.graph.origins[s]), 0) >= 2}
+
+    def _try_from(self, station: int, allowed: frozenset[int], tried: set[int]) -> list[int]:
+        """Computes the group of one station in its own frame and moves it to its place."""
+        local, origin = self.scratch, self.graph.origins[station]
+        engine = Engine(local, self.graph, {}, allowed)
+        local.positions[origin], local.has_height[origin] = (0.0, 0.0, 0.0), 1
+        local.point_steps[origin] = Step("origin")
+        local.g0[station], local.station_steps[station] = 0.0, Step("local frame")
+        engine.start([origin])
+        engine.start_station(station)
+        engine.run(_LEVELS)
+        tried.update(engine.oriented)
+        located = [p for p in dict.fromkeys(engine.touched_points) if local.verticals[p] is not None]
+        placed = self._tie(station, located)
+        self._forget(engine)
+        return placed
+
+    def _forget(self, engine: Engine) -> None:
+        """Empties the scratch state for the next group."""
+        local = self.scratch
+        for point in engine.touched_points:
+            local.positions[point] = local.heights[point] = local.verticals[point] = None
+            local.point_steps[point], local.has_height[point] = None, 0
+            local.spreads[point], local.parents[point] = 0.0, None
+        for station in engine.oriented:
+            local.rotations[station] = local.g0[station] = local.station_steps[station] = None
+            local.azimuth_spreads[station] = 0.0
+        local.reference = None
+
+    def _tie(self, station: int, located: list[int]) -> list[int]:
+        """Moves the located points of the scratch state that are new into the state."""
+        common = [point for point in located if self.state.verticals[point] is not None]
+        tie = self._solve(common, located) if len(common) >= 2 else None
+        if tie is None:
+            return []
+        name = self.state.names[self.graph.origins[station]]
+        anchors = ", ".join(self.state.names[point] for point in common[:3])
+        placed = []
+        for point in located:
+            if self.state.verticals[point] is None and self.state.positions[point] is None:
+                step = self.scratch.point_steps[point] or Step("")
+                method = f"local frame of station {name} tied to {anchors}"
+                self.state.positions[point] = tie.move(self.state, self.scratch.known(point))
+                self.state.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])
+                self.state.point_steps[point] = Step(method, step.observations)
+                self._take_spread(point, tie)
+                placed.append(point)
+        return placed
+
+    def _take_spread(self, point: int, tie: _Tie) -> None:
+        """The errors of the local frame and of the tie; the local relations remain those of the group."""
+        state, local = self.state, self.scratch
+        state.spreads[point] = math.hypot(local.spreads[point], tie.spread)
+        state.noises[point], state.parents[point] = local.noises[point], local.parents[point]
+
+    def _solve(self, common: list[int], located: list[int]) -> _Tie | None:
+        """Least-squares rotation about the vertical and translation; None when the base is too short."""
+        origin = common[0]
+        vertical, start = self.state.vertical_of(origin), self.state.known(origin)
+        weights = [1.0 / (self._common_spread(point) ** 2 + 1e-12) for point in common]
+        real = [times(vertical, minus(self.state.known(point), start)) for point in common]
+        local = [self.scratch.known(point) for point in common]
+        local_centre, centre = _centre(local, weights), _centre(real, weights)
+        base = max(math.dist(position[:2], local_centre) for position in local)
+        size = max(math.dist(self.scratch.known(point)[:2], local_centre) for point in located)
+        if base <= max(_LEAST_BASE * size, 1e-3):
+            return None
+        cross = dot = 0.0
+        for p, q, weight in zip(local, real, weights, strict=True):
+            a, b = (p[0] - local_centre[0], p[1] - local_centre[1]), (q[0] - centre[0], q[1] - centre[1])
+            cross += weight * (b[0] * a[1] - b[1] * a[0])
+            dot += weight * (a[0] * b[0] + a[1] * b[1])
+        spread = max(self.state.spreads[point] for point in common)
+        return _Tie(
+            origin, math.atan2(cross, dot), local_centre, centre, self._rise(common, local, real), spread
+        )
+
+    def _common_spread(self, point: int) -> float:
+        return math.hypot(self.state.spreads[point], self.scratch.spreads[point])
+
+    def _rise(self, common: list[int], local: list[Space], real: list[Space]) -> float | None:
+        """Mean height of the real points above the local ones."""
+        rises = [
+            q[2] - p[2]
+            for point, p, q in zip(common, local, real, strict=True)
+            if self.state.is_placed(point) and self.scratch.has_height[point]
+        ]
+        return sum(rises) / len(rises) if rises else None
+
+
+def _centre(points: list[Space], weights: list[float]) -> tuple[float, float]:
+    total = sum(weights)
+    east = sum(weight * point[0] for point, weight in zip(points, weights, strict=True))
+    north = sum(weight * point[1] for point, weight in zip(points, weights, strict=True))
+    return east / total, north / total

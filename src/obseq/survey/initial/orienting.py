@@ -1,0 +1,171 @@
+"""Initial orientation of stations: local axes (#FIX), a rotation in space (#BASC); G0 of #VERT stations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.initial.closed_forms import wrap
+from obseq.survey.initial.known import Matrix, State, Step, as_matrix, minus, times
+from obseq.survey.initial.relations import central_angle, free_direction
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.model import FloatArray
+
+_LEAST_SPREAD = 0.01
+"""Second singular value over the first, below which points are on a line and determine no rotation."""
+
+
+def orient(state: State, graph: Graph, station: int) -> bool:
+    """Orients a #FIX or #BASC station, if what is known allows it; a #BASC station may place its origin too.
+
+    Returns:
+        True when the station has just been oriented.
+    """
+    orientation, origin = graph.orientations[station], graph.origins[station]
+    if state.station_steps[station] is not None or orientation == Orientation.VERT:
+        return False
+    if orientation == Orientation.BASC:
+        return _orient_free(state, graph, station)
+    if state.verticals[origin] is None:
+        return False
+    state.g0[station], state.station_steps[station] = 0.0, Step("local axes")
+    return True
+
+
+def reconcile(state: State, graph: Graph, station: int) -> None:
+    """Sets G0 of a plumb station to the value that most of its sights agree on, once all points are known.
+
+    With one or two sights it is that of the first, as in MMVII.
+    """
+    angles = []
+    for number in graph.sights_from[station]:
+        sight = graph.sights[number]
+        angle = _g0_of_sight(state, sight) if state.is_placed(sight.target) else None
+        if angle is not None:
+            angles.append(angle)
+    if angles:
+        state.g0[station] = central_angle(angles)
+
+
+def _g0_of_sight(state: State, sight: Sight) -> float | None:
+    """G0 by one sight between located points; None without reading, or on the vertical."""
+    reading = sight.reading()
+    offset = minus(state.known(sight.target), state.known(sight.origin))
+    east, north, up = times(state.vertical_of(sight.origin), offset)
+    if reading is None or math.hypot(east, north) <= 1e-6 * abs(up) + 1e-9:
+        return None
+    return wrap(math.atan2(east, north) - reading[0])
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Targets known in the frame and their vectors in the instrument."""
+
+    ground: FloatArray
+    seen: FloatArray
+    rows: tuple[int, ...]
+    points: tuple[int, ...]
+
+
+def _orient_free(state: State, graph: Graph, station: int) -> bool:
+    """Rotation (and position) from three vectors, or from two directions when the origin is known."""
+    vectors = _pairs(state, graph, station, complete=True)
+    origin = graph.origins[station]
+    if len(vectors.ground) >= 3 and _fit_isometry(state, station, origin, vectors):
+        return True
+    if not state.is_placed(origin):
+        return False
+    directions = _pairs(state, graph, station, complete=False)
+    offsets = directions.ground - np.array(state.known(origin))
+    lengths = np.linalg.norm(offsets, axis=1)
+    kept = lengths > 0.0
+    if np.count_nonzero(kept) < 2:
+        return False
+    rotation = best_rotation(directions.seen[kept], offsets[kept] / lengths[kept, None])
+    return rotation is not None and _take_rotation(
+        state, station, rotation, Step("known directions", directions.rows)
+    )
+
+
+def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pairs:
+    """Pairs with placed targets: vectors with their length, or all directions as unit vectors."""
+    ground: list[Space] = []
+    seen: list[Space] = []
+    rows: list[int] = []
+    points: list[int] = []
+    for number in graph.sights_from[station]:
+        sight = graph.sights[number]
+        found = free_direction(sight) if state.is_placed(sight.target) else None
+        if found is None or (complete and not found[1]):
+            continue
+        ground.append(state.known(sight.target))
+        seen.append(found[0][0])
+        points.append(sight.target)
+        rows.extend(found[0][1])
+    vectors = np.array(seen, np.float64).reshape(-1, 3)
+    if not complete:
+        vectors /= np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
+    return _Pairs(np.array(ground, np.float64).reshape(-1, 3), vectors, tuple(rows), tuple(points))
+
+
+def _fit_isometry(state: State, station: int, origin: int, pairs: _Pairs) -> bool:
+    """Least-squares isometry instrument -> frame; gives the position of the origin if it has none."""
+    ground_centre, seen_centre = pairs.ground.mean(axis=0), pairs.seen.mean(axis=0)
+    rotation = best_rotation(pairs.seen - seen_centre, pairs.ground - ground_centre)
+    if rotation is None:
+        return False
+    step = Step("isometry on three or more points", pairs.rows)
+    if not state.is_placed(origin):
+        position = ground_centre - rotation @ seen_centre
+        state.positions[origin] = (float(position[0]), float(position[1]), float(position[2]))
+        state.has_height[origin], state.point_steps[origin] = 1, step
+        state.spreads[origin] = min(state.spreads[point] for point in pairs.points)
+    return _take_rotation(state, station, rotation, step)
+
+
+def best_rotation(local: FloatArray, world: FloatArray) -> FloatArray | None:
+    """The rotation R that makes R local_i closest to world_i (Kabsch); None when all are on one line.
+
+    Args:
+        local: (n, 3) vectors.
+        world: (n, 3) vectors.
+    """
+    left, singular, right = np.linalg.svd(world.T @ local)
+    if not singular[1] > _LEAST_SPREAD**2 * singular[0]:
+        return None
+    sign = 1.0 if np.linalg.det(left @ right) > 0.0 else -1.0
+    return np.asarray(left @ np.diag([1.0, 1.0, sign]) @ right, dtype=np.float64)
+
+
+def _take_rotation(state: State, station: int, rotation: FloatArray, step: Step) -> bool:
+    state.rotations[station] = as_matrix(rotation)
+    state.station_steps[station] = step
+    return True
+
+
+def plumb_rotation(vertical: FloatArray, g0: FloatArray) -> FloatArray:
+    """Rotations instrument -> frame of plumb stations: (Rz(g0) R_(frame -> vertical))^T.
+
+    Args:
+        vertical: (m, 3, 3) R_(frame -> vertical) at the origins.
+        g0: (m,) azimuths of the zeros of the circles, radians.
+    """
+    cosine, sine = np.cos(g0), np.sin(g0)
+    turn = np.zeros((len(g0), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1] = cosine, -sine
+    turn[:, 1, 0], turn[:, 1, 1] = sine, cosine
+    turn[:, 2, 2] = 1.0
+    return np.transpose(turn @ vertical, (0, 2, 1))
+
+
+def g0_of(rotation: Matrix, vertical: Matrix) -> float:
+    """G0 of a rotation instrument -> frame: read from R_(vertical -> instrument), as MMVII reads it."""
+    to_instrument = np.array(rotation).T @ np.array(vertical).T
+    return math.atan2(float(to_instrument[1, 0]), float(to_instrument[0, 0]))

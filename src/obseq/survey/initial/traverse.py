@@ -1,0 +1,280 @@
+"""Carries orientation from station to station, as a traverse does, the surest link first.
+
+Where a network closes on itself, two points placed along different paths disagree by the drift of both paths.
+A station oriented on such a pair would pass the disagreement on, larger at each step. So a plumb station is
+linked to an oriented one by the raw observations that both made: of each other, and of common targets. The
+drift then grows slowly and never feeds itself. Azimuths between known points are links too.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.survey.initial.closed_forms import wrap
+from obseq.survey.initial.known import Step, minus, plus, times, transposed_times
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.known import State
+    from obseq.survey.initial.sights import Graph, Sight
+
+_MOST_STATIONS = 50
+"""Stations that are linked through one common target."""
+_DRIFT = 3.0
+"""Spreads of points that were not given are enlarged by this factor: their errors are not independent."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A way to orient a plumb station.
+
+    `origin` and `targets` are the station and its targets where the oriented station sees them (frame); the
+    origin is None when its known position is used.
+    """
+
+    origin: Space | None
+    targets: tuple[tuple[int, Space], ...]
+    spread: float
+    noise: float
+    parent: int | None
+    method: str
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """One target of two stations: seen from the oriented one (local east, north, up), and by the other."""
+
+    point: int
+    seen: Space
+    noise: float
+    sight: Sight
+
+
+def polar_vector(state: State, graph: Graph, sight: Sight) -> tuple[Space, float] | None:
+    """Vector (frame) of a sight of an oriented station and its noise (m); None when it is incomplete."""
+    vector = sight.vector()
+    rotation, g0 = state.rotations[sight.station], state.g0[sight.station]
+    vertical = state.verticals[sight.origin]
+    if vector is None or vertical is None or (rotation is None and g0 is None):
+        return None
+    noise = vector_noise(graph, *vector)
+    if rotation is not None:
+        return times(rotation, vector[0]), noise
+    return transposed_times(vertical, turned(vector[0], g0 or 0.0)), noise
+
+
+def turned(vector: Space, g0: float) -> Space:
+    """A vector of a plumb instrument in local east, north, up."""
+    (x, y, z), cosine, sine = vector, math.cos(g0), math.sin(g0)
+    return x * cosine + y * sine, y * cosine - x * sine, z
+
+
+def vector_noise(graph: Graph, vector: Space, rows: tuple[int, ...]) -> float:
+    """Expected error (m) of a vector from the sigmas of its observations."""
+    length = math.hypot(*vector)
+    return math.hypot(*(graph.sigmas[row] * (length if graph.is_angle[row] else 1.0) for row in rows))
+
+
+class Traverse:
+    """The queue of links; the surest comes out first.
+
+    Args:
+        state: what is known; it is not changed here.
+        graph: the observations.
+        stations: the stations that may be used; all when None.
+    """
+
+    def __init__(self, state: State, graph: Graph, stations: frozenset[int] | None) -> None:
+        self.state, self.graph, self.stations = state, graph, stations
+        self.queue: list[tuple[float, int, int, Link]] = []
+        self.count = itertools.count()
+
+    def next(self, limit: float) -> tuple[int, Link] | None:
+        """The surest link to a station that is not oriented; None when none is as sure as the limit (rad)."""
+        while self.queue and self.queue[0][0] <= limit:
+            _, station, _, link = heapq.heappop(self.queue)
+            if self.state.station_steps[station] is None:
+                return station, link
+        return None
+
+    def _push(self, station: int, link: Link) -> None:
+        heapq.heappush(self.queue, (link.spread, station, next(self.count), link))
+
+    def _is_open(self, station: int) -> bool:
+        return (
+            self.graph.orientations[station] == Orientation.VERT
+            and self.state.station_steps[station] is None
+            and (self.stations is None or station in self.stations)
+        )
+
+    def add_azimuths(self, station: int, targets: set[int]) -> None:
+        """Links of a station on a located point by the azimuths of some located targets."""
+        origin = self.graph.origins[station]
+        if self.state.verticals[origin] is None or not self._is_open(station):
+            return
+        for number in self.graph.sights_from[station]:
+            sight = self.graph.sights[number]
+            if sight.target in targets and self.state.verticals[sight.target] is not None:
+                self._add_azimuth(sight)
+
+    def _add_azimuth(self, sight: Sight) -> None:
+        state, reading = self.state, sight.reading()
+        target = state.known(sight.target)
+        distance = _flat_distance(state, sight.origin, target)
+        if reading is None or distance == 0.0:
+            return
+        moved = math.hypot(_honest_spread(state, sight.origin), _honest_spread(state, sight.target))
+        spread = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
+        targets = ((sight.target, target),)
+        self._push(
+            sight.station, Link(None, targets, spread, 0.0, None, "azimuth of a known point", reading[1])
+        )
+
+    def add_neighbours(self, station: int) -> None:
+        """Links from a station that has just been oriented and placed."""
+        seen = self._seen_from(station)
+        found: dict[int, list[_Shared]] = {}
+        for point, (vector, noise) in seen.items():
+            for number in self.graph.sights_to[point][:_MOST_STATIONS]:
+                sight = self.graph.sights[number]
+                if sight.station != station and self._is_open(sight.station):
+                    found.setdefault(sight.station, []).append(_Shared(point, vector, noise, sight))
+        for other, shared in found.items():
+            self._add_link(station, other, seen, shared)
+
+    def _seen_from(self, station: int) -> dict[int, tuple[Space, float]]:
+        """Local east, north, up of the origin and of the targets with a complete vector, with their noise."""
+        origin = self.graph.origins[station]
+        vertical = self.state.vertical_of(origin)
+        seen: dict[int, tuple[Space, float]] = {origin: ((0.0, 0.0, 0.0), 0.0)}
+        for number in self.graph.sights_from[station]:
+            sight = self.graph.sights[number]
+            vector = polar_vector(self.state, self.graph, sight)
+            if vector is not None:
+                seen[sight.target] = (times(vertical, vector[0]), vector[1])
+        return seen
+
+    def _add_link(
+        self, station: int, other: int, seen: dict[int, tuple[Space, float]], shared: list[_Shared]
+    ) -> None:
+        origin = self.graph.origins[other]
+        link = self._by_sight(station, seen[origin], shared) if origin in seen else None
+        link = link or self._by_two_targets(station, shared)
+        if link is not None:
+            self._push(other, link)
+
+    def _by_sight(self, station: int, origin: tuple[Space, float], shared: list[_Shared]) -> Link | None:
+        """The oriented station sees the other; a common target, or the sight back, gives the azimuth."""
+        position, noise = origin
+        best: tuple[float, _Shared] | None = None
+        for item in shared:
+            distance = math.dist(position[:2], item.seen[:2])
+            if distance > 0.0 and item.sight.reading() is not None:
+                sigma = reading_sigma(self.graph, item.sight, distance)
+                spread = math.hypot(math.hypot(noise, item.noise) / distance, sigma)
+                if best is None or spread < best[0]:
+                    best = (spread, item)
+        if best is None:
+            return None
+        return self._link(station, position, noise, [best[1]], best[0], "azimuth and distance")
+
+    def _by_two_targets(self, station: int, shared: list[_Shared]) -> Link | None:
+        """Free station on the two common targets that are the farthest apart."""
+        complete = [item for item in shared if item.sight.vector() is not None]
+        if len(complete) < 2:
+            return None
+        a, b = max(
+            itertools.combinations(complete[:12], 2),
+            key=lambda pair: math.dist(pair[0].seen[:2], pair[1].seen[:2]),
+        )
+        own = [item.sight.vector() for item in (a, b)]
+        if own[0] is None or own[1] is None:
+            return None
+        base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own[0][0][:2], own[1][0][:2])
+        noise = math.hypot(a.noise, b.noise, *(vector_noise(self.graph, *vector) for vector in own if vector))
+        if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * noise:
+            return None
+        g0 = _azimuth(a.seen, b.seen) - _azimuth(own[0][0], own[1][0])
+        ends = [
+            minus(item.seen, turned(vector[0], g0))
+            for item, vector in zip((a, b), own, strict=True)
+            if vector
+        ]
+        middle = tuple((p + q) / 2.0 for p, q in zip(ends[0], ends[1], strict=True))
+        position = (middle[0], middle[1], middle[2])
+        spread = noise / base
+        away = math.dist(position[:2], ((a.seen[0] + b.seen[0]) / 2.0, (a.seen[1] + b.seen[1]) / 2.0))
+        return self._link(station, position, math.hypot(noise, spread * away), [a, b], spread, "free station")
+
+    def _link(
+        self, station: int, position: Space, noise: float, shared: list[_Shared], spread: float, method: str
+    ) -> Link:
+        """A link whose local positions are put in the frame."""
+        start = self.state.known(self.graph.origins[station])
+        vertical = self.state.vertical_of(self.graph.origins[station])
+        targets = tuple((item.point, plus(start, transposed_times(vertical, item.seen))) for item in shared)
+        rows: list[int] = []
+        for item in shared:
+            both = [item.sight]
+            if (station, item.point) in self.graph.sight_of:
+                both.append(self.graph.sights[self.graph.sight_of[station, item.point]])
+            for sight in both:
+                rows.extend((sight.vector() or sight.reading() or ((), ()))[1])
+        total = math.hypot(self.state.azimuth_spreads[station], spread)
+        origin = plus(start, transposed_times(vertical, position))
+        return Link(origin, targets, total, noise, station, method, tuple(dict.fromkeys(rows)))
+
+
+def link_g0(state: State, graph: Graph, station: int, link: Link) -> float:
+    """G0 of a station by a link, once the vertical of its origin is known."""
+    origin = graph.origins[station]
+    start = state.known(origin) if link.origin is None else link.origin
+    angles = []
+    for point, position in link.targets:
+        reading = graph.sights[graph.sight_of[station, point]].reading()
+        if reading is not None:
+            east, north, _ = times(state.vertical_of(origin), minus(position, start))
+            angles.append(math.atan2(east, north) - reading[0])
+    return wrap(angles[0] + sum(wrap(angle - angles[0]) for angle in angles) / len(angles))
+
+
+def link_rise(state: State, graph: Graph, station: int, link: Link) -> float:
+    """How much too low a free station is, from its own rises to the common targets and its own vertical."""
+    origin = graph.origins[station]
+    rises = []
+    for point, position in link.targets:
+        vector = graph.sights[graph.sight_of[station, point]].vector()
+        if vector is not None:
+            computed = times(state.vertical_of(origin), minus(position, state.known(origin)))[2]
+            rises.append(computed - vector[0][2])
+    return sum(rises) / len(rises)
+
+
+def reading_sigma(graph: Graph, sight: Sight, distance: float) -> float:
+    """Sigma of a reading (rad), also of one made from DX and DY."""
+    if sight.hz is not None:
+        return graph.sigmas[sight.hz[1]]
+    return max((graph.sigmas[m[1]] for m in (sight.dx, sight.dy) if m is not None), default=0.0) / distance
+
+
+def _azimuth(a: Space, b: Space) -> float:
+    return math.atan2(b[0] - a[0], b[1] - a[1])
+
+
+def _flat_distance(state: State, origin: int, target: Space) -> float:
+    """Horizontal distance to a target, 0 when it is on the vertical."""
+    east, north, up = times(state.vertical_of(origin), minus(target, state.known(origin)))
+    distance = math.hypot(east, north)
+    return distance if distance > 1e-6 * abs(up) + 1e-9 else 0.0
+
+
+def _honest_spread(state: State, point: int) -> float:
+    step: Step | None = state.point_steps[point]
+    is_given = step is not None and step.method == "given"
+    return state.spreads[point] * (1.0 if is_given else _DRIFT)
