@@ -1,8 +1,8 @@
 """Times the solvers on survey and levelling networks, one after the other in each round.
 
 Run `python tools/benchmarks/bench_solvers.py survey-10k survey-100k levelling-1m --json out.json`. It prints,
-for each phase, the median over the rounds and the median ratio to each witness in the same round. PARDISO is a
-witness where pypardiso is installed; SuperLU, which takes long, runs once and only up to `--superlu-limit`.
+for each phase, the median over the rounds and the median ratio to each witness in the same round. PARDISO is
+a witness where pypardiso is installed; SuperLU, which takes long, runs once and only up to `--superlu-limit`.
 """
 
 from __future__ import annotations
