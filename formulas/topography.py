@@ -9,7 +9,7 @@ from typing import Annotated
 
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Angle, Length, Matrix3, Number, Point2, Point3, Pose, norm
-from obseq.formulas.functions import Scalar, angle_difference, atan2, cos, let, sin, sqrt
+from obseq.formulas.functions import Scalar, angle_difference, atan2, let, sqrt
 
 Station = Annotated[Pose, "Ci", "Wi", "mi"]
 Target = Annotated[Point3, "P_to"]
@@ -125,8 +125,8 @@ class TopoDH(Formula):
     """Difference of ellipsoidal heights between two points given in a Euclidean frame.
 
     The frame is placed in the geocentric one by `X = R P + T`; heights follow Bowring's closed form of 1985.
-    Residual: `h(P_to) - h(P_from) - val`. Undefined on the polar axis. The geocentric coordinates cancel to
-    about 1e-9 m in double precision.
+    Residual: `h(P_to) - h(P_from) - val`. Undefined on the polar axis. The difference is computed from that
+    of the points: it carries their rounding, where MMVII's difference of two heights carries 1e-9 m.
     """
 
     source = "MMVII Formulas_Topo.h; B. R. Bowring, Survey Review 28 (218), 1985"
@@ -151,21 +151,53 @@ class TopoDH(Formula):
         height_difference: MeasuredLength,
     ) -> Scalar:
         """The height difference computed, minus the one observed (m)."""
-        start = to_geocentric @ origin + translation
-        end = to_geocentric @ target + translation
-        height_from = let("height_from", ellipsoidal_height(start, semi_major_axis, eccentricity2))
-        height_to = let("height_to", ellipsoidal_height(end, semi_major_axis, eccentricity2))
-        return height_to - height_from - height_difference
+        start = let("start", to_geocentric @ origin + translation)
+        shift = let("shift", to_geocentric @ (target - origin))
+        return ellipsoidal_rise(start, shift, semi_major_axis, eccentricity2) - height_difference
 
 
-def ellipsoidal_height(point: Point3, a: Scalar, e2: Scalar) -> Scalar:
-    """Height of a geocentric point above the ellipsoid (semi-major axis a, squared eccentricity e2)."""
+def ellipsoidal_rise(start: Point3, shift: Point3, a: Scalar, e2: Scalar) -> Scalar:
+    """Height of a geocentric point and a shift above the ellipsoid, minus that of the point.
+
+    A height is `p cos phi + Z sin phi - a W`, with `W = sqrt(1 - e2 sin^2 phi)`. In the difference, terms of
+    the size of the Earth must not cancel: `p` and `Z` change by small quantities that follow from the shift,
+    and the turn of the normal from one end to the other multiplies what is nearly 0 along the way.
+
+    Args:
+        start: Geocentric point (m).
+        shift: From there to the other point (m).
+        a: Semi-major axis (m).
+        e2: Squared eccentricity.
+    """
+    end = let("end", start + shift)
+    p_start, p_end = let("p_start", _to_axis(start)), let("p_end", _to_axis(end))
+    first = let("from", _normal(start, p_start, a, e2))
+    last = let("to", _normal(end, p_end, a, e2))
+    both = let("both", first + last)
+    half_turn = let("half_turn", (first.x * last.y - first.y * last.x) / (1 + first.dot(last)))
+    outwards = ((start.x + end.x) * shift.x + (start.y + end.y) * shift.y) / (p_start + p_end)
+    w_both = sqrt(1 - e2 * first.y**2) + sqrt(1 - e2 * last.y**2)
+    lever = both.x * (start.z + end.z) - both.y * (p_start + p_end)
+    lever = let("lever", lever + 2 * e2 * a * both.x * both.y / w_both)
+    return (both.x * outwards + both.y * shift.z + half_turn * lever) / 2
+
+
+def _to_axis(point: Point3) -> Scalar:
+    return norm(Point2(point.x, point.y))
+
+
+def _normal(point: Point3, p: Scalar, a: Scalar, e2: Scalar) -> Point2:
+    """Cosine and sine of the latitude of a point at a distance p from the polar axis."""
     b_over_a = sqrt(1 - e2)
-    p = norm(Point2(point.x, point.y))
-    parametric = atan2(point.z * (b_over_a + e2 * a / norm(point)), p)
-    latitude = atan2(
-        point.z * b_over_a + e2 * a * sin(parametric) ** 3,
-        b_over_a * (p - e2 * a * cos(parametric) ** 3),
+    parametric = _unit(Point2(p, point.z * (b_over_a + e2 * a / norm(point))))
+    return _unit(
+        Point2(
+            b_over_a * (p - e2 * a * parametric.x**3),
+            point.z * b_over_a + e2 * a * parametric.y**3,
+        )
     )
-    sine = sin(latitude)
-    return p * cos(latitude) + point.z * sine - a * sqrt(1 - e2 * sine**2)
+
+
+def _unit(vector: Point2) -> Point2:
+    length = norm(vector)
+    return Point2(vector.x / length, vector.y / length)

@@ -2,9 +2,12 @@
 
 import math
 
+import mpmath
+import numpy as np
 import pytest
 
 from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
+from obseq.kernels import calculator
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
 QUARTER_LEFT = (0, -1, 0, 1, 0, 0, 0, 0, 1)
@@ -85,3 +88,52 @@ def test_height_difference_grows_with_the_square_of_the_distance():
     a, e2 = 6378137.0, 0.00669438
     (value,) = TopoDH().evaluate((a, 0, 0, a, 1000.0, 0), (*IDENTITY, 0, 0, 0, a, e2, 0.0))
     assert value == pytest.approx(math.hypot(a, 1000.0) - a, abs=1e-8)
+
+
+WGS84 = (6378137.0, 0.00669438)
+SIZES = (1e-3, 1.0, 100.0, 1e4, 1e6)
+"""Distances of two points (m) over which a height difference is to be resolved."""
+
+
+def tangent_frames(count: int, rng: np.random.Generator) -> list[tuple[float, ...]]:
+    """Context of the equation in level frames anywhere on the Earth, up to 5 km above the ellipsoid."""
+    a, e2 = WGS84
+    frames = []
+    places = rng.uniform((-3.1, -1.55, -100.0), (3.1, 1.55, 5e3), (count, 3))
+    for longitude, latitude, height in places.tolist():
+        (sl, cl), (sp, cp) = ((math.sin(x), math.cos(x)) for x in (longitude, latitude))
+        normal = a / math.sqrt(1 - e2 * sp**2)
+        origin = ((normal + height) * cp * cl, (normal + height) * cp * sl, (normal * (1 - e2) + height) * sp)
+        frames.append((-sl, -sp * cl, cp * cl, cl, -sp * sl, cp * sl, 0.0, cp, sp, *origin, a, e2, 0.0))
+    return frames
+
+
+def height(point, observations):
+    """Bowring's height of a point of the frame, in high precision."""
+    *rows, tx, ty, tz, a, e2, _ = observations
+    x, y, z = (mpmath.fdot(rows[3 * i : 3 * i + 3], point) + t for i, t in enumerate((tx, ty, tz)))
+    p, b_over_a = mpmath.hypot(x, y), mpmath.sqrt(1 - e2)
+    parametric = mpmath.atan2(z * (b_over_a + e2 * a / mpmath.sqrt(p * p + z * z)), p)
+    latitude = mpmath.atan2(
+        z * b_over_a + e2 * a * mpmath.sin(parametric) ** 3,
+        b_over_a * (p - e2 * a * mpmath.cos(parametric) ** 3),
+    )
+    sine = mpmath.sin(latitude)
+    return p * mpmath.cos(latitude) + z * sine - a * mpmath.sqrt(1 - e2 * sine**2)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_height_differences_carry_the_rounding_of_the_points_only(size):
+    rng = np.random.default_rng(11)
+    observations = np.array(tangent_frames(20, rng))
+    starts = size * rng.normal(size=(20, 3)) * (1, 1, 0.1)
+    ends = starts + size * rng.normal(size=(20, 3)) * (1, 1, 0.1)
+    found = calculator("TopoDH").values(np.hstack([starts, ends]), observations)[:, 0]
+    with mpmath.workdps(50):
+        exact = [
+            height([mpmath.mpf(x) for x in end], [mpmath.mpf(x) for x in o])
+            - height([mpmath.mpf(x) for x in start], [mpmath.mpf(x) for x in o])
+            for start, end, o in zip(starts.tolist(), ends.tolist(), observations.tolist(), strict=True)
+        ]
+    errors = np.abs(found - np.array(exact, dtype=float))
+    assert (errors <= 1e-15 * np.linalg.norm(ends - starts, axis=1)).all(), errors.max() / size
