@@ -4,9 +4,10 @@ Axes are x, easting or longitude first, always. Metres and radians, except coord
 which are in its own units (degrees for most geographic systems). PROJ itself is loaded when first needed.
 """
 
+from obseq.arrays import FloatArray
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
-from obseq.crs.points import FloatArray
-from obseq.crs.proj import Operation, ProjSystem
+from obseq.crs.operations import Operation
+from obseq.crs.proj import ProjSystem
 from obseq.crs.refraction import (
     EQUATORIAL_RADIUS,
     REFRACTION_COEFFICIENT,

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arrays import FloatArray
 from obseq.errors import CrsError
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def as_points(points: npt.ArrayLike) -> FloatArray:

@@ -1,68 +1,14 @@
-"""Coordinate systems that PROJ defines, each with the one operation that leads to geocentric WGS 84.
+"""Coordinate systems that PROJ defines, each with the one operation that leads to geocentric WGS 84."""
 
-pyproj is imported when first needed. Nothing here turns the network on, or silently does without a grid.
-"""
-
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
-import numpy as np
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray, as_points, check_finite
+from obseq.arrays import FloatArray
+from obseq.crs.operations import Operation, from_geocentric, known_crs, operation_of
+from obseq.crs.points import as_points, check_finite
 from obseq.crs.system import CoordinateSystem, Kind
-from obseq.errors import CrsError
-
-if TYPE_CHECKING:
-    import pyproj
-    from pyproj.transformer import TransformerGroup
-
-GEOCENTRIC = "EPSG:4978"
-GEOGRAPHIC = "+proj=latlong +datum=WGS84"
-ROUNDING = 4e-9
-"""What a geocentric coordinate may lose on the way there and back, metres: four units of its last place."""
-
-
-@dataclass(frozen=True)
-class Operation:
-    """The transformation of a PROJ definition to geocentric WGS 84 coordinates.
-
-    Attributes:
-        description: PROJ's names of its steps.
-        accuracy: PROJ's announced accuracy, metres; negative if unknown.
-        transformer: the transformation, x or easting or longitude first.
-    """
-
-    description: str
-    accuracy: float
-    transformer: "pyproj.Transformer"
-
-    def forward(self, points: FloatArray) -> FloatArray:
-        """Geocentric coordinates of points (..., 3); not finite outside the domain."""
-        return self._apply(points, "FORWARD")
-
-    def inverse(self, points: FloatArray) -> FloatArray:
-        """Coordinates of geocentric points (..., 3), to the rounding errors; not finite outside the domain.
-
-        PROJ's inverse of a datum shift with rotations is off by up to a millimetre, and its heights by
-        micrometres in the mountains. One correction by the forward transformation, where it is needed,
-        removes that.
-        """
-        found = self._apply(points, "INVERSE")
-        with np.errstate(invalid="ignore"):
-            left = points - self.forward(found)
-        wrong = np.abs(left).max(axis=-1) > ROUNDING
-        if wrong.any():
-            found[wrong] = self._apply(points[wrong] + left[wrong], "INVERSE")
-        return found
-
-    def _apply(self, points: FloatArray, direction: str) -> FloatArray:
-        x, y, z = np.ascontiguousarray(points.reshape(-1, 3).T)
-        converted = self.transformer.transform(x, y, z, direction=direction)
-        return np.stack(converted, axis=-1).reshape(points.shape)
 
 
 @dataclass(frozen=True)
@@ -86,7 +32,7 @@ class ProjSystem(CoordinateSystem):
     @property
     def is_geographic(self) -> bool:
         """Whether the first two coordinates are longitude and latitude."""
-        return bool(_crs_of(self.definition).is_geographic)
+        return bool(known_crs(self.definition).is_geographic)
 
     @property
     def operation(self) -> Operation:
@@ -106,17 +52,7 @@ class ProjSystem(CoordinateSystem):
 
     def from_geocentric(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """Coordinates in this system of geocentric WGS 84 points (metres)."""
-        given = as_points(points)
-        moved = self.operation.inverse(given)
-        check_finite(moved, given, f"(geocentric) is outside the domain of {self.definition!r}.", names)
-        return moved
-
-
-def geodetic_from_geocentric(points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
-    """Longitude, latitude (radians), ellipsoidal height (metres) on WGS 84 of geocentric points (..., 3)."""
-    place = ProjSystem(GEOGRAPHIC).from_geocentric(points, names)
-    place[..., :2] = np.deg2rad(place[..., :2])
-    return place
+        return from_geocentric(self.definition, points, names)
 
 
 def proj_system(definition: str) -> ProjSystem:
@@ -125,79 +61,5 @@ def proj_system(definition: str) -> ProjSystem:
     Raises:
         CrsError: if PROJ does not know it, or knows it as something else than a system of positions.
     """
-    _crs_of(definition)
+    known_crs(definition)
     return ProjSystem(definition)
-
-
-@lru_cache(maxsize=256)
-def operation_of(definition: str) -> Operation:
-    """The operation from a PROJ definition to geocentric WGS 84, chosen once."""
-    import pyproj
-
-    group = _candidates(definition)
-    if not group.best_available:
-        raise CrsError(_missing_grids(definition, group))
-    if not group.transformers:
-        raise CrsError(_ballpark_only(definition))
-    best = group.transformers[0]
-    # Those of a group may not be used in several threads; one made again from its text may.
-    return Operation(best.description, best.accuracy, pyproj.Transformer.from_pipeline(best.definition))
-
-
-def _candidates(definition: str) -> "TransformerGroup":
-    """PROJ's operations to geocentric WGS 84, the most relevant first, without ballpark ones."""
-    from pyproj.transformer import TransformerGroup
-
-    source = _crs_of(definition).to_3d()
-    with warnings.catch_warnings():  # pyproj warns of a missing grid; we raise
-        warnings.simplefilter("ignore", UserWarning)
-        try:
-            return TransformerGroup(source, GEOCENTRIC, always_xy=True, allow_ballpark=False)
-        except IndexError:  # pyproj's, when no operation is left
-            raise CrsError(_ballpark_only(definition)) from None
-
-
-@lru_cache(maxsize=256)
-def _crs_of(definition: str) -> "pyproj.CRS":
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError as ProjError
-
-    if "proj=pipeline" in definition:
-        raise CrsError(f"{definition!r} is a transformation, not a coordinate system.")
-    with warnings.catch_warnings():  # "+init=" is deprecated, and unambiguous here
-        warnings.simplefilter("ignore", FutureWarning)
-        try:
-            crs = CRS.from_user_input(definition)
-        except ProjError as error:
-            raise CrsError(_unknown(definition, str(error))) from None
-    if not (crs.is_geographic or crs.is_projected or crs.is_geocentric):
-        raise CrsError(f"{definition!r} ({crs.name}, {crs.type_name}) does not give a position on the Earth.")
-    return crs
-
-
-def _unknown(definition: str, said: str) -> str:
-    return (
-        f"Unknown coordinate system {definition!r}. Accepted: Local..., GeoC, "
-        "LEuc*TX*TY*TZ*OMEGA*PHI*KAPPA, RTL*X0*Y0*Z0*DEFINITION, the aliases L93 and Geog, or what PROJ "
-        f"knows, such as EPSG:2154, IGNF:LAMB93 or '+proj=utm +zone=31 +datum=WGS84'. PROJ said: {said}"
-    )
-
-
-def _missing_grids(definition: str, group: "TransformerGroup") -> str:
-    """What to do about the grids that the best operation needs."""
-    best = group.unavailable_operations[0]
-    grids = sorted({grid.short_name for grid in best.grids if not grid.available})
-    download = " ".join(f"`pyproj sync --file {grid}`" for grid in grids)
-    return (
-        f"The transformation of {definition!r} to WGS 84 ({best.name}) needs a grid that is not installed: "
-        f"{', '.join(grids)}. Install it with {download}, or put the file in PROJ's data folder "
-        "(PROJ_DATA); or give a definition that needs none: with ellipsoidal heights, or with '+towgs84=' "
-        "parameters of your choice."
-    )
-
-
-def _ballpark_only(definition: str) -> str:
-    return (
-        f"PROJ knows no transformation of {definition!r} to WGS 84 but a ballpark one, metres to hundreds of "
-        "metres off. Say how its datum lies: '+datum=', or '+towgs84=' (0,0,0 if it is WGS 84)."
-    )

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray
-from obseq.crs.proj import geodetic_from_geocentric
+from obseq.arrays import FloatArray
+from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.system import CoordinateSystem
 
 EQUATORIAL_RADIUS = 6378137.0

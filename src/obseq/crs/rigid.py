@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray, as_points, check_finite
-from obseq.crs.proj import ProjSystem, geodetic_from_geocentric
+from obseq.arrays import FloatArray
+from obseq.crs.operations import geodetic_from_geocentric
+from obseq.crs.points import as_points, check_finite
+from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 
 

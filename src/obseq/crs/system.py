@@ -8,7 +8,8 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray
+from obseq.arrays import FloatArray
+from obseq.crs.operations import geodetic_from_geocentric
 from obseq.errors import CrsError
 
 
@@ -65,8 +66,6 @@ class CoordinateSystem(ABC):
 
     def geodetic(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """Longitude, latitude (radians), ellipsoidal height (metres) on WGS 84 of points of this system."""
-        from obseq.crs.proj import geodetic_from_geocentric
-
         return geodetic_from_geocentric(self.to_geocentric(points, names), names)
 
     def geocentric_pose(self) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray, as_points
+from obseq.arrays import FloatArray
+from obseq.crs.points import as_points
 from obseq.crs.system import CoordinateSystem
 from obseq.crs.unreferenced import UnreferencedSystem
 

@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy.typing as npt
 
-from obseq.crs.points import FloatArray
+from obseq.arrays import FloatArray
 from obseq.crs.system import CoordinateSystem, Kind
 from obseq.errors import CrsError
 

@@ -1,10 +1,10 @@
 """Rotations, poses and rigid motions, with numpy only."""
 
+from obseq.arrays import FloatArray
 from obseq.geometry.isometry import isometry, triangle_isometry
 from obseq.geometry.poses import Pose
 from obseq.geometry.rotations import (
     DegenerateGeometryError,
-    FloatArray,
     absorb,
     closest_rotation,
     exponential,

@@ -3,8 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arrays import FloatArray
 from obseq.geometry.poses import Pose
-from obseq.geometry.rotations import DegenerateGeometryError, FloatArray, closest_rotation
+from obseq.geometry.rotations import DegenerateGeometryError, closest_rotation
 
 COLLINEAR = 1e-6
 """Points whose width is below this fraction of their length are called collinear."""

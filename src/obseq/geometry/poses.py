@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from obseq.geometry.rotations import FloatArray
+from obseq.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ right-handed: a quarter turn about z takes x to y. Functions take one rotation, 
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 
-FloatArray = npt.NDArray[np.float64]
 RANK_TOLERANCE = 1e-13
 
 

@@ -4,13 +4,13 @@ import functools
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
 
-Array = NDArray[np.float64]
 SCRATCH_DOUBLES = 6 << 10
 """Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
 
@@ -38,7 +38,7 @@ class Calculator:
             f"{len(self.observations)} observations, {len(self.residuals)} residuals>"
         )
 
-    def values(self, unknowns: ArrayLike, observations: ArrayLike) -> Array:
+    def values(self, unknowns: ArrayLike, observations: ArrayLike) -> FloatArray:
         """The residuals.
 
         Args:
@@ -55,7 +55,9 @@ class Calculator:
         values, _ = self._evaluate(self.kernel.value_address, self.kernel.value_rows, (), u, o)
         return values
 
-    def values_and_jacobian(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[Array, Array]:
+    def values_and_jacobian(
+        self, unknowns: ArrayLike, observations: ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
         """The residuals and their derivatives with respect to the unknowns.
 
         Args:
@@ -77,7 +79,7 @@ class Calculator:
 
     def directional_derivative(
         self, unknowns: ArrayLike, observations: ArrayLike, direction: ArrayLike
-    ) -> tuple[Array, Array]:
+    ) -> tuple[FloatArray, FloatArray]:
         """The residuals and their derivatives along a direction: the Jacobian times a vector, at once.
 
         Args:
@@ -110,14 +112,14 @@ class Calculator:
             rows = ", ".join(map(str, bad[:5])) + (", ..." if bad.size > 5 else "")
             raise InputError(f"{self.name}: not finite in {bad.size} of {len(array)} rows: {rows}")
 
-    def _arguments(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[Array, Array]:
+    def _arguments(self, unknowns: ArrayLike, observations: ArrayLike) -> tuple[FloatArray, FloatArray]:
         u = self._array("unknowns", unknowns, self.unknowns)
         o = self._array("observations", observations, self.observations)
         if len(u) != len(o):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(o)} rows of observations")
         return u, o
 
-    def _array(self, argument: str, given: ArrayLike, names: tuple[str, ...]) -> Array:
+    def _array(self, argument: str, given: ArrayLike, names: tuple[str, ...]) -> FloatArray:
         array = np.asarray(given)
         if array.dtype.kind not in "fiu" and array.size:
             raise FormulaError(f"{self.name}: {argument} must be real numbers, not {array.dtype}")
@@ -129,8 +131,8 @@ class Calculator:
         return np.ascontiguousarray(array, dtype=np.float64)
 
     def _evaluate(
-        self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: Array, o: Array
-    ) -> tuple[Array, Array]:
+        self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: FloatArray, o: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """(residuals, what the kernel writes after them), a row for each row of arguments."""
         tiles, m = _tiles(), len(self.residuals)
         values, derivatives = np.empty((len(u), m)), np.empty((len(u), rows - u.shape[1] - o.shape[1] - m))

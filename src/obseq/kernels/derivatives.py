@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obseq.kernels.calculator import Array, Calculator, calculator
+from obseq.arrays import FloatArray
+from obseq.kernels.calculator import Calculator, calculator
 from obseq.kernels.layout import Block
 from obseq.kernels.loading import Kernel, formula_names
 
@@ -98,7 +99,7 @@ def check_one(calculator: Calculator, samples: int, seed: int) -> DerivativeChec
     )
 
 
-def _worst_errors(calculator: Calculator, samples: int, seed: int) -> tuple[Array, int]:
+def _worst_errors(calculator: Calculator, samples: int, seed: int) -> tuple[FloatArray, int]:
     """((n_residuals, n_unknowns) largest relative errors, number of inputs that they come from)."""
     random = np.random.default_rng([seed, zlib.crc32(calculator.name.encode())])
     worst = np.zeros((len(calculator.residuals), len(calculator.unknowns)))
@@ -113,7 +114,7 @@ def _worst_errors(calculator: Calculator, samples: int, seed: int) -> tuple[Arra
     return worst, found
 
 
-def relative_errors(calculator: Calculator, unknowns: Array, observations: Array) -> Array:
+def relative_errors(calculator: Calculator, unknowns: FloatArray, observations: FloatArray) -> FloatArray:
     """Errors of the Jacobian relative to the largest entry of its rows, at the inputs where differences hold.
 
     Args:
@@ -130,12 +131,14 @@ def relative_errors(calculator: Calculator, unknowns: Array, observations: Array
         size = np.abs(narrow).max(axis=2, keepdims=True)
         size[size == 0.0] = 1.0
         reliable = (np.abs(narrow - wide) <= RELIABLE * size).all(axis=(1, 2))
-        errors: Array = (np.abs(jacobian - narrow) / size)[reliable]
+        errors: FloatArray = (np.abs(jacobian - narrow) / size)[reliable]
     errors[np.isnan(errors)] = math.inf
     return errors
 
 
-def differences(calculator: Calculator, unknowns: Array, observations: Array) -> tuple[Array, Array]:
+def differences(
+    calculator: Calculator, unknowns: FloatArray, observations: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """The Jacobian by central differences with one and with two steps, each (n, n_residuals, n_unknowns)."""
     steps = STEP * np.array([half_width(calculator.kernel, name) for name in calculator.unknowns])
     shape = (len(unknowns), len(calculator.residuals), len(calculator.unknowns))
@@ -148,8 +151,8 @@ def differences(calculator: Calculator, unknowns: Array, observations: Array) ->
 
 
 def _along(
-    calculator: Calculator, unknowns: Array, observations: Array, j: int, step: float
-) -> tuple[Array, Array]:
+    calculator: Calculator, unknowns: FloatArray, observations: FloatArray, j: int, step: float
+) -> tuple[FloatArray, FloatArray]:
     """(n, 10, n_residuals) values around each input along one unknown, and the (n, 1) steps as rounded."""
     n, points = len(unknowns), len(OFFSETS)
     moved = np.repeat(unknowns, points, axis=0)
@@ -165,7 +168,7 @@ def _along(
     return values, ((ends[:, -1] - ends[:, 0]) / (OFFSETS[-1] - OFFSETS[0]))[:, None]
 
 
-def draw(kernel: Kernel, n: int, random: np.random.Generator) -> tuple[Array, Array]:
+def draw(kernel: Kernel, n: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Random admissible inputs: (n, n_unknowns) unknowns and (n, n_observations) observations.
 
     Scalars are uniform in the interval that the module calls typical, else in [-1, 1]; small rotations and
@@ -180,9 +183,9 @@ def draw(kernel: Kernel, n: int, random: np.random.Generator) -> tuple[Array, Ar
     return unknowns, observations
 
 
-def _uniform(kernel: Kernel, names: tuple[str, ...], n: int, random: np.random.Generator) -> Array:
+def _uniform(kernel: Kernel, names: tuple[str, ...], n: int, random: np.random.Generator) -> FloatArray:
     intervals = np.array([interval(kernel, name) for name in names]).reshape(-1, 2)
-    drawn: Array = intervals[:, 0] + intervals[:, 1] * random.uniform(-1, 1, (n, len(names)))
+    drawn: FloatArray = intervals[:, 0] + intervals[:, 1] * random.uniform(-1, 1, (n, len(names)))
     return drawn
 
 
@@ -204,9 +207,9 @@ def _names(kernel: Kernel, block: Block) -> tuple[str, ...]:
     return kernel.unknowns[block.start : block.start + block.size]
 
 
-def _frames(n: int, random: np.random.Generator) -> Array:
+def _frames(n: int, random: np.random.Generator) -> FloatArray:
     """(n, 9) rows of random rotation matrices: any rotation, and as well a normal with its two tangents."""
     frames, _ = np.linalg.qr(random.normal(size=(n, 3, 3)))
     frames[np.linalg.det(frames) < 0] *= -1.0
-    flat: Array = frames.reshape(n, 9)
+    flat: FloatArray = frames.reshape(n, 9)
     return flat

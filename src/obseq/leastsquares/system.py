@@ -25,15 +25,14 @@ from obseq.leastsquares.solvers import choose_solver
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.objects import UnknownObject
     from obseq.leastsquares.solvers import Solver
-
-    FloatArray = NDArray[np.float64]
 
 
 class LeastSquares(Definition):

@@ -15,9 +15,9 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-FloatArray = npt.NDArray[np.float64]
+    from obseq.arrays import BoolArray, FloatArray
+
 IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class ObservationType(enum.IntEnum):

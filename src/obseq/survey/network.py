@@ -24,11 +24,11 @@ from obseq.survey.model import join, merge_points
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook, Points
 
-    FloatArray = NDArray[np.float64]
 
 Progress = Callable[[str], None]
 MAX_ITERATIONS = 25

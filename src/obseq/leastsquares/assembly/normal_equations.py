@@ -16,16 +16,11 @@ from obseq.leastsquares.problem.batches import aligned_zeros, padded_length
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.assembly.store import BatchLayout
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 
 class DivergenceError(ObseqError):

@@ -12,14 +12,9 @@ from obseq.leastsquares.solvers import SymmetricPattern
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import BoolArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from obseq.arrays import BoolArray, IntArray
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 LARGEST = 1000
 """Unknowns of one group: beyond, a dense elimination takes longer than the sparse matrix would."""

@@ -23,17 +23,13 @@ from obseq.leastsquares.assembly.schur import elimination_groups
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import BoolArray, IntArray, PositionArray
     from obseq.leastsquares.assembly.pattern import BlockPairs, FreeUnknowns
     from obseq.leastsquares.assembly.schur import Groups
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import SymmetricPattern
 
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
-    PositionArray = NDArray[np.uint32]
 
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""

@@ -23,11 +23,9 @@ from obseq.kernels.layout import LANES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import IntArray
     from obseq.leastsquares.assembly.store import StoreLayout
 
-    IntArray = NDArray[np.int64]
 
 Result = TypeVar("Result")
 

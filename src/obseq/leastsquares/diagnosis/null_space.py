@@ -14,13 +14,10 @@ import numpy as np
 from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TAKES_PART = 1e-3
 """Share of the largest entry of the kernel from which an unknown is said to take part in it."""

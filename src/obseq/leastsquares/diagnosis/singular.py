@@ -10,13 +10,11 @@ from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.null_space import TAKES_PART, explained
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver
 
-    IntArray = NDArray[np.int64]
 
 SHOWN = 12
 """Names given in a message; the error's `unknowns` has them all."""

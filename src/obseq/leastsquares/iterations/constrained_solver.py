@@ -9,13 +9,11 @@ import numpy as np
 from obseq.leastsquares.solvers import Defect, SingularMatrixError, SymmetricPattern, choose_solver
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.solvers import Solver, SolverStatistics
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 class SubstitutedSolver:

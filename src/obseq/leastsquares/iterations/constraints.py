@@ -18,15 +18,13 @@ from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.pattern import FreeUnknowns
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 VANISHING = 1e-11
 """Share of its first coefficients below which what remains of a constraint says nothing new."""

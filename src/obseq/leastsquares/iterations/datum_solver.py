@@ -25,13 +25,11 @@ from obseq.leastsquares.solvers import SingularMatrixError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""

@@ -19,13 +19,11 @@ from obseq.leastsquares.solvers import SingularMatrixError
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.solvers import Solver
 
-    FloatArray = NDArray[np.float64]
 
 ROUNDING = 64.0 * np.finfo(np.float64).eps
 """A step below this share of the coordinates themselves is made of rounding."""

@@ -16,8 +16,7 @@ from obseq.leastsquares.iterations.trust_region import DampedRegion, DoglegRegio
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
     from obseq.leastsquares.iterations.gauss_newton import Options, Progress
     from obseq.leastsquares.iterations.stacked_rows import StackedRows
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solution.result import Iteration
     from obseq.leastsquares.solvers import Solver
 
-    FloatArray = NDArray[np.float64]
 
 Runner: TypeAlias = "Callable[[Options, int, Callable[[int], None], Callable[[Iteration], None]], Progress]"
 """(options, redundancy, before, progress) -> what the iterations did."""

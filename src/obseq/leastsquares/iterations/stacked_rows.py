@@ -16,15 +16,13 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 LSMR_TOLERANCE = 1e-14
 

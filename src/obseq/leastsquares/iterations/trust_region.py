@@ -15,8 +15,7 @@ from obseq.leastsquares.solution.result import StopReason
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
     from obseq.leastsquares.iterations.gauss_newton import Options
     from obseq.leastsquares.iterations.strategies import Dogleg, LevenbergMarquardt
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solution.result import Iteration
     from obseq.leastsquares.solvers import Solver
 
-    FloatArray = NDArray[np.float64]
 
 LEAST_GAIN = 1e-4
 """Share of the predicted decrease of the cost that a step must bring to be accepted."""

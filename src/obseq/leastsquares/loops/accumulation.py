@@ -21,11 +21,8 @@ from obseq.kernels.tiles import call_kernel
 from obseq.leastsquares.loops.vectors import outer1, outer4, outer_threes, transpose3, transpose4
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from obseq.arrays import FloatArray, IntArray, PositionArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    PositionArray = NDArray[np.uint32]
 
 LANES = 32  # written here too, those of kernels.layout: numba's cache does not see another file change
 STRIDE = 40

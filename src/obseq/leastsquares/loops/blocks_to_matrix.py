@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from obseq.arrays import FloatArray, IntArray
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -14,8 +14,7 @@ from numba import njit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from obseq.arrays import FloatArray, IntArray
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

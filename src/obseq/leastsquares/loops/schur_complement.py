@@ -12,10 +12,9 @@ from obseq.leastsquares.loops.vectors import outer_threes
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.schur import Groups
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TINY = 1e-14
 """A pivot below this share of its diagonal entry vanishes: the observations do not determine the unknown."""

@@ -10,9 +10,8 @@ from numba import njit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    PositionArray = NDArray[np.uint32]
+    from obseq.arrays import FloatArray, IntArray, PositionArray
+
 
 STORED_HEIGHT = 5
 """Height of a pair of threes in a block of its own, as in `layout`."""

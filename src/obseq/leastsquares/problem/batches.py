@@ -16,13 +16,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

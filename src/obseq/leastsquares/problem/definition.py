@@ -16,14 +16,12 @@ from obseq.leastsquares.problem.unknowns import Kind, UnknownTable, finite
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.objects import UnknownObject
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 class Definition:

@@ -29,12 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Self
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.system import LeastSquares
-
-    FloatArray = NDArray[np.float64]
 
 
 class Loss(Protocol):

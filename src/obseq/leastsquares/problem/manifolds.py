@@ -16,9 +16,7 @@ from obseq.errors import InputError
 from obseq.geometry.rotations import absorb
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+    from obseq.arrays import FloatArray
 
 
 def orthonormalised(matrices: FloatArray) -> FloatArray:

@@ -18,13 +18,11 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.system import LeastSquares
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(eq=False)

@@ -11,12 +11,10 @@ from obseq.errors import InputError
 from obseq.leastsquares.problem.unknowns import Kind, finite
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 class Prior:

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+
 
 PADDING = 4
 """Spare doubles behind values and context: gathers read four at a time."""

@@ -11,11 +11,8 @@ from obseq.leastsquares.problem.batches import Batch
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.priors import Prior
-
-    FloatArray = NDArray[np.float64]
 
 
 def set_active(batch: Batch, row: int, active: bool) -> None:

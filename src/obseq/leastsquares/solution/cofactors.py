@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.pattern import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver, SymmetricPattern
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 class Cofactors:

@@ -13,11 +13,9 @@ from obseq.geometry import logarithm
 from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.solution.result import LeastSquaresResult
 
-    FloatArray = NDArray[np.float64]
 
 FORMAT = "obseq-least-squares"
 VERSION = 1

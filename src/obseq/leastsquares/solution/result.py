@@ -14,14 +14,13 @@ from obseq.leastsquares.solution import export
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
     from obseq.leastsquares.solution.cofactors import Cofactors
-
-    FloatArray = NDArray[np.float64]
 
 
 class StopReason(Enum):

@@ -16,12 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.leastsquares.solvers.protocol import (
-        FloatArray,
-        IntArray,
-        SolverStatistics,
-        SymmetricPattern,
-    )
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.solvers.protocol import SolverStatistics, SymmetricPattern
 
 
 class BaseSolver(ABC):

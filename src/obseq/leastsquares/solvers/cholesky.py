@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
     Substitution = Callable[..., None]
 

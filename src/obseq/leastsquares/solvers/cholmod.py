@@ -13,7 +13,8 @@ from obseq.leastsquares.solvers.protocol import SolverStatistics, SolverUnavaila
 from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:
-    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, SymmetricPattern
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
 class Cholmod(BaseSolver):

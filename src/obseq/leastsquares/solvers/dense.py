@@ -12,7 +12,8 @@ from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
 
 if TYPE_CHECKING:
-    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, SymmetricPattern
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
 class DenseCholesky(BaseSolver):

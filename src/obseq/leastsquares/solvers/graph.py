@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from obseq.arrays import Array, IntArray
+    from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
-    from obseq.leastsquares.solvers.protocol import IntArray, SymmetricPattern
-
-    Array = NDArray[Any]
 
 ROUNDS = 8
 """Rounds of peeling at most; each one rebuilds the graph that remains."""

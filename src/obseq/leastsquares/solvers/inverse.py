@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,11 +22,8 @@ from obseq.leastsquares.solvers.numeric import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import Array
     from obseq.leastsquares.solvers.symbolic import Structure
-
-    Array = NDArray[Any]
 
 
 FROM_LEFT = np.uint8(ord("L"))

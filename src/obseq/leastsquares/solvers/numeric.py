@@ -6,7 +6,7 @@ supernode (its rows below, squared, lower triangle) lies in the workspace until 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, fortran
 from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import Array
     from obseq.leastsquares.solvers.symbolic import Structure
 
-    Array = NDArray[Any]
 
 LOWER, RIGHT = np.uint8(ord("L")), np.uint8(ord("R"))
 TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))

@@ -12,8 +12,8 @@ from obseq.leastsquares.solvers.graph import peel
 from obseq.leastsquares.solvers.protocol import SolverUnavailableError
 
 if TYPE_CHECKING:
+    from obseq.arrays import IntArray
     from obseq.leastsquares.solvers.graph import Graph, Grouping
-    from obseq.leastsquares.solvers.protocol import IntArray
 
 ORDERINGS = ("metis", "minimum-degree", "natural")
 

@@ -14,7 +14,8 @@ from obseq.leastsquares.solvers.protocol import SolverStatistics, SolverUnavaila
 from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:
-    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 POSITIVE_DEFINITE = 2

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.sparse import csc_array
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from obseq.arrays import FloatArray, IntArray
 
 
 class SingularMatrixError(ObseqError):

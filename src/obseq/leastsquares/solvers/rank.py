@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray, SymmetricPattern
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 SUSPICIOUS = 1e-8
 """A pivot that is not above this share of its diagonal entry is replaced, and the unknown examined."""

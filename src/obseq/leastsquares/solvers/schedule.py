@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from obseq.leastsquares.solvers.protocol import FloatArray, IntArray
+    from obseq.arrays import Array, FloatArray, IntArray
     from obseq.leastsquares.solvers.symbolic import Structure
 
-    Array = NDArray[Any]
 
 TASKS_PER_THREAD = 8
 """A subtree with more than one part in so many of a thread's work is cut further."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +11,9 @@ from obseq.leastsquares.solvers.compiled import compiled_sums
 from obseq.leastsquares.solvers.numeric import LOWER, NOT_UNIT, ONE, PLAIN, TRANSPOSED, ZERO
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import Array
     from obseq.leastsquares.solvers.symbolic import Structure
 
-    Array = NDArray[Any]
 
 SMALL_WIDTH = 8
 """Panels of so few columns are treated by plain loops."""

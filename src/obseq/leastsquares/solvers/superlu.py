@@ -14,7 +14,8 @@ from obseq.leastsquares.solvers.rank import factor_stepwise
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU as Factor
 
-    from obseq.leastsquares.solvers.protocol import Defect, FloatArray, IntArray, SymmetricPattern
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
 class SuperLU(BaseSolver):

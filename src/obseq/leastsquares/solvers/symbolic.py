@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,12 +12,9 @@ from obseq.leastsquares.solvers.ordering import elimination_order
 from obseq.leastsquares.solvers.tree import column_counts, elimination_tree, postorder, supernodes
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from obseq.arrays import Array, IntArray
     from obseq.leastsquares.solvers.graph import Graph, Grouping
-    from obseq.leastsquares.solvers.protocol import IntArray, SymmetricPattern
-
-    Array = NDArray[Any]
+    from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 
 class Structure(NamedTuple):

@@ -9,9 +9,8 @@ import numpy as np
 from obseq.leastsquares.solvers.compiled import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from obseq.arrays import Array
 
-    Array = NDArray[Any]
 
 OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
 """Operations, entries of a front and of its panel treated in one second; seconds spent on any front."""

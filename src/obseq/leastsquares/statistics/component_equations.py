@@ -16,15 +16,13 @@ from obseq.leastsquares.problem.weights import sigmas_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
     from scipy.sparse import csc_array
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.final_state import FinalState
     from obseq.leastsquares.statistics.variance_components import Component
     from obseq.leastsquares.system import LeastSquares
-
-    FloatArray = NDArray[np.float64]
 
 
 class Traces(Protocol):

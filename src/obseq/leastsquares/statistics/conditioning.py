@@ -11,11 +11,9 @@ from obseq.leastsquares.solvers import choose_solver
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.system import LeastSquares
 
-    FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 300
 

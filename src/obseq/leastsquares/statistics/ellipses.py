@@ -12,12 +12,11 @@ from obseq.leastsquares.problem.unknowns import Kind
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.solution.result import LeastSquaresResult
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 PAIRS_AT_A_TIME = 64
 """Pairs of points whose covariances are solved for together: memory is this times the number of unknowns."""

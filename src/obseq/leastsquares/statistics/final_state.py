@@ -13,8 +13,9 @@ from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.unknowns import PADDING
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.system import LeastSquares
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 OBSERVATIONS_AT_A_TIME = 128 * LANES
 """Observations whose derivatives are in memory together: as many as stay in cache."""

@@ -14,11 +14,10 @@ import numpy as np
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.solution.result import LeastSquaresResult
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

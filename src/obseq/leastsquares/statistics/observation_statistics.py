@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from obseq.arrays import BoolArray, FloatArray
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 UNCONTROLLED = 1e-6
 """Redundancy number below which an observation is not controlled: a blunder of 4000 sigmas would not show."""

@@ -34,15 +34,13 @@ from obseq.leastsquares.statistics.observation_statistics import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.observation_statistics import Numbers
     from obseq.leastsquares.system import LeastSquares
-
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,11 @@ from obseq.leastsquares.statistics.reliability import reliability
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.system import LeastSquares
 
-    FloatArray = NDArray[np.float64]
 
 TIE = 1e-6
 """Two statistics that agree to this share cannot tell their observations apart."""

@@ -24,14 +24,12 @@ from obseq.leastsquares.statistics.final_state import final_state
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.component_equations import Traces
     from obseq.leastsquares.system import LeastSquares
 
-    FloatArray = NDArray[np.float64]
 
 SMALLEST = 1e-8
 """Factors do not fall below it: sigmas ten thousand times smaller than given."""

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.model import FieldBook
 
-    FloatArray = NDArray[np.float64]
 
 FORMAT = "obseq-adjustment"
 VERSION = 1

@@ -10,12 +10,9 @@ from obseq.errors import InputError
 from obseq.survey.model import ObservationType
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, Points
 
-    FloatArray = NDArray[np.float64]
 
 LISTED = 8
 """Names given in a message before it says how many more there are."""

@@ -13,12 +13,11 @@ from obseq.survey.model import ObservationType, Orientation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 FORMULAS = {
     ObservationType.Dist: "TopoDist",

@@ -13,12 +13,9 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.model import FieldBook
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 

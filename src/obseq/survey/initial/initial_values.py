@@ -26,9 +26,10 @@ from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
 from obseq.survey.initial.placement import GOOD, REST, Engine
 from obseq.survey.initial.sights import Graph, build_graph
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
-from obseq.survey.model import FieldBook, FloatArray, Orientation, Points, automatic_fix
+from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
     from obseq.survey.initial.closed_forms import Space
 
 _GIVEN = Step("given")

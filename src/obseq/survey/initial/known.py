@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.survey.initial.closed_forms import Space
-from obseq.survey.model import FloatArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,9 +14,9 @@ from obseq.survey.initial.relations import central_angle, free_direction
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.sights import Graph, Sight
-    from obseq.survey.model import FloatArray
 
 _LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""

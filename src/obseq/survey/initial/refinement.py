@@ -23,7 +23,7 @@ from obseq.survey.initial.relations import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.survey.model import FloatArray
+    from obseq.arrays import FloatArray
 
 _ITERATIONS = 4
 _SINGULAR = 1e-6

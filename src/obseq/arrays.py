@@ -1,0 +1,14 @@
+"""Names for arrays by what they hold; shapes are in the docstrings of those who use them."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+PositionArray: TypeAlias = NDArray[np.uint32]
+"""Places in a store, or in a column of values."""
+
+Array: TypeAlias = NDArray[Any]
