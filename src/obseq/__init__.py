@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from obseq.errors import CrsError, FormulaError, InputError, ObseqError, SingularSystemError
 
 if TYPE_CHECKING:
-    from obseq import crs, survey
+    from obseq import crs, images, survey
     from obseq.kernels.calculator import Calculator, calculator
     from obseq.kernels.loading import formula_names
     from obseq.leastsquares import LeastSquares
@@ -25,6 +25,7 @@ __all__ = [
     "calculator",
     "crs",
     "formula_names",
+    "images",
     "survey",
 ]
 
@@ -34,7 +35,7 @@ _HOMES = {
     "formula_names": "obseq.kernels",
     "LeastSquares": "obseq.leastsquares",
 }
-_ROOMS = ("crs", "survey")
+_ROOMS = ("crs", "images", "survey")
 
 
 def __getattr__(name: str) -> Any:

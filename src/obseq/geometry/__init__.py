@@ -1,6 +1,7 @@
 """Rotations, poses and rigid motions, with numpy only."""
 
 from obseq.arrays import FloatArray
+from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
 from obseq.geometry.isometry import isometry, triangle_isometry
 from obseq.geometry.poses import Pose
 from obseq.geometry.rotations import (
@@ -16,10 +17,13 @@ from obseq.geometry.rotations import (
 )
 
 __all__ = [
+    "FORMS",
     "DegenerateGeometryError",
     "FloatArray",
     "Pose",
     "absorb",
+    "attitude_jacobian",
+    "attitudes",
     "closest_rotation",
     "exponential",
     "isometry",
@@ -27,6 +31,7 @@ __all__ = [
     "rotation_x",
     "rotation_y",
     "rotation_z",
+    "rotations_from",
     "skew",
     "triangle_isometry",
 ]

@@ -44,7 +44,7 @@ def logarithm(rotation: npt.ArrayLike) -> FloatArray:
 
     Inverse of `exponential`; as accurate near zero as near half a turn, where the sign is free.
     """
-    quaternion = _quaternion(np.asarray(rotation, dtype=np.float64))
+    quaternion = quaternion_of_rotation(np.asarray(rotation, dtype=np.float64))
     sine = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
     half_angle = np.arctan2(sine, quaternion[..., :1])
     ratio = np.divide(half_angle, sine, out=np.ones_like(sine), where=sine > 0.0)
@@ -52,8 +52,8 @@ def logarithm(rotation: npt.ArrayLike) -> FloatArray:
     return vector
 
 
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    """Unit quaternions (..., 4), scalar first and not negative.
+def quaternion_of_rotation(rotation: FloatArray) -> FloatArray:
+    """Unit quaternions (..., 4), scalar first and not negative, of rotation matrices (..., 3, 3).
 
     The largest row of 4 q q^T, linear in the matrix, gives q without cancellation (Shepperd 1978).
     """

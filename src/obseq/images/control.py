@@ -1,0 +1,129 @@
+"""Control points: what is known of the coordinates of some points, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.names import index_of, unique_names
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ControlPoints:
+    """Points with given coordinates.
+
+    Attributes:
+        names: (n,) names, all different.
+        coordinates: (n, 3) in the frame of the block; where a component is free, an approximation.
+        covariances: (n, 3, 3): zero rows where a component is held (exactly known), infinite on the
+            diagonal where it is free.
+
+    Example:
+        >>> control = ControlPoints.of(["A", "B"], [[0.0, 0, 0], [5, 0, 0]], [[0.01, 0.01, 0.02], [0, 0, 0]])
+        >>> control.is_held[1].all()
+        np.True_
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    covariances: FloatArray
+
+    @classmethod
+    def of(cls, names: Sequence[str], coordinates: ArrayLike, sigmas: ArrayLike = 0.0) -> ControlPoints:
+        """Control points with standard deviations.
+
+        Args:
+            names: (n,) names.
+            coordinates: (n, 3).
+            sigmas: one number, (n,) or (n, 3), in the unit of the coordinates: 0 holds a component as it
+                is, infinity leaves it free.
+
+        Raises:
+            InputError: a name comes twice, a coordinate is not finite, a sigma is negative or not a number.
+        """
+        spread = np.asarray(sigmas, dtype=np.float64)
+        spread = spread[:, None] if spread.ndim == 1 else spread
+        variances = np.square(np.broadcast_to(spread, (len(names), 3)))
+        signs = np.broadcast_to(spread, (len(names), 3))
+        wrong = np.flatnonzero(~(signs >= 0.0).all(axis=1))
+        if wrong.size:
+            raise InputError(
+                f"control point {names[wrong[0]]}: a sigma is above zero, 0 (held) or infinite (free), "
+                f"not {signs[wrong[0]]}"
+            )
+        covariances = np.zeros((len(names), 3, 3))
+        covariances[:, range(3), range(3)] = variances
+        return cls._checked(names, coordinates, covariances)
+
+    @classmethod
+    def correlated(
+        cls, names: Sequence[str], coordinates: ArrayLike, covariances: ArrayLike
+    ) -> ControlPoints:
+        """Control points with full covariances (n, 3, 3), each symmetric and positive definite."""
+        given = np.array(covariances, dtype=np.float64)
+        if given.shape != (len(names), 3, 3):
+            raise InputError(
+                f"control points: covariances have shape {given.shape}, not ({len(names)}, 3, 3)"
+            )
+        for name, matrix in zip(names, given, strict=True):
+            if not (
+                np.isfinite(matrix).all()
+                and np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0)
+                and np.linalg.eigvalsh(matrix)[0] > 0.0
+            ):
+                raise InputError(
+                    f"control point {name}: the covariance is not symmetric and positive definite"
+                )
+        return cls._checked(names, coordinates, given)
+
+    @classmethod
+    def _checked(cls, names: Sequence[str], coordinates: ArrayLike, covariances: FloatArray) -> ControlPoints:
+        checked = unique_names(names, "control point")
+        array = np.array(coordinates, dtype=np.float64)
+        if array.shape != (len(names), 3):
+            raise InputError(f"control points: coordinates have shape {array.shape}, not ({len(names)}, 3)")
+        wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        if wrong.size:
+            raise InputError(f"control point {names[wrong[0]]}: coordinates {array[wrong[0]]} are not finite")
+        return cls(checked, array, covariances)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def is_held(self) -> BoolArray:
+        """(n, 3) components that are known exactly."""
+        return np.asarray(np.diagonal(self.covariances, axis1=1, axis2=2) == 0.0)
+
+    @property
+    def is_free(self) -> BoolArray:
+        """(n, 3) components of which nothing is known but an approximation."""
+        return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(n, 3) standard deviations; 0 where held, infinite where free."""
+        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+    def select(self, names: Sequence[str]) -> ControlPoints:
+        """Some of them, in that order."""
+        rows = index_of(self.names, names, "control point")
+        return ControlPoints(tuple(names), self.coordinates[rows], self.covariances[rows])
+
+    def held(self) -> ControlPoints:
+        """The same points, known exactly."""
+        return ControlPoints(self.names, self.coordinates, np.zeros_like(self.covariances))
+
+    def scaled(self, factor: float) -> ControlPoints:
+        """The same points, their standard deviations times a factor (MMVII's SG)."""
+        return ControlPoints(self.names, self.coordinates, self.covariances * factor**2)

@@ -1,0 +1,1 @@
+"""First values of a block, from nothing but measures: poses, points, calibrations."""

@@ -1,0 +1,108 @@
+"""How control points are spread: what a resection can do with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.images.control import ControlPoints
+    from obseq.images.measures import ImagePoints
+
+
+COLLINEAR = 1e-4
+"""Below this linearity, points are on a line for a resection."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """Indices of the distribution of control points, per image (MMVII's `OriPoseEstimCheckGCPDist`).
+
+    With the roots l0 <= l1 <= l2 of the mean squared extents along the principal axes of the n points:
+    linearity = l1 / l2 n / (n - 2), planarity = l0 / l2 n / (n - 3); NaN where there are too few points.
+
+    Attributes:
+        images: (k,) names.
+        counts: (k,) control points measured.
+        linearity: (k,) 0 on a line.
+        planarity: (k,) 0 in a plane.
+        allows_resection: (k,) enough, and not near a line.
+        allows_eleven_parameters: (k,) enough, and not near a plane.
+    """
+
+    images: tuple[str, ...]
+    counts: NDArray[np.int64]
+    linearity: FloatArray
+    planarity: FloatArray
+    allows_resection: BoolArray
+    allows_eleven_parameters: BoolArray
+
+
+def check_distribution(
+    measures: ImagePoints,
+    control: ControlPoints,
+    least_linearity: float = 0.1,
+    least_planarity: float = 0.01,
+    least_for_resection: int = 4,
+    least_for_eleven: int = 6,
+) -> Distribution:
+    """The distribution of the control points in each image.
+
+    Args:
+        measures: points in images.
+        control: known points.
+        least_linearity: an image needs more for a resection.
+        least_planarity: an image needs more for a resection without calibration.
+        least_for_resection: points that a resection takes.
+        least_for_eleven: points that a resection without calibration takes.
+    """
+    known = measures.of_points(control.names)
+    ground = control.coordinates[index_of(control.names, known.point_names, "control point")]
+    per_image = {name: np.flatnonzero(known.image == k) for k, name in enumerate(known.image_names)}
+    rows = [per_image.get(name, np.zeros(0, dtype=np.int64)) for name in measures.image_names]
+    indices = [spread_indices(ground[known.point[part]]) for part in rows]
+    counts = np.array([len(part) for part in rows], dtype=np.int64)
+    linearity, planarity = np.array(indices).reshape(-1, 2).T
+    linearity = np.where(counts >= least_for_resection, linearity, np.nan)
+    planarity = np.where(counts >= least_for_eleven, planarity, np.nan)
+    return Distribution(
+        measures.image_names,
+        counts,
+        linearity,
+        planarity,
+        linearity > least_linearity,
+        planarity > least_planarity,
+    )
+
+
+def spread_indices(points: FloatArray) -> tuple[float, float]:
+    """Linearity and planarity of points (n, 3); NaN where n is too small for the index."""
+    n = len(points)
+    if n < 3:
+        return float("nan"), float("nan")
+    l2, l1, l0 = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if l2 == 0.0:
+        return 0.0, 0.0
+    return float(l1 / l2 * n / (n - 2)), float(l0 / l2 * n / (n - 3)) if n > 3 else float("nan")
+
+
+def check_spread(points: FloatArray, what: str) -> None:
+    """Refuses points (n, 3) that are on a line, or at one place.
+
+    Raises:
+        InputError: the message begins with `what`.
+    """
+    linearity, _ = spread_indices(points)
+    if not linearity > COLLINEAR:
+        raise InputError(
+            f"{what}: its {len(points)} control points are on a line, which leaves the rotation about it "
+            "undetermined; add a point beside the line"
+        )

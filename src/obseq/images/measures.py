@@ -1,0 +1,151 @@
+"""What was measured in the images: points, packed in arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.names import index_of, numbered
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePoints:
+    """Points measured in images.
+
+    Pixels: x = column to the right, y = line downwards. Any origin will do as long as the principal point
+    of the camera has the same; MMVII's default principal point is the middle of [0, width] x [0, height].
+
+    Attributes:
+        image_names: names of the images.
+        point_names: names of the points.
+        image: (n,) image of each measure, a position in `image_names`.
+        point: (n,) point of each measure, a position in `point_names`.
+        xy: (n, 2) pixels.
+        sigmas: (n, 2) standard deviations, pixels.
+
+    Example:
+        >>> measures = ImagePoints.of(["a", "a", "b"], ["1", "2", "1"], [[10.0, 20], [30, 40], [50, 60]])
+        >>> measures.of_image("a").point_names
+        ('1', '2')
+    """
+
+    image_names: tuple[str, ...]
+    point_names: tuple[str, ...]
+    image: IntArray
+    point: IntArray
+    xy: FloatArray
+    sigmas: FloatArray
+
+    @classmethod
+    def of(
+        cls, images: Sequence[str], points: Sequence[str], xy: ArrayLike, sigmas: ArrayLike = 1.0
+    ) -> ImagePoints:
+        """Measures from names: (n,) images, (n,) points, (n, 2) pixels; one sigma, (n,) or (n, 2).
+
+        Raises:
+            InputError: a point is measured twice in an image, a number is not finite, a sigma not positive.
+        """
+        image_names, image = numbered(images)
+        point_names, point = numbered(points)
+        return cls.packed(image_names, point_names, image, point, xy, sigmas)
+
+    @classmethod
+    def packed(
+        cls,
+        image_names: Sequence[str],
+        point_names: Sequence[str],
+        image: ArrayLike,
+        point: ArrayLike,
+        xy: ArrayLike,
+        sigmas: ArrayLike = 1.0,
+    ) -> ImagePoints:
+        """The same from numbers, for those who have them: nothing is looked up by name."""
+        image, point = np.asarray(image, dtype=np.int64), np.asarray(point, dtype=np.int64)
+        pixels = np.array(xy, dtype=np.float64).reshape(-1, 2)
+        if not (len(image) == len(point) == len(pixels)):
+            raise InputError(
+                f"image points: {len(image)} images, {len(point)} points and {len(pixels)} pairs of pixels"
+            )
+        spread = np.asarray(sigmas, dtype=np.float64)
+        spread = spread[:, None] if spread.ndim == 1 else spread
+        made = cls(
+            tuple(image_names),
+            tuple(point_names),
+            image,
+            point,
+            pixels,
+            np.array(np.broadcast_to(spread, pixels.shape)),
+        )
+        made._check()
+        return made
+
+    def _check(self) -> None:
+        if not len(self):
+            return
+        wrong = np.flatnonzero(~np.isfinite(self.xy).all(axis=1))
+        if wrong.size:
+            raise InputError(f"{self.label(wrong[0])}: the pixel {self.xy[wrong[0]]} is not finite")
+        wrong = np.flatnonzero(~((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all(axis=1))
+        if wrong.size:
+            raise InputError(f"{self.label(wrong[0])}: the sigma must be positive and finite")
+        order = np.lexsort((self.point, self.image))
+        image, point = self.image[order], self.point[order]
+        twice = np.flatnonzero((image[1:] == image[:-1]) & (point[1:] == point[:-1]))
+        if twice.size:
+            raise InputError(f"{self.label(int(order[twice[0] + 1]))}: measured twice in the image")
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    def label(self, row: int) -> str:
+        """What to call a measure in a message: its image and its point."""
+        return f"image {self.image_names[self.image[row]]}, point {self.point_names[self.point[row]]}"
+
+    def rows(self, chosen: ArrayLike) -> ImagePoints:
+        """The measures of some rows (numbers or a mask), with the names that remain."""
+        index = np.arange(len(self))[np.asarray(chosen)]
+        images, image = np.unique(self.image[index], return_inverse=True)
+        points, point = np.unique(self.point[index], return_inverse=True)
+        return replace(
+            self,
+            image_names=tuple(self.image_names[k] for k in images),
+            point_names=tuple(self.point_names[k] for k in points),
+            image=image.astype(np.int64),
+            point=point.astype(np.int64),
+            xy=self.xy[index],
+            sigmas=self.sigmas[index],
+        )
+
+    def of_image(self, name: str) -> ImagePoints:
+        """The measures of one image."""
+        return self.rows(self.image == index_of(self.image_names, [name], "image points: image")[0])
+
+    def of_points(self, names: Sequence[str]) -> ImagePoints:
+        """The measures of points that are among some names."""
+        wanted = set(names)
+        known = np.array([name in wanted for name in self.point_names], dtype=bool)
+        return self.rows(known[self.point])
+
+    def joined(self, other: ImagePoints) -> ImagePoints:
+        """These measures and others, which name their images and points alike."""
+        image_names, image = numbered([*self.image_names, *other.image_names])
+        point_names, point = numbered([*self.point_names, *other.point_names])
+        n_images, n_points = len(self.image_names), len(self.point_names)
+        return ImagePoints.packed(
+            image_names,
+            point_names,
+            np.concatenate([image[:n_images][self.image], image[n_images:][other.image]]),
+            np.concatenate([point[:n_points][self.point], point[n_points:][other.point]]),
+            np.concatenate([self.xy, other.xy]),
+            np.concatenate([self.sigmas, other.sigmas]),
+        )

@@ -1,0 +1,51 @@
+"""Names outside, numbers inside: one way to go from the one to the other."""
+
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import IntArray
+
+
+def unique_names(names: Sequence[str], what: str) -> tuple[str, ...]:
+    """The names, checked to be different.
+
+    Raises:
+        InputError: one comes twice; the message begins with `what`.
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise InputError(f"{what} {name!r} is given twice")
+        seen.add(name)
+    return tuple(names)
+
+
+def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray:
+    """(n,) positions of names among those known.
+
+    Raises:
+        InputError: one is not known; the message begins with `what`, and gives the nearest names.
+    """
+    place = {name: number for number, name in enumerate(known)}
+    try:
+        return np.array([place[name] for name in wanted], dtype=np.int64)
+    except KeyError as error:
+        name = str(error.args[0])
+        near = ", ".join(map(repr, difflib.get_close_matches(name, known, n=3))) or "none alike"
+        raise InputError(f"{what} {name!r} is not known ({near})") from None
+
+
+def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:
+    """The different names in the order they come in, and (n,) the number of each name among them."""
+    place: dict[str, int] = {}
+    numbers = [place.setdefault(name, len(place)) for name in names]
+    return tuple(place), np.array(numbers, dtype=np.int64)

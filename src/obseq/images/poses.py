@@ -1,0 +1,108 @@
+"""Poses of images: where each camera is, and how it is turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.geometry import Pose, attitudes, rotations_from
+from obseq.images.names import index_of, unique_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of images by name; X_world = centre + rotation x_camera.
+
+    The axes of the camera are x along the columns (right), y along the lines (down), z forward.
+
+    Attributes:
+        images: (n,) names of the images, all different.
+        centres: (n, 3) projection centres in the world.
+        rotations: (n, 3, 3) from the camera to the world; their columns are the camera's axes.
+        cameras: (n,) names of the cameras; empty where a file does not say.
+
+    Example:
+        >>> poses = Poses.of(["a.jpg"], [[0.0, 0.0, 100.0]], [[0.0, 0.0, 0.0]], form="opk")
+        >>> poses["a.jpg"].rotation[:, 2]
+        array([ 0.,  0., -1.])
+    """
+
+    images: tuple[str, ...]
+    centres: FloatArray
+    rotations: FloatArray
+    cameras: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        images: Sequence[str],
+        centres: ArrayLike,
+        rotations: ArrayLike,
+        form: str = "matrix",
+        cameras: Sequence[str] | str = "",
+    ) -> Poses:
+        """Poses from centres (n, 3) and rotations in any form.
+
+        Args:
+            images: (n,) names.
+            centres: (n, 3).
+            rotations: values of the form: (n, 3, 3), (n, 4) or (n, 3) radians.
+            form: `matrix`, `quaternion`, `opk`, `wpk` or `ypr` (see `obseq.geometry.attitudes`).
+            cameras: (n,) names of the cameras, or the one of all.
+
+        Raises:
+            InputError: an array does not fit, a name comes twice, or a matrix is no rotation.
+        """
+        names = unique_names(images, "poses: image")
+        where = np.array(centres, dtype=np.float64).reshape(-1, 3) if len(names) else np.zeros((0, 3))
+        if where.shape != (len(names), 3) or not np.isfinite(where).all():
+            raise InputError(
+                f"poses: the centres of {len(names)} images are a finite ({len(names)}, 3) array"
+            )
+        matrices = rotations_from(rotations, form) if len(names) else np.zeros((0, 3, 3))
+        if matrices.shape != (len(names), 3, 3):
+            raise InputError(
+                f"poses: {np.shape(rotations)} is not the shape of {len(names)} rotations as {form}"
+            )
+        chosen = (cameras,) * len(names) if isinstance(cameras, str) else tuple(cameras)
+        if len(chosen) != len(names):
+            raise InputError(f"poses: {len(chosen)} cameras for {len(names)} images")
+        return cls(names, where, matrices, chosen)
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def __contains__(self, image: str) -> bool:
+        return image in self.images
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.images)
+
+    def __getitem__(self, image: str) -> Pose:
+        row = index_of(self.images, [image], "poses: image")[0]
+        return Pose(self.centres[row], self.rotations[row])
+
+    @property
+    def motions(self) -> Pose:
+        """All of them as one batch of rigid motions, (n, 3) and (n, 3, 3)."""
+        return Pose(self.centres, self.rotations)
+
+    def attitudes(self, form: str) -> FloatArray:
+        """The rotations in a form: (n, 3) radians, (n, 4) or (n, 3, 3)."""
+        return attitudes(self.rotations, form)
+
+    def select(self, images: Sequence[str]) -> Poses:
+        """The poses of some images, in that order."""
+        rows = index_of(self.images, images, "poses: image")
+        cameras = tuple(self.cameras[row] for row in rows)
+        return Poses(tuple(images), self.centres[rows], self.rotations[rows], cameras)

@@ -1,0 +1,69 @@
+"""Poses, image points and control points: what they hold and what they refuse."""
+
+import numpy as np
+import panel
+import pytest
+
+from obseq.errors import InputError
+from obseq.images import ControlPoints, ImagePoints, Poses
+
+
+@pytest.mark.parametrize(("form", "tag"), [("quaternion", "EQ"), ("wpk", "WPK"), ("ypr", "YPR")])
+def test_the_angles_are_those_that_mmvii_writes(shared_data, form, tag):
+    poses, written = panel.poses(shared_data, "Resec"), panel.angles(shared_data, "Resec", tag)
+    found = poses.attitudes(form)
+    if form == "quaternion":
+        written = written * np.sign(written[:, :1])
+    else:
+        found = np.degrees(found)
+    np.testing.assert_allclose(found, written, atol=1e-12 if form == "quaternion" else 1e-11)
+    back = Poses.of(poses.images, poses.centres, poses.attitudes(form), form)
+    np.testing.assert_allclose(back.rotations, poses.rotations, atol=1e-14)
+
+
+def test_poses_by_name():
+    poses = Poses.of(["a", "b"], [[0.0, 0, 1], [0, 0, 2]], np.zeros((2, 3)), "wpk", "cam")
+    assert poses["b"].centre.tolist() == [0.0, 0.0, 2.0]
+    assert poses.select(["b"]).cameras == ("cam",)
+    with pytest.raises(InputError, match=r"image 'c' is not known"):
+        poses["c"]
+    with pytest.raises(InputError, match="image 'a' is given twice"):
+        Poses.of(["a", "a"], np.zeros((2, 3)), np.zeros((2, 3)), "wpk")
+
+
+def test_image_points_by_image_and_by_point():
+    measures = ImagePoints.of(["a", "a", "b"], ["1", "2", "1"], [[1.0, 2], [3, 4], [5, 6]], [1.0, 2.0, 3.0])
+    assert measures.of_image("a").xy.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert measures.of_points(["2"]).sigmas.tolist() == [[2.0, 2.0]]
+    assert measures.of_points(["2"]).image_names == ("a",)
+    joined = measures.joined(ImagePoints.of(["b", "c"], ["3", "1"], [[7.0, 8], [9, 10]]))
+    assert joined.label(4) == "image c, point 1"
+    assert joined.image_names == ("a", "b", "c")
+
+
+def test_measures_are_checked_when_they_are_made():
+    with pytest.raises(InputError, match="image a, point 1: measured twice"):
+        ImagePoints.of(["a", "a"], ["1", "1"], [[1.0, 2], [3, 4]])
+    with pytest.raises(InputError, match=r"image a, point 1: the pixel \[nan"):
+        ImagePoints.of(["a"], ["1"], [[np.nan, 2.0]])
+    with pytest.raises(InputError, match="image b, point 2: the sigma must be positive"):
+        ImagePoints.of(["a", "b"], ["1", "2"], np.zeros((2, 2)), [1.0, 0.0])
+
+
+def test_control_points_are_held_given_or_free_by_component():
+    control = ControlPoints.of(["A", "B"], np.zeros((2, 3)), [[0.0, 0.01, np.inf], [1.0, 1.0, 1.0]])
+    assert control.is_held[0].tolist() == [True, False, False]
+    assert control.is_free[0].tolist() == [False, False, True]
+    assert control.scaled(2.0).sigmas[1].tolist() == [2.0, 2.0, 2.0]
+    assert control.held().is_held.all()
+
+
+def test_wrong_control_points_are_refused():
+    with pytest.raises(InputError, match="control point 'A' is given twice"):
+        ControlPoints.of(["A", "A"], np.zeros((2, 3)))
+    with pytest.raises(InputError, match="control point A: a sigma is above zero"):
+        ControlPoints.of(["A"], np.zeros((1, 3)), -1.0)
+    with pytest.raises(InputError, match=r"control point A: coordinates .* not finite"):
+        ControlPoints.of(["A"], [[np.inf, 0.0, 0.0]])
+    with pytest.raises(InputError, match="control point A: the covariance"):
+        ControlPoints.correlated(["A"], np.zeros((1, 3)), -np.eye(3)[None])
