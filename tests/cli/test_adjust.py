@@ -101,7 +101,6 @@ BAD = {
     "angle out of range": ("obs", "5 PtA PtB 401 0.001\n", "site.obs:13"),
     "negative distance": ("obs", "3 PtA PtB -10 0.001\n", "site.obs:13"),
     "zero sigma": ("obs", "3 PtA PtB 10 0\n", "site.obs:13"),
-    "a point that nothing places": ("obs", "3 PtA PtX 10 0.001\n", "PtX"),
     "duplicate point": ("cor", "0 PtB 657710 6860700 10\n", "PtB"),
     "unknown flag": ("cor", "9 PtE 657710 6860700 10\n", "site.cor:5"),
 }
@@ -152,10 +151,15 @@ def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -
     assert_refused(site, capsys, frame.rpartition("*")[2], "--frame", frame)
 
 
-def test_a_disconnected_network_is_refused(site: Path, capsys) -> None:
+def test_what_hangs_on_nothing_is_left_out_or_refused(site: Path, capsys) -> None:
     with (site / "site.obs").open("a", encoding="utf-8") as file:
         file.write("7 X1 X2 0 0.001\n6 X1 X2 100 0.001\n3 X1 X2 10 0.005\n5 X1 X3 50 0.001\n")
-    assert_refused(site, capsys, "X1")
+    assert adjust() == 1
+    assert (
+        "LEFT OUT, because nothing determines them: point X1, point X2, point X3" in capsys.readouterr().out
+    )
+    assert adjust("--strict") == 2
+    assert "point X1: not connected to any known point" in capsys.readouterr().err
 
 
 def test_a_target_on_the_vertical_of_its_station_is_refused(site: Path, capsys) -> None:

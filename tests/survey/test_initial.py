@@ -389,3 +389,26 @@ def test_order_of_lines_changes_nothing_but_the_order(tmp_path):
             second.values.coordinates[second.names.index(name)],
             atol=1e-9,
         )
+
+
+@pytest.mark.parametrize("status", ["#FIX", "#VERT"])
+@pytest.mark.parametrize("height", ["4 A E 1.619 0.001", "16 A E 1.619 0.001"])
+def test_a_centring_of_exactly_zero_is_placed(tmp_path, status, height):
+    sketch = Sketch(tmp_path, A=A, E=(A[0], A[1], A[2] + 1.619)).write(status)
+    sketch.write("14 A E 0 0.001").write("15 A E 0 0.001").write(height).solve("A").assert_true()
+
+
+@pytest.mark.parametrize("status", ["#FIX", "#VERT"])
+def test_a_centring_of_exactly_zero_measured_from_the_unknown_point_is_placed(tmp_path, status):
+    sketch = Sketch(tmp_path, A=A, E=(A[0], A[1], A[2] + 1.6)).write(status)
+    sketch.write("14 E A 0 0.001").write("15 E A 0 0.001").write("16 E A -1.6 0.001").solve("A").assert_true()
+
+
+def test_a_mirror_position_that_one_distance_misses_by_many_sigmas_is_no_solution(tmp_path):
+    truth = {"A": (0, 0, 10), "B": (500, 30, 15), "C": (250, 420, 30), "D": (-200, 380, 22)}
+    sketch = Sketch(tmp_path, **truth, P=(180, 160, 60)).dist("P", *truth)
+    sketch.solve(*truth).assert_true("trilateration")
+    # the same four known points in one plane leave both sides open
+    flat_truth = {name: (x, y, 10.0) for name, (x, y, _) in truth.items()}
+    sketch = Sketch(tmp_path, **flat_truth, P=(180, 160, 60)).dist("P", *truth)
+    assert "fit several positions equally well" in sketch.solve(*truth).reason("P")

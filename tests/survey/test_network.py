@@ -214,8 +214,11 @@ def test_zenith_angle_needs_a_place_on_the_earth(tmp_path):
 
 def test_points_with_too_few_observations_are_named(tmp_path):
     points = "1 A 0 0 0 0.001\n0 B 10 0 0\n"
+    network = read(tmp_path, "3 A B 10 0.001\n", points)
     with pytest.raises(InputError, match=r"B \(1\)"):
-        read(tmp_path, "3 A B 10 0.001\n", points).adjust()
+        network.adjust(strict=True)
+    with pytest.raises(InputError, match="point B: it has 1 usable observation for 3 unknown coordinates"):
+        network.adjust()
 
 
 def test_undetermined_unknowns_are_named(tmp_path):

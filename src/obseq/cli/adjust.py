@@ -16,7 +16,8 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from obseq.report.record import AdjustmentRecord, PhaseRecord
 
-NOT_CONVERGED = 1
+INCOMPLETE = 1
+"""Exit code: not converged, or something was left out."""
 
 MORE = """
 The observations are read from OBS files, the points from COR files: known points with their
@@ -28,7 +29,7 @@ example:
   obseq adjust --obs day1.obs day2.obs --cor points.cor --points-crs IGNF:LAMB93 \\
       --frame 'RTL*657700*6860700*0*IGNF:LAMB93' --point-sigma 0.001 --out results
 
-exit code: 0 adjusted; 1 the iterations did not converge; 2 could not run"""
+exit code: 0 adjusted; 1 the iterations did not converge, or points were left out; 2 could not run"""
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,11 @@ def register(commands: Commands) -> None:
         metavar="N",
         help="stop at this number when not converged before",
     )
+    computation.add_argument(
+        "--strict",
+        action="store_true",
+        help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
+    )
     add_result_arguments(command)
 
 
@@ -153,7 +159,7 @@ def run(arguments: argparse.Namespace) -> int:
         "point_sigma": arguments.point_sigma,
         **_point_format(arguments),
     }
-    solving = {"max_iterations": arguments.iterations}
+    solving = {"max_iterations": arguments.iterations, "strict": arguments.strict}
     return adjust(
         Request(arguments.obs, arguments.cor, _given(reading), _given(solving), results_of(arguments))
     )
@@ -172,7 +178,7 @@ def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def adjust(request: Request) -> int:
-    """Adjust a network, write its results, print its summary; 1 when the iterations did not converge."""
+    """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
     check_writable(request.results.paths, [*request.observations, *request.points])
     with Progress("starting") as progress:
         record = _adjusted(request, progress)
@@ -181,7 +187,7 @@ def adjust(request: Request) -> int:
     from obseq.report import summary
 
     print(summary(record, [str(path) for path in request.results.paths]), end="")
-    return 0 if record["converged"] else NOT_CONVERGED
+    return 0 if record["converged"] and not record.get("left_out") else INCOMPLETE
 
 
 def _adjusted(request: Request, progress: Progress) -> "AdjustmentRecord":

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from obseq.report import rows
 from obseq.report.record import AdjustmentRecord
 from obseq.report.statistics import verdict
-from obseq.report.summary import expected, how_it_ended, kinds, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, left_out, warnings
 from obseq.report.table import lines_of
 from obseq.report.units import significant
 
@@ -27,6 +27,7 @@ def listing(record: AdjustmentRecord) -> str:
 def _head(record: AdjustmentRecord) -> Iterator[str]:
     test = verdict(record)
     yield f"Adjustment of {len(record['points'])} points: {how_it_ended(record)}"
+    yield from left_out(record)
     yield f"  observations  {record['n_observations']} ({kinds(record)})"
     yield f"  constraints   {record['n_constraints']}"
     yield f"  unknowns      {record['n_unknowns']}"

@@ -66,6 +66,15 @@ ObservationRecord = TypedDict(
 """One observation, where it was read, and how it fits (a function call, because `from` is a keyword)."""
 
 
+class LeftOutRecord(TypedDict):
+    """A point or a station that nothing determines, and that was left out with its observations."""
+
+    what: str
+    name: str
+    reason: str
+    observations: list[str]
+
+
 class PhaseRecord(TypedDict):
     """How long a part of the work took."""
 
@@ -97,6 +106,7 @@ class AdjustmentRecord(TypedDict):
     stations: list[StationRecord]
     observations: list[ObservationRecord]
     warnings: NotRequired[list[str]]
+    left_out: NotRequired[list[LeftOutRecord]]
     phases: NotRequired[list[PhaseRecord]]
 
 

@@ -63,6 +63,14 @@ def expected(record: AdjustmentRecord, test: Verdict) -> str:
     return f"chi-square test at 95 %{known}: between {test.lower:.4g} and {test.upper:.4g} is expected"
 
 
+def left_out(record: AdjustmentRecord) -> Iterator[str]:
+    """What the adjustment does without, if anything."""
+    names = [item["what"] for item in record.get("left_out", [])]
+    if names:
+        more = f" and {len(names) - MOST_POINTS} more" if len(names) > MOST_POINTS else ""
+        yield f"  LEFT OUT, because nothing determines them: {', '.join(names[:MOST_POINTS])}{more}"
+
+
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
     """What the user should know of the input, one line each, at most so many of them."""
     found = record.get("warnings", [])
@@ -73,6 +81,7 @@ def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
 
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
     yield f"{len(record['points'])} points, {len(record['stations'])} stations: {how_it_ended(record)}"
+    yield from left_out(record)
     yield f"  observations {record['n_observations']:>8}   {kinds(record)}"
     yield f"  constraints  {record['n_constraints']:>8}   coordinates given with a sigma"
     yield f"  unknowns     {record['n_unknowns']:>8}"

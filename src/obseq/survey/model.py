@@ -100,6 +100,18 @@ class Points:
         """(n,) true where the three coordinates are finite."""
         return np.asarray(np.isfinite(self.coordinates).all(axis=1))
 
+    def subset(self, rows: npt.NDArray[np.intp]) -> Points:
+        """Some of the points, in the order of their rows."""
+        return replace(
+            self,
+            names=tuple(self.names[row] for row in rows.tolist()),
+            coordinates=self.coordinates[rows],
+            sigmas=self.sigmas[rows],
+            infos=tuple(self.infos[row] for row in rows.tolist()),
+            file_indices=self.file_indices[rows],
+            lines=self.lines[rows],
+        )
+
     def place(self, row: int) -> str:
         """`file:line` of a point, for messages."""
         if self.file_indices[row] < 0:
@@ -262,11 +274,14 @@ def group_by_station(stations: IntArray, n_stations: int) -> tuple[IntArray, Int
 def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     """Orientations after MMVII's rule: a station without any active Hz, DX or DY becomes FIX.
 
+    A DX or DY of exactly zero (a target plumb over its mark) turns with no station, and does not count.
+
     Returns:
         (m,) int8 values of `Orientation`.
     """
     observations = book.observations
     orienting = np.isin(observations.types, (ObservationType.Hz, ObservationType.DX, ObservationType.DY))
+    orienting &= (observations.types == ObservationType.Hz) | (observations.values != 0.0)
     kept = orienting & observations.active & (observations.stations >= 0)
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
+from obseq.errors import SingularSystemError
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
-from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
+from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.initial.initial_values import InitialValues, initial_values
+from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
 
 if TYPE_CHECKING:
@@ -143,50 +145,81 @@ class Network:
         Raises:
             InputError: Some points or stations cannot be placed; the message lists them with the reasons.
         """
-        vertical = self.frame.vertical if self.frame.has_vertical else None
-        initial = initial_values(self.points, self.book, vertical)
+        initial = self._initial_values()
         initial.require_complete()
         return initial
+
+    def _initial_values(self) -> InitialValues:
+        vertical = self.frame.vertical if self.frame.has_vertical else None
+        return initial_values(self.points, self.book, vertical)
 
     def adjust(
         self,
         max_iterations: int = MAX_ITERATIONS,
         tolerance: float = 1e-6,
         progress: Progress | None = None,
+        *,
+        strict: bool = False,
     ) -> Adjustment:
         """Adjusts the network by least squares.
+
+        Points and stations that the observations do not determine are left out, with their observations;
+        `Adjustment.left_out` names them.
 
         Args:
             max_iterations: The iterations end at this number when they have not converged before.
             tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
             progress: Receives what is being done.
+            strict: Refuse a network of which something would have to be left out.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
-        from obseq.survey.adjustment.equations import Equations
-
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
             check_datum(self.points)
-            initial = self.initial_values()
-            check_counts(self.points, self.book)
-            check_sights(self.book, initial)
+            start = Determined(self.points, self.book, self._initial_values())
+            if strict:
+                start.initial.require_complete()
+                check_counts(self.points, self.book)
+            start = leave_out(start, start.initial.unplaced)
+        while True:
+            try:
+                return self._adjusted(start, max_iterations, tolerance, watch)
+            except SingularSystemError as error:
+                undetermined = [] if strict else singular_parts(start, error)
+                if not undetermined:
+                    raise
+                start = leave_out(start, undetermined)
+
+    def _adjusted(
+        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch
+    ) -> Adjustment:
+        """Adjusts what is determined of this network."""
+        from obseq.survey.adjustment.equations import Equations
+
+        network, initial = replace(self, points=start.points, book=start.book), start.initial
+        check_sights(start.book, initial)
         with watch.phase("equations"):
             equations = Equations(
                 self.frame,
-                self.points,
-                self.book,
+                start.points,
+                start.book,
                 initial.orientations,
                 initial.coordinates,
                 initial.rotations,
             )
         with watch.phase("iterations and covariances"):
-            solution = self._solve(equations, max_iterations, tolerance, watch)
+            solution = network._solve(equations, max_iterations, tolerance, watch)
         with watch.phase("results"):
-            adjustment = self._adjustment(equations, solution, initial.orientations)
-        return replace(adjustment, phases=self.phases | watch.seconds)
+            adjustment = network._adjustment(equations, solution, initial.orientations)
+        return replace(
+            adjustment,
+            left_out=start.left_out,
+            warnings=(*(item.sentence() for item in start.left_out), *adjustment.warnings),
+            phases=self.phases | watch.seconds,
+        )
 
     def _solve(
         self, equations: Equations, max_iterations: int, tolerance: float, watch: Stopwatch

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquaresResult
+    from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook
 
 
@@ -82,6 +83,7 @@ class Adjustment:
             is no redundancy to estimate it.
         warnings: What the user should know of the input, one sentence each.
         phases: Seconds of each phase of the work.
+        left_out: The points and stations that nothing determined, left out with their observations.
     """
 
     solution: LeastSquaresResult
@@ -95,6 +97,7 @@ class Adjustment:
     precision: str
     warnings: tuple[str, ...]
     phases: Mapping[str, float]
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -136,6 +139,7 @@ class Adjustment:
             "stations": self._stations(),
             "observations": self._observations(),
             "warnings": list(self.warnings),
+            "left_out": [item.record() for item in self.left_out],
             "phases": [{"name": name, "seconds": seconds} for name, seconds in self.phases.items()],
         }
 

@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.adjustment.equations import station_names
+from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.model import ObservationType
 
 if TYPE_CHECKING:
+    from obseq.errors import SingularSystemError
     from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
 
@@ -62,3 +66,25 @@ def check_sights(book: FieldBook, initial: InitialValues) -> None:
             f"{book.label(row)}: the target is on the vertical of the station; its direction is undefined. "
             f"Remove the line, or correct the coordinates of {target}"
         )
+
+
+def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplaced]:
+    """The points, or else the stations, that a singular system leaves undetermined.
+
+    Empty when these are all unknown points: then it is the datum that lacks, and nothing can be done without.
+    """
+    names = {name.rsplit(".", 1)[0] for name in error.unknowns}
+    free = start.points.is_free.any(axis=1)
+    points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
+    reason = "its observations do not determine it (the system is singular); observe it from other directions"
+    if points:
+        found = [Unplaced(f"point {start.points.names[row]}", reason, row) for row in points]
+        return found if len(found) < np.count_nonzero(free) else []
+    book = start.book
+    return [
+        Unplaced(f"{name} ({book.place(int(book.stations.observations(k)[0]))})", reason, int(origin), k)
+        for k, (name, origin) in enumerate(
+            zip(station_names(start.points, book), book.stations.origins, strict=True)
+        )
+        if name in names
+    ]

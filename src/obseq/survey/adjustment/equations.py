@@ -74,7 +74,7 @@ class Equations:
         self._book = book
         self.system = LeastSquares()
         self.points = self.system.add_points(points.names, coordinates)
-        self.stations = self.system.add_rotations(_station_names(points, book), rotations)
+        self.stations = self.system.add_rotations(station_names(points, book), rotations)
         self._verticals = frame.vertical(coordinates[book.stations.origins])
         self._constrain(points)
         for status, components in FROZEN_TURNS.items():
@@ -151,7 +151,7 @@ class Equations:
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
 
 
-def _station_names(points: Points, book: FieldBook) -> list[str]:
+def station_names(points: Points, book: FieldBook) -> list[str]:
     """Names of the stations for messages: their point, numbered when it has several."""
     seen: dict[str, int] = {}
     names = []

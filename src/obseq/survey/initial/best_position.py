@@ -15,7 +15,7 @@ from obseq.survey.initial.candidates import (
     unique_positions,
 )
 from obseq.survey.initial.known import minus, plus, times, transposed_times
-from obseq.survey.initial.refinement import Refined, agreeing, refine
+from obseq.survey.initial.refinement import Refined, agreeing, contradictions, refine
 from obseq.survey.initial.relations import Constraint, disagreement
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def choose(
         found = list(generate(around))
         complete = [candidate for candidate in found if candidate.has_height] or found
         fits, strength = _fits(around, complete, sigmas, least_strength)
-        choice = _decide(around, fits, max(strength, strongest), hint)
+        choice = _decide(around, fits, max(strength, strongest), hint, sigmas)
         if choice.fit is not None or choice.alternatives:
             return choice
         strongest = choice.strength
@@ -133,19 +133,33 @@ def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
     return apart <= _SAME * max(math.hypot(*minus(a.position, around.origin)), 1e-3)
 
 
-def _decide(around: Surroundings, fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+def _decide(
+    around: Surroundings,
+    fits: list[Fit],
+    strongest: float,
+    hint: Space | None,
+    sigmas: Sequence[float],
+) -> Choice:
     """The least contradicted position, unless another fits as well."""
     if not fits:
         return Choice(None, strongest)
-    ordered = sorted(fits, key=lambda fit: fit.disagreement)
-    best = ordered[0]
-    rivals = [
-        fit
-        for fit in ordered[1:]
-        if fit.disagreement - best.disagreement < _MARGIN
-        and not _is_same(around, fit.candidate, best.candidate)
+    rivals = _rivals(around, fits, [fit.disagreement for fit in fits])
+    if len(rivals) > 1:
+        counts = [contradictions(around.state, around.constraints, fit.refined, sigmas) for fit in rivals]
+        rivals = _rivals(around, rivals, counts)
+    return _by_hint(rivals, strongest, hint) if len(rivals) > 1 else Choice(rivals[0], strongest)
+
+
+def _rivals(around: Surroundings, fits: list[Fit], counts: list[float]) -> list[Fit]:
+    """The position with the least count, and the others whose counts are hardly worse."""
+    ordered = sorted(zip(counts, range(len(fits)), strict=True))
+    least, first = ordered[0]
+    best = fits[first]
+    return [best] + [
+        fits[k]
+        for count, k in ordered[1:]
+        if count - least < _MARGIN and not _is_same(around, fits[k].candidate, best.candidate)
     ]
-    return _by_hint([best, *rivals], strongest, hint) if rivals else Choice(best, strongest)
 
 
 def averaged(state: State, constraints: list[Constraint], sigmas: Sequence[float], fit: Fit) -> Fit:
@@ -200,7 +214,7 @@ def choose_height(
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
             fits.append(_fit(around, Candidate(start, "height", (constraint,)), refined))
-    return _decide(around, fits, strongest, None)
+    return _decide(around, fits, strongest, None, sigmas)
 
 
 def _along_plumb_line(state: State, position: Space, other: Space) -> Space:

@@ -175,7 +175,8 @@ def _turn_into_rays(around: Surroundings, readings: list[_Reading], forward: dic
 
 def unique_positions(around: Surroundings) -> Iterator[Candidate]:
     """Positions by methods that have one solution."""
-    for flat in itertools.chain(_by_polar(around), _by_two_rays(around), _by_own_readings(around)):
+    ways = (_by_centring, _by_polar, _by_two_rays, _by_own_readings)
+    for flat in itertools.chain.from_iterable(way(around) for way in ways):
         yield from _with_heights(around, flat)
     yield from _by_rays_in_space(around)
 
@@ -191,6 +192,14 @@ def _thinned(items: list[Item]) -> list[Item]:
     """At most `_MOST` items, spread evenly over the list."""
     step = max(1.0, len(items) / _MOST)
     return [items[int(k * step)] for k in range(min(len(items), _MOST))]
+
+
+def _by_centring(around: Surroundings) -> Iterator[_Flat]:
+    """The plan of a point plumb above or below."""
+    norths = {c.other: c for c in reversed(_of_kind(around, Kind.NORTH))}
+    for east in _of_kind(around, Kind.EAST):
+        position = around.local[east.other][:2]
+        yield _Flat(position, "centring", (east, norths[east.other]))
 
 
 def _by_polar(around: Surroundings) -> Iterator[_Flat]:

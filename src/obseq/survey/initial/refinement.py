@@ -113,13 +113,35 @@ def agreeing(
         is_known = c.kind != Kind.READING_AT or c.station in g0s
         if c in used or state.positions[c.other] is None or not is_known:
             continue
-        distance = distance_to(state, c, refined.position)
-        size = abs(scaled_misfit(state, c, refined.position, vertical, g0s.get(c.station, 0.0)))
-        sigma = max(sigmas[row] for row in c.rows) / (1.0 if c.kind in ANGLES else distance)
-        moved = math.hypot(refined.spread, state.spreads[c.other]) / distance
-        if size <= _AGREES * math.hypot(sigma, moved):
+        if _relative_misfit(state, c, refined, vertical, g0s, sigmas) <= _AGREES:
             found.append(c)
     return found
+
+
+def contradictions(
+    state: State, constraints: Sequence[Constraint], refined: Refined, sigmas: Sequence[float]
+) -> float:
+    """How many constraints speak against a position by more than is expected of them, counted softly."""
+    vertical = state.vertical_at(refined.position)
+    g0s = station_g0s(state, constraints, refined.position, vertical)
+    sizes = (_relative_misfit(state, c, refined, vertical, g0s, sigmas) for c in constraints)
+    return sum(size**2 / (size**2 + _AGREES**2) for size in sizes)
+
+
+def _relative_misfit(
+    state: State,
+    c: Constraint,
+    refined: Refined,
+    vertical: Matrix,
+    g0s: dict[int, float],
+    sigmas: Sequence[float],
+) -> float:
+    """Size of a misfit over what its sigma and the expected errors of both points explain."""
+    distance = distance_to(state, c, refined.position)
+    size = abs(scaled_misfit(state, c, refined.position, vertical, g0s.get(c.station, 0.0)))
+    sigma = max(sigmas[row] for row in c.rows) / (1.0 if c.kind in ANGLES else distance)
+    moved = math.hypot(refined.spread, state.spreads[c.other]) / distance
+    return size / math.hypot(sigma, moved)
 
 
 def _expected_misfits(

@@ -34,11 +34,14 @@ class Kind(enum.IntEnum):
     HORIZONTAL_AT = 7
     RISE = 8
     RISE_AT = 9
+    EAST = 10
+    NORTH = 11
 
 
 # sets made once: `misfit` is the innermost function of all this
 _AT = frozenset((Kind.READING_AT, Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT))
 _ZENITHS = frozenset((Kind.ZENITH, Kind.ZENITH_AT))
+_PLUMB = frozenset((Kind.EAST, Kind.NORTH))
 _RISES = frozenset((Kind.RISE, Kind.RISE_AT))
 ANGLES = frozenset((Kind.AZIMUTH, Kind.ZENITH, Kind.READING_AT, Kind.ZENITH_AT))
 
@@ -119,8 +122,9 @@ def _add_lengths(
     if sight.zenith is not None and state.is_placed(other):
         found.append(Constraint(kinds[0], other, sight.zenith[0], (sight.zenith[1],)))
     if sight.dx is not None and sight.dy is not None:
-        length = math.hypot(sight.dx[0], sight.dy[0])
-        found.append(Constraint(kinds[1], other, length, (sight.dx[1], sight.dy[1])))
+        length, rows = math.hypot(sight.dx[0], sight.dy[0]), (sight.dx[1], sight.dy[1])
+        plumb = (Kind.EAST, Kind.NORTH) if length == 0.0 else (kinds[1],)  # a circle of no radius is a point
+        found.extend(Constraint(kind, other, length, rows) for kind in plumb)
     if sight.dz is not None and state.is_placed(other):
         found.append(Constraint(kinds[2], other, sight.dz[0], (sight.dz[1],)))
 
@@ -169,6 +173,8 @@ def misfit(state: State, constraint: Constraint, position: Space, vertical: Matr
         return wrap(math.atan2(east, north) - g0 - value)
     if kind in _ZENITHS:
         return math.atan2(math.hypot(east, north), up) - value
+    if kind in _PLUMB:
+        return (east if kind == Kind.EAST else north) - value
     return (up if kind in _RISES else math.hypot(east, north)) - value
 
 

@@ -28,6 +28,8 @@ _WORDS = {
     Kind.HORIZONTAL_AT: ("DX, DY to", "DX, DY to"),
     Kind.RISE: ("DZ from", "DZ from"),
     Kind.RISE_AT: ("DZ to", "DZ to"),
+    Kind.EAST: ("DX of zero with", "DX of zero with"),
+    Kind.NORTH: ("DY of zero with", "DY of zero with"),
 }
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 _MOST_NAMES = 4

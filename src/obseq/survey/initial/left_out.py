@@ -1,0 +1,228 @@
+"""A network without the points and stations that nothing determines, and without their observations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.initial.unplaced import Unplaced
+from obseq.survey.model import group_by_station
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.model import BoolArray, FieldBook, IntArray, Points
+
+_MOST_LABELS = 4
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A point or a station that the adjustment does without.
+
+    Attributes:
+        what: "point T4", or "station S1 (survey.obs:12)".
+        name: of the point, or of the origin of the station.
+        reason: why, and what would help.
+        observations: the active observations that are left out with it, as labels with file and line.
+    """
+
+    what: str
+    name: str
+    reason: str
+    observations: tuple[str, ...]
+
+    def record(self) -> dict[str, Any]:
+        """Its entry in the result file."""
+        return {
+            "what": self.what,
+            "name": self.name,
+            "reason": self.reason,
+            "observations": list(self.observations),
+        }
+
+    def sentence(self) -> str:
+        """What is left out, with which observations, and why."""
+        shown = ", ".join(self.observations[:_MOST_LABELS])
+        more = len(self.observations) - _MOST_LABELS
+        shown += f" and {more} more" if more > 0 else ""
+        return f"{self.what} is left out, with its observations ({shown or 'none'}): {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Determined:
+    """What is left of a network: points, observations and initial values that belong together."""
+
+    points: Points
+    book: FieldBook
+    initial: InitialValues
+    left_out: tuple[LeftOut, ...] = ()
+
+
+def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined:
+    """The network without some points and stations, and without those that this leaves undetermined.
+
+    Points with fewer observations than free coordinates go too. What had been left out before stays so.
+
+    Args:
+        given: a network.
+        undetermined: points and stations (rows in it) with the reasons.
+
+    Raises:
+        InputError: nothing that is unknown would remain; the message lists everything with its reason.
+    """
+    found = list(undetermined)
+    bad_points, bad_stations = _masks(given, found)
+    while True:
+        lacking = _lacking(given, bad_points, bad_stations)
+        if not lacking:
+            break
+        found += lacking
+        bad_points[[item.point for item in lacking]] = True
+        bad_stations |= bad_points[given.book.stations.origins]
+    if not found:
+        return given
+    active = _still_active(given, bad_points, bad_stations)
+    _refuse_nothing(given, bad_points, active, found)
+    named = tuple(_described(given, item, active) for item in found if _stands_alone(given, item, bad_points))
+    return _without(given, bad_points, bad_stations, active, named)
+
+
+def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, BoolArray]:
+    bad_points = np.zeros(len(given.points), np.bool_)
+    bad_stations = np.zeros(len(given.book.stations), np.bool_)
+    bad_points[[item.point for item in found if item.station is None]] = True
+    bad_stations[[item.station for item in found if item.station is not None]] = True
+    return bad_points, bad_stations | bad_points[given.book.stations.origins]
+
+
+def _still_active(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> BoolArray:
+    rows = given.book.observations
+    padded = np.append(bad_points, np.zeros(len(given.book.point_names) - len(bad_points), np.bool_))
+    touched = padded[rows.from_points] | padded[rows.to_points]
+    if len(bad_stations):
+        touched |= (rows.stations >= 0) & bad_stations[rows.stations]
+    return np.asarray(rows.active & ~touched)
+
+
+def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> list[Unplaced]:
+    """Points that have fewer observations left than free coordinates."""
+    rows, n = given.book.observations, len(given.points)
+    active = _still_active(given, bad_points, bad_stations)
+    count = np.zeros(n, np.int64)
+    for ends in (rows.from_points, rows.to_points):
+        count += np.bincount(ends[active], minlength=n)[:n]
+    free = given.points.is_free.sum(axis=1)
+    return [
+        Unplaced(f"point {given.points.names[row]}", _too_few(int(count[row]), int(free[row])), row)
+        for row in np.flatnonzero((count < free) & ~bad_points).tolist()
+    ]
+
+
+def _too_few(count: int, free: int) -> str:
+    if count == 0:
+        return "no usable observation names it; observe it, or remove it from the point file"
+    plural = "" if count == 1 else "s"
+    return f"it has {count} usable observation{plural} for {free} unknown coordinates; observe it more"
+
+
+def _refuse_nothing(
+    given: Determined, bad_points: BoolArray, active: BoolArray, found: Sequence[Unplaced]
+) -> None:
+    """Raises when no unknown or no observation remains."""
+    unknown = given.points.is_free.any(axis=1) & ~bad_points
+    if active.any() and (unknown.any() or not given.points.is_free.any()):
+        return
+    listed = [f"  {item.what}: {item.reason}" for item in found[:20]]
+    if len(found) > len(listed):
+        listed.append(f"  and {len(found) - len(listed)} more")
+    raise InputError(
+        "nothing remains to be adjusted: no initial value could be computed, or too few observations, for:\n"
+        + "\n".join(listed)
+        + "\nadd the observations that are missing, or approximate coordinates (flag 0) to the point file"
+    )
+
+
+def _stands_alone(given: Determined, item: Unplaced, bad_points: BoolArray) -> bool:
+    """Whether a station is left out for its own sake, not because all its targets are."""
+    if item.station is None:
+        return True
+    rows = given.book.observations
+    mine = (rows.stations == item.station) & rows.active
+    return not bad_points[rows.to_points[mine]].all()
+
+
+def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
+    rows = given.book.observations
+    if item.station is None:
+        mine = (rows.from_points == item.point) | (rows.to_points == item.point)
+    else:
+        mine = rows.stations == item.station
+    lost = np.flatnonzero(mine & rows.active & ~active)
+    labels = tuple(given.book.label(row) for row in lost.tolist())
+    return LeftOut(item.what, given.points.names[item.point], item.reason, labels)
+
+
+def _without(
+    given: Determined,
+    bad_points: BoolArray,
+    bad_stations: BoolArray,
+    active: BoolArray,
+    named: tuple[LeftOut, ...],
+) -> Determined:
+    rows, initial = given.book.observations, given.initial
+    used = np.zeros(len(bad_stations), np.bool_)
+    used[rows.stations[active & (rows.stations >= 0)]] = True
+    stations, points = np.flatnonzero(used), np.flatnonzero(~bad_points)
+    kept = replace(
+        initial,
+        coordinates=initial.coordinates[points],
+        rotations=initial.rotations[stations],
+        g0=initial.g0[stations],
+        orientations=initial.orientations[stations],
+        point_steps=tuple(initial.point_steps[row] for row in points.tolist()),
+        station_steps=tuple(initial.station_steps[row] for row in stations.tolist()),
+        unplaced=(),
+    )
+    book = _book_without(given.book, bad_points, stations, active)
+    return Determined(given.points.subset(points), book, kept, (*given.left_out, *named))
+
+
+def _book_without(
+    book: FieldBook,
+    bad_points: BoolArray,
+    stations: np.ndarray[tuple[int], np.dtype[np.intp]],
+    active: BoolArray,
+) -> FieldBook:
+    """The book with fewer points and stations; what needs the others is inactive."""
+    n, rows = len(book.point_names), book.observations
+    bad = np.append(bad_points, np.ones(n - len(bad_points), np.bool_))
+    order = np.argsort(bad, kind="stable")
+    numbers: IntArray = np.empty(n, np.int32)
+    numbers[order] = np.arange(n, dtype=np.int32)
+    new_station = np.full(len(book.stations) + 1, -1, np.int32)
+    new_station[stations] = np.arange(len(stations), dtype=np.int32)
+    of_rows = new_station[rows.stations]
+    starts, members = group_by_station(of_rows, len(stations))
+    return replace(
+        book,
+        point_names=tuple(book.point_names[row] for row in order.tolist()),
+        observations=replace(
+            rows,
+            from_points=numbers[rows.from_points],
+            to_points=numbers[rows.to_points],
+            active=active,
+            stations=of_rows,
+        ),
+        stations=replace(
+            book.stations,
+            origins=numbers[book.stations.origins[stations]],
+            orientations=book.stations.orientations[stations],
+            starts=starts,
+            members=members,
+        ),
+    )
