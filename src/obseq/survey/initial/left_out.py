@@ -14,8 +14,9 @@ from obseq.survey.model import group_by_station
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from obseq.arrays import BoolArray
     from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import BoolArray, FieldBook, IntArray, Points
+    from obseq.survey.model import FieldBook, IntArray, Points
 
 _MOST_LABELS = 4
 
