@@ -11,7 +11,7 @@ from obseq.codegen.templating import template
 from obseq.codegen.writing import Equation, Latex, Text, equations
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Atom
-from obseq.formulas.families import FAMILIES
+from obseq.formulas.naming import OneOf
 
 WIDTH = 100
 """Characters of a line of an equation."""
@@ -136,7 +136,7 @@ def _section(members: Sequence[tuple[Formula, tuple[str, ...]]]) -> Section:
     return Section(
         title=formula.name if len(members) == 1 else type(formula).__name__,
         names=tuple(member.name for member, _ in members),
-        is_open=any(parse(formula.name) is not None for parse in FAMILIES),
+        is_open=any(not isinstance(way, OneOf) for way in formula.spellings().values()),
         example=formula.name,
         summary=summary,
         text=text,
@@ -175,7 +175,9 @@ def documentation_of(cls: type) -> tuple[str, str, tuple[tuple[str, str], ...]]:
     paragraphs = inspect.cleandoc(cls.__doc__ or "").split("\n\n")
     text = "\n\n".join(part for part in paragraphs[1:] if not part.startswith("Attributes:"))
     bases = [base for base in reversed(cls.__mro__) if base.__module__.startswith("obseq.formulas")]
-    parameters = [pair for base in bases if base is not Formula for pair in _attributes(base.__doc__ or "")]
+    parameters = [
+        pair for base in bases if not issubclass(Formula, base) for pair in _attributes(base.__doc__ or "")
+    ]
     return _one_line(paragraphs[0]), text, tuple(dict(parameters).items())
 
 

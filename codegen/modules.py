@@ -62,8 +62,21 @@ def module_name(formula_name: str) -> str:
 
 
 def render_module(formula: Formula) -> Module:
-    """The module of one formula."""
-    derived = derive(formula)
+    """The module of one formula.
+
+    Raises:
+        FormulaError: The formula cannot be generated.
+    """
+    try:
+        return _rendered(derive(formula))
+    except RecursionError:
+        raise FormulaError(
+            f"{formula.name}: its expressions are nested too deeply to be generated; take lower degrees"
+        ) from None
+
+
+def _rendered(derived: Derived) -> Module:
+    formula = derived.formula
     kernels = [value_kernel(derived), jacobian_kernel(derived), directional_kernel(derived)]
     pending = template("module.py.jinja").render(_context(derived, kernels))
     text = pending.replace(f"text sha256:{PENDING}", f"text sha256:{text_hash(pending)}", 1)

@@ -13,8 +13,12 @@ import sympy
 from obseq.errors import FormulaError
 from obseq.formulas.blocks import Atom, Declaration, Matrix3, Point2, Point3, Unit
 from obseq.formulas.functions import Scalar
+from obseq.formulas.naming import Patterned
 
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+MOST_SCALARS = 1000
+"""Unknowns and observations of a formula, beyond which no kernel is made: it would take hours to compile."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +40,11 @@ class Argument:
         return tuple(name for atom in self.declaration.atoms for name in atom.context)
 
 
-class Formula:
+class Formula(Patterned):
     """Base of all formulas. A subclass writes `residual`; a family is a frozen dataclass with parameters.
 
     Attributes:
+        pattern: The name of the members of a family, with the fields in braces (see `naming`).
         observation_order: Arguments in the order of their observed or context scalars, when MMVII's order is
             not "context of the unknown blocks first, then the observations".
         typical: Where the equation lives, for random checks: name of a scalar, an atomic block or an argument
@@ -51,11 +56,6 @@ class Formula:
     typical: ClassVar[Mapping[str, tuple[float, float]]] = {}
     source: ClassVar[str] = ""
     residual: Any
-
-    @property
-    def name(self) -> str:
-        """The registered name, MMVII's."""
-        return type(self).__name__
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -143,9 +143,15 @@ class Formula:
             )
 
     def check_names(self) -> None:
-        """Raises FormulaError when a scalar name is repeated or is not an identifier."""
+        """Raises FormulaError when there are too many scalars, or a name is repeated or no identifier."""
+        names = (*self.unknowns, *self.observations)
+        if len(names) > MOST_SCALARS:
+            raise FormulaError(
+                f"{self.name}: {len(names)} unknowns and observations are too many; "
+                f"formulas have at most {MOST_SCALARS}"
+            )
         seen: set[str] = set()
-        for name in (*self.unknowns, *self.observations):
+        for name in names:
             if not IDENTIFIER.fullmatch(name):
                 raise FormulaError(f"{self.name}: the scalar name {name!r} is not an identifier")
             if name in seen:

@@ -8,10 +8,10 @@ be unit vectors, unless said.
 from dataclasses import dataclass
 from typing import Annotated
 
-from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Direction, Point3, Rotation, norm
 from obseq.formulas.functions import Scalar, let
+from obseq.formulas.naming import OneOf
 
 SOURCE = "MMVII Formulas_CalibBundles.h"
 IN_FRONT = {"PGround_z": (5.0, 1.0)}
@@ -33,13 +33,7 @@ class PointOnBundle:
             `Angle`: `(d ^ v)/(d . v)`, the tangent of their angle along its axis, undefined at a right angle.
     """
 
-    mode: str
-
-    def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise FormulaError(
-                f"the mode of a point on a ray is one of {', '.join(MODES)}, not {self.mode!r}"
-            )
+    mode: Annotated[str, OneOf({mode: mode for mode in MODES})]
 
     def distance(self, direction: Point3, sight: Point3) -> Point3:
         """Three components, of rank 2: the one along the ray is 0."""
@@ -64,13 +58,9 @@ class PointOnFirstBundle(PointOnBundle, Formula):
     `Angle`, when they are at a right angle.
     """
 
+    pattern = "BunleElem_Cam1_{mode}"
     source = SOURCE
     typical = {**IN_FRONT, "Bundle_z": (1.0, 0.1)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return f"BunleElem_Cam1_{self.mode}"
 
     def residual(self, point: Ground, *, bundle: Bundle) -> Point3:
         """The distance of the point to the ray."""
@@ -85,14 +75,10 @@ class PointOnSecondBundle(PointOnBundle, Formula):
     is the direction of the base. Undefined, in mode `Angle`, when they are at a right angle.
     """
 
+    pattern = "BunleElem_Cam2_{mode}"
     observation_order = ("bundle", "base", "rotation")
     source = SOURCE
     typical = {**IN_FRONT, "Bundle_z": (1.0, 0.1)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return f"BunleElem_Cam2_{self.mode}"
 
     def residual(self, point: Ground, base: BaseDirection, rotation: Turning, *, bundle: Bundle) -> Point3:
         """The distance of the point to the ray."""
@@ -107,14 +93,10 @@ class PointOnOtherBundle(PointOnBundle, Formula):
     Undefined, in mode `Angle`, when they are at a right angle.
     """
 
+    pattern = "BunleElem_Cam3_{mode}"
     observation_order = ("bundle", "rotation")
     source = SOURCE
     typical = {**IN_FRONT, "Bundle_z": (1.0, 0.1)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return f"BunleElem_Cam3_{self.mode}"
 
     def residual(
         self, point: Ground, centre: Annotated[Point3, "Base"], rotation: Turning, *, bundle: Bundle
@@ -129,13 +111,9 @@ class Coplanarity(Formula):
     Residual: `B . (u_1 ^ u_2)` with `u_1 = Bund1`, `u_2 = Rot (I - [Omega]x) Bund2`. Defined everywhere.
     """
 
+    pattern = "BunleElem_Det12"
     observation_order = ("first", "second", "base", "rotation")
     source = SOURCE
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "BunleElem_Det12"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -161,13 +139,9 @@ class BundleDistance(Formula):
     `u_2 = Rot (I - [Omega]x) Bund2`. Undefined for parallel rays.
     """
 
+    pattern = "BunleElem_Dist12"
     observation_order = ("first", "second", "base", "rotation")
     source = SOURCE
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "BunleElem_Dist12"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -196,13 +170,9 @@ class BundleAngles(Formula):
     and for a ray along the base.
     """
 
+    pattern = "BunleElem_Ang12"
     observation_order = ("first", "second", "base", "rotation")
     source = SOURCE
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "BunleElem_Ang12"
 
     @property
     def outputs(self) -> tuple[str, ...]:

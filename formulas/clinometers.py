@@ -1,9 +1,9 @@
 """Clinometers: angles with the vertical, of a camera or in a block of instruments. Radians."""
 
-import re
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import (
     Angle,
@@ -37,13 +37,15 @@ class ClinoInBlock(Formula):
     first: int = 0
     last: int = 3
 
+    pattern = "Clino_{first}_{last}"
     source = "MMVII Formulas_BlockRigid.h"
     typical: ClassVar = {"block.centre": (0.0, 10.0), "ValueTeta": (0.0, 1.0)}
 
-    @property
-    def name(self) -> str:
-        """MMVII's name: the degrees of the correction."""
-        return f"Clino_{self.first}_{self.last}"
+    def __post_init__(self) -> None:
+        """Raises FormulaError when the degrees are out of order, or too large."""
+        super().__post_init__()
+        if self.first > self.last:
+            raise FormulaError(f"ClinoInBlock: first must be at most last, {self.last}, not {self.first}")
 
     @property
     def corrections(self) -> tuple[str, ...]:
@@ -112,9 +114,3 @@ class ClinoRot(Formula):
     ) -> Matrix3:
         """The relative orientation computed, minus the initial one."""
         return second.matrix() @ first.inverse().matrix() - relative
-
-
-def from_name(name: str) -> Formula | None:
-    """The clinometer of a block whose correction has the degrees of this name, None when there is none."""
-    match = re.fullmatch(r"Clino_(0|[1-9]\d*)_(0|[1-9]\d*)", name)
-    return ClinoInBlock(int(match[1]), int(match[2])) if match and int(match[1]) <= int(match[2]) else None

@@ -9,16 +9,15 @@ The camera is the pose of its frame in the world: centre C, rotation from camera
 respect to F is the distorted point q'; that of MMVII's engine is wrong in fourteen of these formulas.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import WORLD_TO_LOCAL, Number, Pixel, Point2, Point3, Pose, Vector, norm
-from obseq.formulas.distortion import CAMERA, DEGREE, FRASER, NOT_FRASER, Degree
+from obseq.formulas.distortion import CAMERA, FRASER, NOT_FRASER, Degree
 from obseq.formulas.functions import Scalar, let
-from obseq.formulas.projections import PROJECTIONS, EquiRect, FE_EquiDist, Projection, Stenope
+from obseq.formulas.projections import AnyProjection, EquiRect, FE_EquiDist, Stenope
 
 Ground = Annotated[Point3, "PGround"]
 Camera = Annotated[Pose, "CCam", "W", "M", WORLD_TO_LOCAL]
@@ -39,13 +38,8 @@ IN_FRONT = (5.0, 1.0)
 class CentralCamera:
     """What a family of colinearity equations is about: a projection and the degrees of a distortion."""
 
-    projection: Projection
+    projection: AnyProjection
     degree: Degree
-
-    @property
-    def camera_name(self) -> str:
-        """MMVII's name of the camera model, `Stenope_Dist_Rad3_Dec1_XY1`."""
-        return f"{self.projection.name}_Dist_{self.degree.name}"
 
     @property
     def calibration(self) -> tuple[str, ...]:
@@ -69,14 +63,10 @@ class Colinearity(CentralCamera, Formula):
     in front from one behind. `EquiRect`: differences of columns are not brought to one turn.
     """
 
+    pattern = "EqColinearityCamPPC_{projection}_Dist_{degree}"
     observation_order = ("image", "camera")
     source = CAMERA
     typical = {**INTERNAL, "PGround_z": IN_FRONT, "Im_x": IN_IMAGE, "Im_y": IN_IMAGE}
-
-    @property
-    def name(self) -> str:
-        """`EqColinearityCamPPC_` and the camera model."""
-        return f"EqColinearityCamPPC_{self.camera_name}"
 
     def residual(
         self, point: Ground, camera: Camera, calibration: Calibration, *, image: Annotated[Point2, "Im"]
@@ -95,6 +85,7 @@ class LineColinearity(CentralCamera, Formula):
     is.
     """
 
+    pattern = "EqLineProjCamPPC_{projection}_Dist_{degree}"
     observation_order = (
         "image_point",
         "image_normal",
@@ -113,11 +104,6 @@ class LineColinearity(CentralCamera, Formula):
         "Line3d_Pt2_z": IN_FRONT,
         "abscissa": (0.5, 0.5),
     }
-
-    @property
-    def name(self) -> str:
-        """`EqLineProjCamPPC_` and the camera model."""
-        return f"EqLineProjCamPPC_{self.camera_name}"
 
     def residual(
         self,
@@ -147,14 +133,10 @@ class ColinearityOnDirection(Formula):
     Residual: `(X, Y)/Z - Bundle` of the point in the camera frame. Undefined for Z = 0.
     """
 
+    pattern = "cFormula_EqColinearityCamProj"
     observation_order = ("image", "camera")
     source = CAMERA
     typical = {"PGround_z": IN_FRONT}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "cFormula_EqColinearityCamProj"
 
     def residual(self, point: Ground, camera: Camera, *, image: Annotated[Point2, "Bundle"]) -> Point2:
         """The image computed, minus the image observed."""
@@ -168,14 +150,10 @@ class ColinearityOnBundle(Formula):
     are orthogonal to the ray there: in pixels for a focal length in pixels. Undefined at the camera's centre.
     """
 
+    pattern = "cFormula_EqColinearityOnBundle"
     observation_order = ("u", "v", "focal", "camera")
     source = CAMERA
     typical = {"PGround_z": IN_FRONT}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "cFormula_EqColinearityOnBundle"
 
     def residual(
         self, point: Ground, camera: Camera, *, u: Point3, v: Point3, focal: Annotated[Pixel, "focal"]
@@ -204,15 +182,3 @@ COLINEARITIES: tuple[Formula, ...] = (
     ColinearityOnDirection(),
     ColinearityOnBundle(),
 )
-
-NAME = re.compile(f"(EqColinearityCamPPC|EqLineProjCamPPC)_({'|'.join(PROJECTIONS)})_Dist_({DEGREE})")
-
-
-def from_name(name: str) -> Formula | None:
-    """The colinearity of points or lines that has a name, None when neither has."""
-    match = NAME.fullmatch(name)
-    degree = Degree.from_name(match[3]) if match else None
-    if match is None or degree is None:
-        return None
-    family = Colinearity if match[1] == "EqColinearityCamPPC" else LineColinearity
-    return family(PROJECTIONS[match[2]], degree)

@@ -12,20 +12,16 @@ already say. In Fraser's description the terms of degree 1 are `b1 x + b2 y` in 
 one they are `a x` in x and `b x` in y (MMVII's comment announces `b y`; its code and names say `b x`).
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Point2, Vector
 from obseq.formulas.functions import Scalar
+from obseq.formulas.naming import Flag, Patterned
 
 CAMERA = "MMVII Formulas_CamStenope.h"
-SUFFIX = "_D1aXbX"
-DEGREE = r"Rad(0|[1-9]\d*)_Dec(0|[1-9]\d*)_XY(0|[1-9]\d*)(_D1aXbX)?"
-"""Pattern of the degrees in a name."""
 
 
 class Monomial(NamedTuple):
@@ -38,7 +34,7 @@ class Monomial(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Degree:
+class Degree(Patterned):
     """The degrees of a distortion; its name and its parameters follow from them.
 
     Attributes:
@@ -51,25 +47,9 @@ class Degree:
     radial: int = 0
     decentric: int = 0
     polynomial: int = 0
-    fraser: bool = True
+    fraser: Annotated[bool, Flag("_D1aXbX", when=False)] = True
 
-    def __post_init__(self) -> None:
-        if min(self.radial, self.decentric, self.polynomial) < 0:
-            raise FormulaError(f"the degrees of a distortion are at least 0, not {self}")
-
-    @property
-    def name(self) -> str:
-        """MMVII's name of the model, without its prefix."""
-        name = f"Rad{self.radial}_Dec{self.decentric}_XY{self.polynomial}"
-        return name if self.fraser else name + SUFFIX
-
-    @classmethod
-    def from_name(cls, name: str) -> "Degree | None":
-        """The degrees of a name, None when it is not one."""
-        match = re.fullmatch(DEGREE, name)
-        if match is None:
-            return None
-        return cls(int(match[1]), int(match[2]), int(match[3]), fraser=match[4] is None)
+    pattern = "Rad{radial}_Dec{decentric}_XY{polynomial}{fraser}"
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -179,13 +159,9 @@ class Distortion(Formula):
     """
 
     degree: Degree = Degree()
+    pattern = "EqDist_Dist_{degree}"
     source = CAMERA
     typical = {"point": (0.0, 0.7), "parameters": (0.0, 0.1)}
-
-    @property
-    def name(self) -> str:
-        """`EqDist_Dist_` and the degrees."""
-        return f"EqDist_Dist_{self.degree.name}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -214,13 +190,9 @@ class DistortionBasis(Formula):
     """
 
     degree: Degree = Degree()
+    pattern = "EqDist_Dist_Base_{degree}"
     source = CAMERA
     typical = {"point": (0.0, 0.7)}
-
-    @property
-    def name(self) -> str:
-        """`EqDist_Dist_Base_` and the degrees."""
-        return f"EqDist_Dist_Base_{self.degree.name}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -260,11 +232,3 @@ NOT_FRASER = (
 DISTORTIONS: tuple[Formula, ...] = tuple(
     family(degree) for degree in (*FRASER, *NOT_FRASER) for family in (Distortion, DistortionBasis)
 )
-
-
-def from_name(name: str) -> Formula | None:
-    """The distortion or the basis that has a name, None when neither has."""
-    for family, prefix in ((Distortion, "EqDist_Dist_"), (DistortionBasis, "EqDist_Dist_Base_")):
-        if name.startswith(prefix) and (degree := Degree.from_name(name.removeprefix(prefix))):
-            return family(degree)
-    return None

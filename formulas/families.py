@@ -1,48 +1,25 @@
 """Any member of a family by its name, generated or not, registered or not."""
 
-import difflib
-from collections.abc import Callable
-
-from obseq.errors import FormulaError
-from obseq.formulas import (
-    REGISTRY,
-    clinometers,
-    colinearity,
-    distortion,
-    plane,
-    projections,
-    radiometry,
-    sensors,
-)
+from obseq.errors import FormulaError, nearest
+from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula
 
-FAMILIES: tuple[Callable[[str], Formula | None], ...] = (
-    distortion.from_name,
-    projections.from_name,
-    colinearity.from_name,
-    sensors.from_name,
-    plane.from_name,
-    clinometers.from_name,
-    radiometry.from_name,
+FAMILIES: tuple[type[Formula], ...] = tuple(
+    dict.fromkeys(type(registered) for registered in REGISTRY if "{" in registered.pattern)
 )
-"""Parsers of names: each gives the member of its family that has a name, None when there is none."""
-
-
-def from_name(name: str) -> Formula | None:
-    """The formula of a name: of the registry, else the member of a family; None when there is none."""
-    for registered in REGISTRY:
-        if registered.name == name:
-            return registered
-    members = (parse(name) for parse in FAMILIES)
-    return next((member for member in members if member is not None), None)
+"""The classes of the registry whose names have fields."""
 
 
 def find(name: str) -> Formula | None:
-    """The formula of the registry, else the member of a family, of a name; None when there is none."""
+    """The formula of the registry, else the member of a family, of a name; None when there is none.
+
+    Raises:
+        FormulaError: A number in the name is too large or too small for its family.
+    """
     for registered in REGISTRY:
         if registered.name == name:
             return registered
-    members = (member for parse in FAMILIES if (member := parse(name)) is not None)
+    members = (member for family in FAMILIES if (member := family.from_name(name)) is not None)
     return next(members, None)
 
 
@@ -54,6 +31,5 @@ def formula(name: str) -> Formula:
     """
     if (found := find(name)) is not None:
         return found
-    known = [registered.name for registered in REGISTRY]
-    near = ", ".join(difflib.get_close_matches(name, known, n=4, cutoff=0.5)) or "none"
-    raise FormulaError(f"no formula is named {name!r}; nearest names: {near} (gencode --list gives all)")
+    near = nearest(name, [registered.name for registered in REGISTRY])
+    raise FormulaError(f"no formula is named {near} (gencode --list gives all)")

@@ -4,7 +4,6 @@ Lengths are in the unit of the points. The rigid motion of a group is `(X, Y) = 
 y)`, a turn by `teta` radians from x to y and a translation, without scale.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -12,12 +11,14 @@ from typing import Annotated, ClassVar
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Angle, Length, Number, Point2, Points2, Vector, norm
 from obseq.formulas.functions import Scalar, cos, let, sin
+from obseq.formulas.naming import Whole
 
 SOURCE = "MMVII Formulas_Geom2D.h"
 
 Translation = Annotated[Point2, "x_tr", "y_tr"]
 Turn = Annotated[Angle, "teta"]
 GroupPoints = Annotated[Points2, "x_P{}", "y_P{}", "number"]
+AtLeastOne = Annotated[int, Whole(least=1)]
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,11 @@ class SumSquare(Formula):
         number: How many unknowns.
     """
 
-    number: int = 8
+    number: AtLeastOne = 8
+    pattern = "SumSquare_{number}"
 
     source = SOURCE
     typical: ClassVar = {"total": (8.0, 4.0)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: the number of unknowns."""
-        return f"SumSquare_{self.number}"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -116,15 +113,11 @@ class PropCovNwCD(Formula):
         number: How many points.
     """
 
-    number: int = 4
+    number: AtLeastOne = 4
+    pattern = "PropCovNwCD_{number}"
 
     source = SOURCE
     typical: ClassVar = {"teta": (0.0, 3.0), "translation": (0.0, 10.0)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: the number of points."""
-        return f"PropCovNwCD_{self.number}"
 
     def residual(
         self,
@@ -154,15 +147,11 @@ class SetPointNwCDUnknown(Formula):
         number: How many points.
     """
 
-    number: int
+    number: AtLeastOne
+    pattern = "SetPointNwCD_RotUK{number}"
 
     source = SOURCE
     typical: ClassVar = {"teta": (0.0, 3.0), "points": (0.0, 10.0), "references": (0.0, 10.0)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: unknown rotation, and the number of points."""
-        return f"SetPointNwCD_RotUK{self.number}"
 
     def residual(
         self,
@@ -188,15 +177,11 @@ class SetPointNwCDFixed(Formula):
         number: How many points.
     """
 
-    number: int
+    number: AtLeastOne
+    pattern = "SetPointNwCD_RotFix{number}"
 
     source = SOURCE
     typical: ClassVar = {"teta": (0.0, 3.0), "points": (0.0, 10.0), "references": (0.0, 10.0)}
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: fixed rotation, and the number of points."""
-        return f"SetPointNwCD_RotFix{self.number}"
 
     def residual(
         self,
@@ -215,17 +200,3 @@ def rigid_motion(translation: Point2, turn: Scalar, points: Sequence[Point2]) ->
     """The points turned from x to y, then translated."""
     c, s = let("cosine", cos(turn)), let("sine", sin(turn))
     return [translation + Point2(c * p.x - s * p.y, s * p.x + c * p.y) for p in points]
-
-
-FAMILIES = {
-    "SumSquare_": SumSquare,
-    "PropCovNwCD_": PropCovNwCD,
-    "SetPointNwCD_RotUK": SetPointNwCDUnknown,
-    "SetPointNwCD_RotFix": SetPointNwCDFixed,
-}
-
-
-def from_name(name: str) -> Formula | None:
-    """The member of a family of any number of points that has this name, None when there is none."""
-    match = re.fullmatch(rf"({'|'.join(FAMILIES)})([1-9]\d*)", name)
-    return FAMILIES[match[1]](int(match[2])) if match else None

@@ -33,6 +33,7 @@ from obseq.formulas.functions import (
     sinc_sqrt,
     sqrt,
 )
+from obseq.formulas.naming import OneOf
 
 SOURCE = "MMVII Formulas_CentralProj.h"
 
@@ -163,6 +164,8 @@ PROJECTIONS = {
 }
 """The projections by name."""
 
+AnyProjection = Annotated[Projection, OneOf(PROJECTIONS)]
+
 
 @dataclass(frozen=True)
 class Direct(Formula):
@@ -171,14 +174,10 @@ class Direct(Formula):
     Value: `(u, v)` of the module. Undefined where the projection is: see its class.
     """
 
-    projection: Projection
+    projection: AnyProjection
+    pattern = "Dir_{projection}"
     source = SOURCE
     typical = {"PtZ": (3.0, 1.0)}
-
-    @property
-    def name(self) -> str:
-        """`Dir_` and the projection."""
-        return f"Dir_{self.projection.name}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -198,14 +197,10 @@ class Inverse(Formula):
     Undefined where the projection is: see its class.
     """
 
-    projection: Projection
+    projection: AnyProjection
+    pattern = "Inv_{projection}"
     source = SOURCE
     typical = {"image": (0.0, 0.6)}
-
-    @property
-    def name(self) -> str:
-        """`Inv_` and the projection."""
-        return f"Inv_{self.projection.name}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -220,10 +215,3 @@ class Inverse(Formula):
 CENTRAL_PROJECTIONS: tuple[Formula, ...] = tuple(
     family(projection) for projection in PROJECTIONS.values() for family in (Direct, Inverse)
 )
-
-
-def from_name(name: str) -> Formula | None:
-    """The projection or inverse that has a name, None when neither has."""
-    prefix, _, projection = name.partition("_")
-    family = {"Dir": Direct, "Inv": Inverse}.get(prefix)
-    return family(PROJECTIONS[projection]) if family and projection in PROJECTIONS else None

@@ -6,7 +6,6 @@ pixel, `u = (xIm - Cx) / NormR` and `v = (yIm - Cy) / NormR`: the centre C is th
 largest distance from it to a corner of the image.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -14,6 +13,7 @@ from typing import Annotated, ClassVar
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number, Pixel, Point2, Radiometry, Unit, Vector
 from obseq.formulas.functions import Scalar, let
+from obseq.formulas.naming import Flag, Patterned, Whole
 
 SOURCE = "MMVII Formulas_Radiom.h"
 
@@ -50,7 +50,7 @@ def reduced(pixel: Point2, centre: Point2, extent: Scalar) -> Point2:
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Patterned):
     """A sensor model: radial factor, dark current, polynomial.
 
     Attributes:
@@ -60,14 +60,10 @@ class Sensor:
     """
 
     radial: int = 5
-    dark_current: bool = False
-    degree: int | None = None
+    dark_current: Annotated[bool, Flag("_WCste")] = False
+    degree: Annotated[int | None, Whole(before="_DPolSens")] = None
 
-    @property
-    def name(self) -> str:
-        """Its part of MMVII's names."""
-        constant = "_WCste" if self.dark_current else ""
-        return f"DRad{self.radial}{constant}" + ("" if self.degree is None else f"_DPolSens{self.degree}")
+    pattern = "DRad{radial}{dark_current}{degree}"
 
     @property
     def exponents(self) -> Exponents:
@@ -117,11 +113,6 @@ class _OfImage(_OfSensor):
     degree: int = 0
 
     @property
-    def name(self) -> str:
-        """MMVII's name: the sensor model and the degree of the image polynomial."""
-        return f"{type(self).__name__}_{self.sensor.name}_DegIm{self.degree}"
-
-    @property
     def image_coefficients(self) -> tuple[str, ...]:
         """Names of the coefficients of the image."""
         return tuple(f"Mon_{i}_{j}" for i, j in image_exponents(self.degree))
@@ -141,13 +132,9 @@ class RadiomCalibPolIm(Formula):
 
     degree: int = 0
 
+    pattern = "RadiomCalibPolIm_{degree}"
     source = SOURCE
     typical: ClassVar = PLACE
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: the degree."""
-        return f"RadiomCalibPolIm_{self.degree}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -180,12 +167,8 @@ class RadiomCalibRadSensor(_OfSensor):
         sensor: The sensor model.
     """
 
+    pattern = "RadiomCalibRadSensor_{sensor}"
     typical: ClassVar = PLACE
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: the sensor model."""
-        return f"RadiomCalibRadSensor_{self.sensor.name}"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -212,6 +195,7 @@ class RadiomEqualisation(_OfImage):
         degree: Degree of the image polynomial.
     """
 
+    pattern = "RadiomEqualisation_{sensor}_DegIm{degree}"
     typical: ClassVar = {**PLACE, "observed": (100.0, 50.0)}
 
     def residual(
@@ -245,6 +229,7 @@ class RadiomStabilized(_OfImage):
         degree: Degree of the image polynomial.
     """
 
+    pattern = "RadiomStabilized_{sensor}_DegIm{degree}"
     typical: ClassVar = {**PLACE, "observed": (100.0, 50.0)}
 
     def residual(
@@ -276,6 +261,7 @@ class RadiomVignetLin(Formula):
 
     radial: int = 5
 
+    pattern = "RadiomVignetLin_{radial}"
     source = SOURCE
     typical: ClassVar = {
         "observed": (100.0, 50.0),
@@ -284,11 +270,6 @@ class RadiomVignetLin(Formula):
         "vignetting": (0.0, 0.1),
         "rho2": (0.5, 0.5),
     }
-
-    @property
-    def name(self) -> str:
-        """MMVII's name: the number of coefficients."""
-        return f"RadiomVignetLin_{self.radial}"
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -317,22 +298,3 @@ REGISTERED: tuple[Formula, ...] = (
     *(RadiomStabilized(sensor, degree) for sensor in SENSORS for degree in range(4)),
 )
 """The members that MMVII generates, to which others can be added on demand."""
-
-NUMBER = r"(0|[1-9]\d*)"
-OF_SENSOR = re.compile(
-    rf"Radiom(CalibRadSensor|Equalisation|Stabilized)_DRad{NUMBER}(_WCste)?(?:_DPolSens{NUMBER})?(?:_DegIm{NUMBER})?"
-)
-
-
-def from_name(name: str) -> Formula | None:
-    """The member of a radiometric family that has this name, None when there is none."""
-    for family, prefix in ((RadiomVignetLin, "RadiomVignetLin_"), (RadiomCalibPolIm, "RadiomCalibPolIm_")):
-        if match := re.fullmatch(prefix + NUMBER, name):
-            return family(int(match[1]))
-    if not (match := OF_SENSOR.fullmatch(name)) or (match[5] is None) != (match[1] == "CalibRadSensor"):
-        return None
-    sensor = Sensor(int(match[2]), bool(match[3]), None if match[4] is None else int(match[4]))
-    if match[5] is None:
-        return RadiomCalibRadSensor(sensor)
-    family_of_image = RadiomEqualisation if match[1] == "Equalisation" else RadiomStabilized
-    return family_of_image(sensor, int(match[5]))

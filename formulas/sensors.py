@@ -4,11 +4,9 @@ Ground coordinates are those of the sensor's own frame; image coordinates are ra
 as the sensor says), not normalised.
 """
 
-import re
 from dataclasses import dataclass
 from typing import Annotated
 
-from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Point2, Point3, Vector
 from obseq.formulas.distortion import polynomial, polynomial2
@@ -26,10 +24,6 @@ class ImagePolynomial:
     """
 
     degree: int
-
-    def __post_init__(self) -> None:
-        if self.degree < 0:
-            raise FormulaError(f"the degree of a polynomial correction is at least 0, not {self.degree}")
 
     @property
     def powers(self) -> tuple[tuple[int, int], ...]:
@@ -56,12 +50,8 @@ class ImageCorrection(ImagePolynomial, Formula):
     everywhere.
     """
 
+    pattern = "Dist_Polyn2D_Degree_{degree}_EqDist"
     source = GENERIC
-
-    @property
-    def name(self) -> str:
-        """MMVII's name, by degree."""
-        return f"Dist_Polyn2D_Degree_{self.degree}_EqDist"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -83,12 +73,8 @@ class CorrectedSensor(ImagePolynomial, Formula):
     image without correction, `IP0 + gradient_I . (ground - P0)` and the same for J. Defined everywhere.
     """
 
+    pattern = "Dist_Polyn2D_Degree_{degree}_EqColin"
     source = GENERIC
-
-    @property
-    def name(self) -> str:
-        """MMVII's name, by degree."""
-        return f"Dist_Polyn2D_Degree_{self.degree}_EqColin"
 
     def residual(
         self,
@@ -124,6 +110,7 @@ class RationalCamera(Formula):
     is y (the longitude there), the second x. Undefined where a denominator vanishes.
     """
 
+    pattern = "RPC_Transfo"
     source = "MMVII Formulas_RPC.h"
     typical = {
         "scale_in": (2.0, 0.5),
@@ -136,11 +123,6 @@ class RationalCamera(Formula):
     i_denominator = tuple(f"IDen_{k}" for k in range(COEFFICIENTS))
     j_numerator = tuple(f"JNum_{k}" for k in range(COEFFICIENTS))
     j_denominator = tuple(f"JDen_{k}" for k in range(COEFFICIENTS))
-
-    @property
-    def name(self) -> str:
-        """MMVII's name."""
-        return "RPC_Transfo"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -214,13 +196,3 @@ SENSORS: tuple[Formula, ...] = (
     *(CorrectedSensor(degree) for degree in MMVII_DEGREES),
     RationalCamera(),
 )
-
-NAME = re.compile(r"Dist_Polyn2D_Degree_(0|[1-9]\d*)_(EqDist|EqColin)")
-
-
-def from_name(name: str) -> Formula | None:
-    """The polynomial correction or corrected sensor that has a name, None when neither has."""
-    match = NAME.fullmatch(name)
-    if match is None:
-        return None
-    return (ImageCorrection if match[2] == "EqDist" else CorrectedSensor)(int(match[1]))

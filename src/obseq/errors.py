@@ -1,5 +1,11 @@
 """The errors that obseq raises: one base class and a handful of causes."""
 
+import difflib
+from collections.abc import Iterable
+
+LONGEST_NAME = 200
+"""Characters of the longest name that is looked for; longer ones are refused unread."""
+
 
 class ObseqError(Exception):
     """Base of every error that obseq raises on purpose; its message is meant for the user."""
@@ -23,3 +29,11 @@ class SingularSystemError(ObseqError):
 
 class CrsError(InputError):
     """A coordinate system is unknown or incomplete, or cannot do what is asked of it."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A name that means nothing, and the known ones most like it: the middle of a sentence about it."""
+    if len(name) > LONGEST_NAME:
+        return f"{name[:40]!r}... ({len(name)} characters; names have at most {LONGEST_NAME})"
+    near = ", ".join(difflib.get_close_matches(name, list(known), n=4, cutoff=0.5)) or "none"
+    return f"{name!r}; nearest names: {near}"

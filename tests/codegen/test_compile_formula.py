@@ -11,6 +11,7 @@ from obseq.codegen import compile_formula
 from obseq.codegen.main import main
 from obseq.formulas import Formula
 from obseq.formulas.blocks import Length, Point2, norm
+from obseq.formulas.distortion import Degree, Distortion
 from obseq.formulas.functions import Scalar
 from obseq.formulas.space import Dist3D
 
@@ -62,3 +63,8 @@ def test_gencode_of_a_member_that_is_not_registered_keeps_it_for_the_user(
     (path,) = tmp_path.glob("*/RadiomVignetLin_1.py")
     assert f"wrote {path}" in capsys.readouterr().out
     assert 'NAME = "RadiomVignetLin_1"' in path.read_text("utf-8")
+
+
+def test_expressions_nested_too_deeply_are_refused() -> None:
+    with pytest.raises(obseq.FormulaError, match=r"EqDist_Dist_Rad200_Dec0_XY0: .*nested too deeply"):
+        compile_formula(Distortion(Degree(200, 0, 0)))

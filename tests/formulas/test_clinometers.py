@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot, from_name
+from obseq.errors import FormulaError
+from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
+from obseq.formulas.families import find
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
 QUARTER = (0, -1, 0, 1, 0, 0, 0, 0, 1)
@@ -65,7 +67,8 @@ def test_relative_orientation_of_two_clinometers() -> None:
 
 
 def test_degrees_of_the_correction_are_in_the_name() -> None:
-    member = from_name("Clino_1_2")
+    member = find("Clino_1_2")
     assert member == ClinoInBlock(1, 2)
     assert member.unknowns[-2:] == ("DCorrAng_1", "DCorrAng_2")
-    assert from_name("Clino_2_1") is None
+    with pytest.raises(FormulaError, match="first must be at most last, 1, not 2"):
+        find("Clino_2_1")

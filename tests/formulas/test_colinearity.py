@@ -7,14 +7,13 @@ import pytest
 
 from obseq.codegen import compile_formula
 from obseq.formulas.colinearity import (
-    COLINEARITIES,
     Colinearity,
     ColinearityOnBundle,
     ColinearityOnDirection,
     LineColinearity,
-    from_name,
 )
 from obseq.formulas.distortion import Degree
+from obseq.formulas.families import find
 from obseq.formulas.projections import PROJECTIONS, FE_EquiDist, Stenope
 from obseq.kernels import Calculator, calculator
 
@@ -165,13 +164,6 @@ def test_colinearity_on_a_ray():
     assert on_ray == (0, 0)
 
 
-@pytest.mark.parametrize("formula", COLINEARITIES, ids=lambda formula: formula.name)
-def test_names_give_the_formula_back(formula):
-    assert from_name(formula.name) == (
-        formula if isinstance(formula, Colinearity | LineColinearity) else None
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
@@ -182,7 +174,7 @@ def test_names_give_the_formula_back(formula):
     ],
 )
 def test_cameras_that_mmvii_does_not_generate(exact, name):
-    formula, random = from_name(name), np.random.default_rng(6)
+    formula, random = find(name), np.random.default_rng(6)
     assert formula is not None and formula.name == name
     calc, n_distortion = compiled(formula), len(formula.degree.parameters)
     u = random.uniform(0.5, 1.0, len(formula.unknowns))
@@ -204,4 +196,4 @@ def test_cameras_that_mmvii_does_not_generate(exact, name):
     ],
 )
 def test_other_names_have_none(name):
-    assert from_name(name) is None
+    assert find(name) is None

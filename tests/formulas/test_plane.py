@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from obseq.formulas.families import find
 from obseq.formulas.plane import (
     Dist2DCons,
     PropCovNwCD,
@@ -11,7 +12,6 @@ from obseq.formulas.plane import (
     SetPointNwCDFixed,
     SetPointNwCDUnknown,
     SumSquare,
-    from_name,
 )
 
 
@@ -55,9 +55,8 @@ def test_a_linear_form_is_of_the_moved_points() -> None:
     "formula", [SumSquare(3), PropCovNwCD(5), SetPointNwCDUnknown(12), SetPointNwCDFixed(1)]
 )
 def test_any_number_of_points_has_a_name(formula: SumSquare) -> None:
-    assert from_name(formula.name) == formula
+    assert find(formula.name) == formula
 
 
 def test_names_that_mean_nothing() -> None:
-    assert from_name("SumSquare_0") is None
-    assert from_name("SetPointNwCD_RotUK") is None
+    assert find("SetPointNwCD_RotUK") is None

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from obseq.formulas.projections import CENTRAL_PROJECTIONS, PROJECTIONS, Direct, Inverse, from_name
+from obseq.formulas.families import find
+from obseq.formulas.projections import PROJECTIONS, Direct, Inverse
 from obseq.kernels import calculator
 
 RADIAL = [name for name in PROJECTIONS if name != "EquiRect"]
@@ -131,11 +132,6 @@ def test_equirectangular_latitude_keeps_its_digits_near_the_pole(exact):
     _check(exact, Direct(PROJECTIONS["EquiRect"]), np.array([[1e-7, 1.0, 2e-7]]), 2e-15)
 
 
-@pytest.mark.parametrize("formula", CENTRAL_PROJECTIONS, ids=lambda formula: formula.name)
-def test_names_give_the_formula_back(formula):
-    assert from_name(formula.name) == formula
-
-
 @pytest.mark.parametrize("name", ["Dir_", "Dir_Nothing", "Stenope", "Direct_Stenope", "Inv_FE"])
 def test_other_names_have_none(name):
-    assert from_name(name) is None
+    assert find(name) is None

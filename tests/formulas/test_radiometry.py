@@ -3,6 +3,7 @@
 import pytest
 
 from obseq.formulas import Formula
+from obseq.formulas.families import find
 from obseq.formulas.radiometry import (
     REGISTERED,
     RadiomCalibPolIm,
@@ -11,7 +12,6 @@ from obseq.formulas.radiometry import (
     RadiomStabilized,
     RadiomVignetLin,
     Sensor,
-    from_name,
 )
 
 PIXEL = (3, 1, 1, 2, 4)
@@ -81,7 +81,7 @@ def test_vignetting() -> None:
     ids=lambda formula: formula.name,
 )
 def test_any_member_is_found_by_its_name(formula: Formula) -> None:
-    assert from_name(formula.name) == formula
+    assert find(formula.name) == formula
 
 
 @pytest.mark.parametrize(
@@ -94,4 +94,4 @@ def test_any_member_is_found_by_its_name(formula: Formula) -> None:
     ],
 )
 def test_names_that_mean_nothing(name: str) -> None:
-    assert from_name(name) is None
+    assert find(name) is None

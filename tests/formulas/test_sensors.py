@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from obseq.formulas.sensors import SENSORS, CorrectedSensor, ImageCorrection, RationalCamera, cubic, from_name
+from obseq.formulas.families import find
+from obseq.formulas.sensors import CorrectedSensor, ImageCorrection, RationalCamera, cubic
 from obseq.kernels import calculator
 
 
@@ -78,12 +79,7 @@ def test_rational_camera_is_not_finite_where_a_denominator_vanishes():
     assert np.isfinite(values).all(axis=1).tolist() == [False, True]
 
 
-@pytest.mark.parametrize("formula", SENSORS[:-1], ids=lambda formula: formula.name)
-def test_names_give_the_formula_back(formula):
-    assert from_name(formula.name) == formula
-
-
 def test_any_degree_has_a_formula_and_other_names_none():
-    assert from_name("Dist_Polyn2D_Degree_5_EqColin") == CorrectedSensor(5)
+    assert find("Dist_Polyn2D_Degree_5_EqColin") == CorrectedSensor(5)
     for name in ("Dist_Polyn2D_Degree_05_EqColin", "Dist_Polyn2D_Degree_-1_EqDist", "Dist_Polyn2D_Degree_1"):
-        assert from_name(name) is None
+        assert find(name) is None

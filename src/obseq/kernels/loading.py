@@ -1,13 +1,12 @@
 """Loading a generated module: its description at once, its compiled kernels when they are first asked for."""
 
-import difflib
 import functools
 import importlib
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from obseq.errors import FormulaError
+from obseq.errors import FormulaError, nearest
 from obseq.kernels import ondemand
 from obseq.kernels.layout import Block, Input
 
@@ -100,8 +99,7 @@ def load(name: str) -> Kernel:
 
 
 def _unknown(name: str) -> str:
-    near = ", ".join(difflib.get_close_matches(name, _modules(), n=4, cutoff=0.5)) or "none"
-    message = f"no formula is named {name!r}; nearest names: {near}."
+    message = f"no formula is named {nearest(name, _modules())}."
     if ondemand.can_build():
         return message + " `gencode --list` gives those of the registry; of a family, any degrees will do."
     return message + (

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from obseq.errors import FormulaError
+from obseq.errors import LONGEST_NAME, FormulaError
 
 LOGGER = logging.getLogger(__name__)
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -32,7 +32,7 @@ def find(name: str) -> ModuleType | None:
     Raises:
         FormulaError: The module is not built yet, and its folder cannot be written.
     """
-    if not NAME.fullmatch(name):
+    if len(name) > LONGEST_NAME or not NAME.fullmatch(name):
         return None
     path = folder() / f"{name}.py"
     if not path.is_file() and not _build(name, path):
