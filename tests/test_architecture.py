@@ -36,7 +36,9 @@ ARROWS = {
     "images": {"leastsquares", "kernels", "geometry", "crs", "survey"},
     "cli": {"report", "survey", "images", "leastsquares", "kernels", "crs", "codegen"},  # codegen: gencode
 }
-FILES = {"arrays", "errors"}  # for everybody
+FILES = {"arrays", "errors", "plain", "printable", "record", "stopwatch", "writing"}
+"""Modules beside the rooms, for everybody; they use each other and nothing else."""
+
 FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
 LOADERS = ("obseq.kernels.loading", "obseq.kernels.ondemand")  # codegen.ondemand alone: kernels under trial
 FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "src", "tests", "tools"}
@@ -82,6 +84,13 @@ def test_dependencies_point_one_way(room: str) -> None:
         and not name.split(".")[1][0].isupper()
     ]
     assert wrong == []
+
+
+def test_files_for_everybody_stand_on_nothing() -> None:
+    for name in sorted(FILES):
+        path = ROOT / "src" / "obseq" / f"{name}.py"
+        found = [target for _, target in imports_of(path) if target.startswith("obseq.")]
+        assert [target for target in found if target.split(".")[1] not in FILES] == []
 
 
 @pytest.mark.parametrize("room", ["codegen", "generated"])

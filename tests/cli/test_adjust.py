@@ -182,11 +182,81 @@ def test_inputs_are_not_overwritten(site: Path, capsys) -> None:
 
 
 def test_an_interruption_leaves_the_old_results(site: Path, capsys, monkeypatch) -> None:
-    def interrupted(*_) -> str:
+    def interrupted(_) -> None:
         raise KeyboardInterrupt
 
     (site / "a.json").write_text("old", encoding="utf-8")
-    monkeypatch.setattr("obseq.report.page", interrupted)
+    monkeypatch.setattr("os.fsync", interrupted)
     assert adjust("--json", "a.json", "--html", "b.html") == 130
     assert (site / "a.json").read_text(encoding="utf-8") == "old"
     assert names_in(site) == ["a.json", "site.cor", "site.obs"]
+
+
+def test_the_files_of_one_run_carry_its_identifier_and_another_run_has_another(site: Path, capsys) -> None:
+    found = []
+    for _ in range(2):
+        assert adjust("--out", "results") == 0
+        texts = [path.read_text(encoding="utf-8") for path in sorted((site / "results").iterdir())]
+        (run,) = {json.loads(texts[1])["run"]["identifier"]}
+        assert all(run in text for text in texts)
+        found.append(run)
+    assert found[0] != found[1]
+
+
+EVIL = "\x1b]0;evil\x07\x1b[2J"
+
+
+def test_control_characters_in_names_reach_neither_terminal_nor_files(site: Path, capsys) -> None:
+    for path in (site / "site.obs", site / "site.cor"):
+        path.write_text(path.read_text(encoding="utf-8").replace("PtB", f"P{EVIL}\u202e"), encoding="utf-8")
+    assert adjust("--out", "results") == 0
+    texts = {path.suffix: path.read_text(encoding="utf-8") for path in (site / "results").iterdir()}
+    for text in (*texts.values(), *capsys.readouterr()):
+        assert all(c.isprintable() or c in "\n\t" for c in text)
+    assert "P\\x1b]0;evil\\x07\\x1b[2J\\u202e" in texts[".txt"]
+    assert json.loads(texts[".json"])["points"][1]["name"] == f"P{EVIL}\u202e"
+
+
+def test_control_characters_in_a_refused_line_do_not_reach_the_terminal(site: Path, capsys) -> None:
+    with (site / "site.obs").open("a", encoding="utf-8") as file:
+        file.write(f"3 PtA {EVIL} 10 0.01\n")
+    assert adjust() == 2
+    err = capsys.readouterr().err
+    assert "\\x1b" in err
+    assert all(c.isprintable() or c == "\n" for c in err)
+
+
+def test_an_output_that_is_a_link_to_nothing_is_refused_before_the_work(
+    site: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr("obseq.survey.Network.read", None)
+    (site / "a.json").symlink_to(site / "gone" / "b.json")
+    assert adjust("--json", "a.json") == 2
+    assert "a link to something that does not exist" in capsys.readouterr().err
+    (site / "out").symlink_to(site / "gone")
+    assert adjust("--out", "out") == 2
+    assert "a link to something that does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["obs", "cor"])
+def test_a_name_as_long_as_a_book_is_refused_shortly(kind: str, site: Path, capsys) -> None:
+    line = {"obs": "3 PtA {} 10 0.01\n", "cor": "0 {} 1 2 3\n"}[kind]
+    with (site / f"site.{kind}").open("a", encoding="utf-8") as file:
+        file.write(line.format("x" * 5_000_000))
+    assert adjust() == 2
+    err = capsys.readouterr().err
+    assert "5000000 characters" in err
+    assert len(err) < 1000
+
+
+@pytest.mark.parametrize("sigma", ["1e200", "1e-200", "1e10", "nan", "inf"])
+def test_a_sigma_of_points_that_means_nothing_is_refused(sigma: str, site: Path, capsys) -> None:
+    (site / "site.cor").write_text(POINTS.replace(" 0.001", ""), encoding="utf-8")
+    try:
+        code = adjust("--point-sigma", sigma)
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    assert "point-sigma" in err

@@ -1,9 +1,12 @@
 """A small record with a story: a good distance, a bad direction, an observation that is not used."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
+
+from obseq.record import AdjustmentRecord
 
 GON = math.pi / 200.0
 
@@ -31,7 +34,7 @@ def point(name: str, x: float, y: float, precision: float) -> dict[str, Any]:
 
 
 @pytest.fixture
-def record() -> dict[str, Any]:
+def plain() -> dict[str, Any]:
     unused = observation("Dist", "A", "C", 30.0, 0.002, 0.5, 4) | {"active": False}
     return {
         "format": "obseq-adjustment",
@@ -42,6 +45,14 @@ def record() -> dict[str, Any]:
         "redundancy": 4,
         "iterations": [{"sigma0": 120.5, "max_step": 2.5}, {"sigma0": 1.25, "max_step": 0.001}],
         "sigma0": 1.25,
+        "global_test": {
+            "sigma0": 1.25,
+            "lower": 0.348,
+            "upper": 1.669,
+            "level": 0.05,
+            "p_value": 0.39,
+            "passed": True,
+        },
         "converged": True,
         "frame": "RTL*650000*6860000*35*IGNF:LAMB93",
         "points_crs": "IGNF:LAMB93",
@@ -59,3 +70,18 @@ def record() -> dict[str, Any]:
         ],
         "phases": [{"name": "read", "seconds": 0.25}, {"name": "adjust", "seconds": 1.5}],
     }
+
+
+@pytest.fixture
+def make(plain: dict[str, Any]) -> Callable[..., AdjustmentRecord]:
+    """The record with other values of some of its fields, in their plain form."""
+
+    def made(**changes: Any) -> AdjustmentRecord:
+        return AdjustmentRecord.from_dict(plain | changes)
+
+    return made
+
+
+@pytest.fixture
+def record(make: Callable[..., AdjustmentRecord]) -> AdjustmentRecord:
+    return make()

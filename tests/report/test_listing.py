@@ -27,5 +27,5 @@ def test_iterations_are_numbered_from_one(record) -> None:
     assert ["2", "1.25", "0.001"] in lines
 
 
-def test_all_warnings_are_listed(record) -> None:
-    assert listing(record | {"warnings": [f"w{k}" for k in range(50)]}).count("Warning: w") == 50
+def test_all_warnings_are_listed(make) -> None:
+    assert listing(make(warnings=[f"w{k}" for k in range(50)])).count("Warning: w") == 50

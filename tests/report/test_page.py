@@ -47,25 +47,23 @@ def test_it_shows_the_fit_and_the_worst_residual_first(record) -> None:
     assert text.index("-3.100 mgon") < text.index("1.00 mm")
 
 
-def test_names_are_escaped(record) -> None:
-    record["points"][0]["name"] = "<b>&$x"
-    text = checked(page(record))
+def test_names_are_escaped(plain, make) -> None:
+    plain["points"][0]["name"] = "<b>&$x"
+    text = checked(page(make()))
     assert "&lt;b&gt;&amp;$x" in text
     assert "<b>" not in text
 
 
-def test_a_large_network_does_not_make_a_large_page(record) -> None:
-    record["points"] = [record["points"][0] | {"name": f"P{k}", "x": float(k)} for k in range(3000)]
-    text = page(record)
+def test_a_large_network_does_not_make_a_large_page(plain, make) -> None:
+    plain["points"] = [plain["points"][0] | {"name": f"P{k}", "x": float(k)} for k in range(3000)]
+    text = page(make())
     assert "and 1000 more rows" in text
     assert "P2999" not in re.sub(r"<td.*?</td>", "", text)
 
 
-def test_an_empty_network_has_a_page(record) -> None:
-    checked(page(record | {"points": [], "observations": [], "stations": []}))
+def test_an_empty_network_has_a_page(make) -> None:
+    checked(page(make(points=[], observations=[], stations=[])))
 
 
-def test_warnings_are_on_the_page(record) -> None:
-    assert "<dt>warning</dt><dd >w &lt; 1</dd>" in page(record | {"warnings": ["w < 1"]}).replace(
-        ' class=""', " "
-    )
+def test_warnings_are_on_the_page(make) -> None:
+    assert "<dt>warning</dt><dd >w &lt; 1</dd>" in page(make(warnings=["w < 1"])).replace(' class=""', " ")

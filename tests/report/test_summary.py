@@ -29,38 +29,38 @@ def test_coordinates_in_both_systems(record) -> None:
     assert line_with(text, "B", "650100.0000").split() == "B 650100.0000 6860050.0000 35.0000".split()
 
 
-def test_one_table_when_the_frame_is_the_system_of_the_points(record) -> None:
-    text = summary(record | {"points_crs": record["frame"]})
+def test_one_table_when_the_frame_is_the_system_of_the_points(plain, make) -> None:
+    text = summary(make(points_crs=plain["frame"]))
     assert "650100.0000" not in text
 
 
-def test_angular_systems_have_more_decimals(record) -> None:
-    record["points"][1] |= {"crs_x": 2.3488, "crs_y": 48.8534}
-    assert "  2.348800000       48.853400000" in summary(record | {"points_crs_unit": "degree"})
+def test_angular_systems_have_more_decimals(plain, make) -> None:
+    plain["points"][1] |= {"crs_x": 2.3488, "crs_y": 48.8534}
+    assert "  2.348800000       48.853400000" in summary(make(points_crs_unit="degree"))
 
 
-def test_precisions_in_the_input_system_when_known(record) -> None:
-    record["points"][1] |= {"crs_sx": 0.0031, "crs_sy": 0.0022, "crs_sz": 0.0013}
-    assert line_with(summary(record), "B", "650100.0000").split()[-3:] == ["3.10", "2.20", "1.30"]
+def test_precisions_in_the_input_system_when_known(plain, make) -> None:
+    plain["points"][1] |= {"crs_sx": 0.0031, "crs_sy": 0.0022, "crs_sz": 0.0013}
+    assert line_with(summary(make()), "B", "650100.0000").split()[-3:] == ["3.10", "2.20", "1.30"]
 
 
-def test_a_large_network_fits_on_a_screen_and_shows_its_worst_points(record) -> None:
-    first = record["points"][0]
-    record["points"] = [first | {"name": f"P{k}", "sx": 0.001 * k} for k in range(500)]
-    record["iterations"] = record["iterations"] * 20
-    lines = summary(record, ["out/adjustment.json"]).splitlines()
+def test_a_large_network_fits_on_a_screen_and_shows_its_worst_points(plain, make) -> None:
+    first = plain["points"][0]
+    plain["points"] = [first | {"name": f"P{k}", "sx": 0.001 * k} for k in range(500)]
+    plain["iterations"] = plain["iterations"] * 20
+    lines = summary(make(), ["out/adjustment.json"]).splitlines()
     assert len(lines) < 50
     assert max(len(line) for line in lines) <= WIDTH + 10
     assert f"  and {500 - MOST_POINTS} more points, all with better precisions; the files have them" in lines
     assert sum(line.startswith("  P499 ") for line in lines) == 2
 
 
-def test_a_solution_that_did_not_converge_cannot_be_overlooked(record) -> None:
-    assert "NOT CONVERGED after 2 iterations" in summary(record | {"converged": False})
+def test_a_solution_that_did_not_converge_cannot_be_overlooked(make) -> None:
+    assert "NOT CONVERGED after 2 iterations" in summary(make(converged=False))
 
 
-def test_no_redundancy_is_said(record) -> None:
-    text = summary(record | {"redundancy": 0, "sigma0": None})
+def test_no_redundancy_is_said(make) -> None:
+    text = summary(make(redundancy=0, sigma0=None, global_test=None))
     assert "not tested" in text
     assert "nothing checks it" in text
 
@@ -71,21 +71,21 @@ def test_time_and_files(record) -> None:
     assert "Written: a.json, a.html" in text
 
 
-def test_the_number_that_is_tested_is_shown_when_it_is_another(record) -> None:
-    text = summary(record | {"variance_factor": 1.96})
+def test_the_number_that_is_tested_is_shown_when_it_is_another(make, plain) -> None:
+    text = summary(make(global_test=plain["global_test"] | {"sigma0": 1.4}))
     assert line_with(text, "of the solution").endswith("1.25  accepted")
     assert "chi-square test at 95 % (1.4 with the residuals of known points): between" in text
-    assert "known points)" not in summary(record | {"variance_factor": 1.5625})
+    assert "known points)" not in summary(make())
 
 
-def test_warnings_are_shown_and_counted(record) -> None:
-    text = summary(record | {"warnings": [f"w{k}" for k in range(5)]})
+def test_warnings_are_shown_and_counted(make) -> None:
+    text = summary(make(warnings=[f"w{k}" for k in range(5)]))
     assert text.count("Warning: ") == 3
     assert "and 2 more warnings" in text
 
 
-def test_it_says_how_precisions_are_scaled(record) -> None:
-    assert text_of_title(record | {"precision": "a priori"}).endswith("precisions a priori (mm)")
+def test_it_says_how_precisions_are_scaled(make) -> None:
+    assert text_of_title(make(precision="a priori")).endswith("precisions a priori (mm)")
 
 
 def text_of_title(record) -> str:

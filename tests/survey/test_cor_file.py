@@ -71,7 +71,7 @@ def test_errors_name_file_and_line(tmp_path, line, message):
 
 
 def test_default_sigma_must_make_sense(tmp_path):
-    with pytest.raises(InputError, match="0 or positive"):
+    with pytest.raises(InputError, match="not a sigma in metres"):
         points_of(tmp_path, "1 A 1 2 3", default_sigma=-1.0)
 
 

@@ -1,23 +1,18 @@
 """`obseq adjust`: a survey network from observation and point files."""
 
 import argparse
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
-from obseq.cli.files import check_writable, write_all
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
 from obseq.cli.progress import Progress
+from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from obseq.report.record import AdjustmentRecord, PhaseRecord
-
-INCOMPLETE = 1
-"""Exit code: not converged, or something was left out."""
+from obseq.record import AdjustmentRecord, PhaseRecord
+from obseq.stopwatch import Stopwatch
+from obseq.writing import check_writable
 
 MORE = """
 The observations are read from OBS files, the points from COR files: known points with their
@@ -33,27 +28,6 @@ exit code: 0 adjusted; 1 the iterations did not converge, or points were left ou
 
 
 @dataclass(frozen=True)
-class Results:
-    """Where results are to be written; None for those that nobody asked for."""
-
-    json: Path | None = None
-    html: Path | None = None
-    text: Path | None = None
-
-    @property
-    def paths(self) -> list[Path]:
-        """The files to write."""
-        return [path for path in (self.json, self.html, self.text) if path]
-
-    def write(self, record: "AdjustmentRecord") -> None:
-        """Write all of them, or none."""
-        from obseq import report
-
-        writers = ((self.json, report.to_json), (self.html, report.page), (self.text, report.listing))
-        write_all({path: writer(record) for path, writer in writers if path})
-
-
-@dataclass(frozen=True)
 class Request:
     """What is to be adjusted, and how.
 
@@ -62,14 +36,14 @@ class Request:
         points: COR files.
         reading: Keyword arguments of `Network.read`.
         solving: Keyword arguments of `Network.adjust`.
-        results: Where the results go.
+        outputs: Where the results go.
     """
 
     observations: Sequence[Path]
     points: Sequence[Path]
     reading: dict[str, Any]
     solving: dict[str, Any]
-    results: Results
+    outputs: Outputs
 
 
 def register(commands: Commands) -> None:
@@ -129,27 +103,6 @@ def register(commands: Commands) -> None:
     add_result_arguments(command)
 
 
-def add_result_arguments(command: argparse.ArgumentParser) -> None:
-    """Add what says where results are written."""
-    results = command.add_argument_group("results")
-    results.add_argument("--out", type=Path, metavar="DIR", help="folder for adjustment.json, .html and .txt")
-    results.add_argument(
-        "--json", type=Path, metavar="FILE", help="every result at full precision, for programs"
-    )
-    results.add_argument("--html", type=Path, metavar="FILE", help="a page with a plan of the network")
-    results.add_argument("--text", type=Path, metavar="FILE", help="a complete listing")
-
-
-def results_of(arguments: argparse.Namespace) -> Results:
-    """Where the results go: the folder of --out, unless a file is named."""
-    inside = (lambda name: arguments.out / name) if arguments.out else (lambda name: None)
-    return Results(
-        json=arguments.json or inside("adjustment.json"),
-        html=arguments.html or inside("adjustment.html"),
-        text=arguments.text or inside("adjustment.txt"),
-    )
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     reading = {
@@ -161,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     }
     solving = {"max_iterations": arguments.iterations, "strict": arguments.strict}
     return adjust(
-        Request(arguments.obs, arguments.cor, _given(reading), _given(solving), results_of(arguments))
+        Request(arguments.obs, arguments.cor, _given(reading), _given(solving), outputs_of(arguments))
     )
 
 
@@ -179,35 +132,24 @@ def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    check_writable(request.results.paths, [*request.observations, *request.points])
+    check_writable([path for path, _ in request.outputs], [*request.observations, *request.points])
     with Progress("starting") as progress:
-        record = _adjusted(request, progress)
-        with _phase("write", progress, record["phases"]):
-            request.results.write(record)
-    from obseq.report import summary
+        watch = Stopwatch(progress)
+        record = _adjusted(request, watch)
+        with watch.phase("write"):
+            write(record, request.outputs)
+    phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
+    show(replace(record, phases=phases), request.outputs)
+    return 0 if record.is_complete else INCOMPLETE
 
-    print(summary(record, [str(path) for path in request.results.paths]), end="")
-    return 0 if record["converged"] and not record.get("left_out") else INCOMPLETE
 
-
-def _adjusted(request: Request, progress: Progress) -> "AdjustmentRecord":
-    phases: list[PhaseRecord] = []
-    with _phase("load", progress, phases):
+def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
+    with watch.phase("load"):
         from obseq.survey import Network
-    progress("read")
+    watch.progress("read")
     network = Network.read(request.observations, request.points, **request.reading)
-    record = cast("AdjustmentRecord", network.adjust(progress=progress, **request.solving).to_dict())
-    record["phases"] = phases + record["phases"]
-    return record
-
-
-@contextmanager
-def _phase(name: str, progress: Progress, phases: "list[PhaseRecord]") -> Iterator[None]:
-    """Announce a part of the work, and add the time it took."""
-    progress(name)
-    start = time.perf_counter()
-    yield
-    phases.append({"name": name, "seconds": time.perf_counter() - start})
+    record = network.adjust(progress=watch.progress, **request.solving).record()
+    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -5,10 +5,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.files import check_writable, write_all
 from obseq.cli.parsing import Commands, add_command, positive_integer
 from obseq.cli.progress import Progress
-from obseq.report.record import finite
+from obseq.plain import finite
+from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
     from obseq.kernels.derivatives import DerivativeCheck

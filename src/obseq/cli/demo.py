@@ -4,8 +4,9 @@ import argparse
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from obseq.cli.adjust import Request, Results, adjust
+from obseq.cli.adjust import Request, adjust
 from obseq.cli.parsing import Commands, add_command
+from obseq.cli.results import outputs_in
 
 FRAME = "RTL*657700*6860700*0*IGNF:LAMB93"
 POINTS_CRS = "IGNF:LAMB93"
@@ -31,10 +32,14 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust the demo network."""
-    out = arguments.out
-    results = Results(out / "adjustment.json", out / "adjustment.html", out / "adjustment.txt")
     data = files("obseq") / "survey" / "data"
     with as_file(data / "demo.obs") as observations, as_file(data / "demo.cor") as points:
         return adjust(
-            Request([observations], [points], {"frame": FRAME, "points_crs": POINTS_CRS}, {}, results)
+            Request(
+                [observations],
+                [points],
+                {"frame": FRAME, "points_crs": POINTS_CRS},
+                {},
+                outputs_in(arguments.out),
+            )
         )

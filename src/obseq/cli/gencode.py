@@ -2,7 +2,7 @@
 
 import sys
 
-CANNOT_RUN = 2
+from obseq.cli.guard import CANNOT_RUN, guarded
 
 
 def main() -> int:
@@ -15,4 +15,4 @@ def main() -> int:
         return CANNOT_RUN
     from obseq.codegen.main import main as generate
 
-    return generate()
+    return guarded("gencode", generate)

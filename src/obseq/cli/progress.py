@@ -7,6 +7,8 @@ import time
 from types import TracebackType
 from typing import Self
 
+from obseq.printable import printable_line
+
 PATIENCE = 2.0
 """Seconds of silence before the line appears."""
 
@@ -48,7 +50,7 @@ class Progress:
         if self._done.wait(PATIENCE):
             return
         while True:
-            line = f"{self._message} ... {time.monotonic() - self._start:.0f} s"
+            line = printable_line(f"{self._message} ... {time.monotonic() - self._start:.0f} s")
             sys.stderr.write(ERASE + line[: shutil.get_terminal_size().columns - 1])
             sys.stderr.flush()
             if self._done.wait(PERIOD):

@@ -1,13 +1,23 @@
-"""Reports of an adjustment: one-screen summary, complete listing, JSON and HTML, all from one record.
+"""Reports of an adjustment: one-screen summary and the formats of results, all from one record.
 
-The record is the dictionary of format "obseq-adjustment", version 1 (`obseq.report.record`): what the result
-file holds is what every report is made of, so none of them can say something else.
+The record (`obseq.record`) is what the result file holds, so none of the reports can say something else, and
+`read_json` gives it back to make them again.
 """
 
+from obseq.record import AdjustmentRecord
+from obseq.report.formats import FORMATS, Format
 from obseq.report.listing import listing
 from obseq.report.page import page
-from obseq.report.record import AdjustmentRecord, to_json
-from obseq.report.statistics import Verdict, verdict
+from obseq.report.result_file import read_json, to_json
 from obseq.report.summary import summary
 
-__all__ = ["AdjustmentRecord", "Verdict", "listing", "page", "summary", "to_json", "verdict"]
+__all__ = [
+    "FORMATS",
+    "AdjustmentRecord",
+    "Format",
+    "listing",
+    "page",
+    "read_json",
+    "summary",
+    "to_json",
+]

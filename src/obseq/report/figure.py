@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from html import escape
 
-from obseq.report.record import AdjustmentRecord, PointRecord
+from obseq.record import AdjustmentRecord, PointRecord
+from obseq.report.html import escaped
 
 WIDTH = 900.0
 TALLEST = 600.0
@@ -36,16 +36,16 @@ class View:
 
     def place(self, point: PointRecord) -> tuple[float, float]:
         """Where a point is drawn."""
-        return MARGIN + (point["x"] - self.left) * self.scale, MARGIN + (self.top - point["y"]) * self.scale
+        return MARGIN + (point.x - self.left) * self.scale, MARGIN + (self.top - point.y) * self.scale
 
 
 def network_figure(record: AdjustmentRecord) -> str:
     """The plan as an SVG element; of a large network, not every line of sight and not every name."""
-    points = {point["name"]: point for point in record["points"]}
+    points = {point.name: point for point in record.points}
     if not points:
         return ""
     view = _view(list(points.values()))
-    stations = {row["origin"] for row in record["stations"]}
+    stations = {row.origin for row in record.stations}
     exaggeration = _exaggeration(list(points.values()), view)
     parts = [
         f'<svg viewBox="0 0 {WIDTH:.0f} {view.height:.0f}" role="img" aria-label="plan of the network">',
@@ -60,7 +60,7 @@ def network_figure(record: AdjustmentRecord) -> str:
 
 def _view(points: list[PointRecord]) -> View:
     """The largest view that holds all points, in the middle of the figure."""
-    xs, ys = [point["x"] for point in points], [point["y"] for point in points]
+    xs, ys = [point.x for point in points], [point.y for point in points]
     wide, tall = max(xs) - min(xs), max(ys) - min(ys)
     inside = WIDTH - 2.0 * MARGIN
     scale = min(inside / max(wide, 1e-6), TALLEST / max(tall, 1e-6))
@@ -70,9 +70,9 @@ def _view(points: list[PointRecord]) -> View:
 
 def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View) -> str:
     pairs = {
-        (min(row["from"], row["to"]), max(row["from"], row["to"]))
-        for row in record["observations"]
-        if row["active"]
+        (min(row.origin, row.target), max(row.origin, row.target))
+        for row in record.observations
+        if row.active
     }
     known = sorted(pair for pair in pairs if pair[0] in points and pair[1] in points)
     return "".join(
@@ -85,7 +85,7 @@ def _marks(points: list[PointRecord], stations: set[str], view: View, exaggerati
     for point in points:
         x, y = view.place(point)
         yield _precision(point, x, y, exaggeration * view.scale)
-        if point["name"] in stations:
+        if point.name in stations:
             yield f'<path class="station" d="M{x:.1f} {y - 6:.1f}l5.2 9h-10.4z"/>'
         else:
             yield f'<circle class="point" cx="{x:.1f}" cy="{y:.1f}" r="3"/>'
@@ -94,41 +94,33 @@ def _marks(points: list[PointRecord], stations: set[str], view: View, exaggerati
 def _names(points: list[PointRecord], stations: set[str], view: View) -> Iterator[str]:
     """The names that find room, those of stations first; none where there are too many points."""
     taken: list[tuple[float, float, float]] = []
-    for point in sorted(points, key=lambda point: point["name"] not in stations):
+    for point in sorted(points, key=lambda point: point.name not in stations):
         if len(points) > MOST_NAMES:
             return
         x, y = view.place(point)
-        width = LETTER * len(point["name"])
+        width = LETTER * len(point.name)
         left = x + 8.0 if x + 8.0 + width < WIDTH else x - 8.0 - width
         if all(abs(y - other) > LINE or left > end or left + width < start for other, start, end in taken):
             taken.append((y, left, left + width))
-            yield f'<text x="{left:.1f}" y="{y - 6:.1f}">{escape(point["name"])}</text>'
+            yield f'<text x="{left:.1f}" y="{y - 6:.1f}">{escaped(point.name)}</text>'
 
 
 def _precision(point: PointRecord, x: float, y: float, scale: float) -> str:
-    """An error ellipse, or a cross of the two precisions when their covariance is not in the record."""
-    covariance = point.get("covariance")
-    if covariance:
-        major, minor, angle = ellipse(covariance[0], covariance[1], covariance[3])
-        radii = f'rx="{major * scale:.2f}" ry="{minor * scale:.2f}"'
-        turn = f"translate({x:.1f} {y:.1f}) rotate({-math.degrees(angle):.2f})"
+    """An error ellipse, or a cross of the two precisions when it is not in the record."""
+    ellipse = point.ellipse
+    if ellipse:
+        radii = f'rx="{ellipse.semi_major * scale:.2f}" ry="{ellipse.semi_minor * scale:.2f}"'
+        turn = f"translate({x:.1f} {y:.1f}) rotate({math.degrees(ellipse.bearing) - 90.0:.2f})"
         return f'<ellipse class="precision" {radii} transform="{turn}"/>'
-    dx, dy = (point["sx"] or 0.0) * scale, (point["sy"] or 0.0) * scale
+    dx, dy = (point.sx or 0.0) * scale, (point.sy or 0.0) * scale
     return (
         f'<path class="precision" d="M{x - dx:.2f} {y:.2f}h{2 * dx:.2f}M{x:.2f} {y - dy:.2f}v{2 * dy:.2f}"/>'
     )
 
 
-def ellipse(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
-    """Semi-axes and direction (rad, from x towards y, of the major axis) of the standard error ellipse."""
-    middle, half = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    return math.sqrt(middle + half), math.sqrt(max(middle - half, 0.0)), angle
-
-
 def _exaggeration(points: list[PointRecord], view: View) -> float:
     """The round factor (1, 2 or 5 times a power of ten) that makes the largest precision well visible."""
-    largest = max(max(point["sx"] or 0.0, point["sy"] or 0.0) for point in points)
+    largest = max(max(point.sx or 0.0, point.sy or 0.0) for point in points)
     return _round_below(LARGEST_ELLIPSE / (largest * view.scale)) if largest > 0.0 else 1.0
 
 

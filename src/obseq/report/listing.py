@@ -2,40 +2,43 @@
 
 from collections.abc import Iterator
 
+from obseq.printable import printable
+from obseq.record import AdjustmentRecord
 from obseq.report import rows
-from obseq.report.record import AdjustmentRecord
-from obseq.report.statistics import verdict
-from obseq.report.summary import expected, how_it_ended, kinds, left_out, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, left_out, run_line, warnings
 from obseq.report.table import lines_of
 from obseq.report.units import significant
+from obseq.report.verdict import Verdict
 
 
 def listing(record: AdjustmentRecord) -> str:
     """The listing, lengths in metres and millimetres, angles in gon and milligon."""
-    tables = [rows.frame_table(record, record["points"])]
-    if record["points_crs"] != record["frame"]:
-        tables.append(rows.crs_table(record, record["points"]))
+    tables = [rows.frame_table(record, record.points)]
+    if record.points_crs != record.frame:
+        tables.append(rows.crs_table(record, record.points))
     tables.append(rows.station_table(record))
     tables.append(
-        rows.observation_table(record, "Observations, in the order of the files", record["observations"])
+        rows.observation_table(record, "Observations, in the order of the files", record.observations)
     )
-    heads = ["\n".join(_head(record)), "\n".join(warnings(record, len(record.get("warnings", []))))]
+    heads = ["\n".join(_head(record)), "\n".join(warnings(record, len(record.warnings)))]
     sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
-    return "\n\n".join(section for section in sections if section) + "\n"
+    return printable("\n\n".join(section for section in sections if section) + "\n")
 
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:
-    test = verdict(record)
-    yield f"Adjustment of {len(record['points'])} points: {how_it_ended(record)}"
+    verdict = Verdict(record)
+    yield f"Adjustment of {len(record.points)} points: {how_it_ended(record)}"
     yield from left_out(record)
-    yield f"  observations  {record['n_observations']} ({kinds(record)})"
-    yield f"  constraints   {record['n_constraints']}"
-    yield f"  unknowns      {record['n_unknowns']}"
-    yield f"  redundancy    {record['redundancy']}"
-    yield f"  sigma0        {significant(record['sigma0'])}, {test.headline}"
-    if test.sigma0 is not None:
-        yield f"  {expected(record, test)}"
+    if record.run:
+        yield f"  run           {run_line(record)}"
+    yield f"  observations  {record.n_observations} ({kinds(record)})"
+    yield f"  constraints   {record.n_constraints}"
+    yield f"  unknowns      {record.n_unknowns}"
+    yield f"  redundancy    {record.redundancy}"
+    yield f"  sigma0        {significant(record.sigma0)}, {verdict.headline}"
+    if verdict.test:
+        yield f"  {expected(record, verdict.test)}"
     yield ""
     yield "  iteration  sigma0 at its start  largest step"
-    for number, row in enumerate(record["iterations"], start=1):
-        yield f"  {number:>9}  {significant(row['sigma0']):>19}  {significant(row['max_step']):>12}"
+    for number, row in enumerate(record.iterations, start=1):
+        yield f"  {number:>9}  {significant(row.sigma0):>19}  {significant(row.max_step):>12}"

@@ -1,16 +1,16 @@
 """The HTML report: one file that needs nothing else, with a plan of the network."""
 
 from collections.abc import Iterator
-from html import escape
 from importlib.resources import files
 from string import Template
 
+from obseq.record import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.figure import network_figure
-from obseq.report.record import AdjustmentRecord
-from obseq.report.statistics import verdict, worst_first
-from obseq.report.summary import expected, how_it_ended, kinds, warnings
+from obseq.report.html import escaped
+from obseq.report.summary import expected, how_it_ended, kinds, run_line, warnings
 from obseq.report.units import significant
+from obseq.report.verdict import Verdict, worst_first
 
 MOST_ROWS = 2000
 MOST_WARNINGS = 20
@@ -20,7 +20,7 @@ def page(record: AdjustmentRecord) -> str:
     """The report as an HTML document; of a large network, the worst observations and the first points."""
     template = Template(files("obseq.report").joinpath("page.html").read_text(encoding="utf-8"))
     return template.substitute(
-        title=escape(f"{len(record['points'])} points, {record['n_observations']} observations"),
+        title=escaped(f"{len(record.points)} points, {record.n_observations} observations"),
         facts=_facts(record),
         figure=network_figure(record),
         tables="\n".join(_sections(record)),
@@ -28,33 +28,36 @@ def page(record: AdjustmentRecord) -> str:
 
 
 def _facts(record: AdjustmentRecord) -> str:
-    test = verdict(record)
-    sigma0 = f"{significant(record['sigma0'])} {test.headline}"
-    if test.sigma0 is not None:
-        sigma0 = f"{sigma0}; {expected(record, test)}"
+    verdict = Verdict(record)
+    sigma0 = f"{significant(record.sigma0)} {verdict.headline}"
+    if verdict.test:
+        sigma0 = f"{sigma0}; {expected(record, verdict.test)}"
     items = [
-        ("result", how_it_ended(record), "good" if record["converged"] else "bad"),
-        ("observations", f"{record['n_observations']} ({kinds(record)})", ""),
-        ("constraints", f"{record['n_constraints']}", ""),
-        ("unknowns", f"{record['n_unknowns']}", ""),
-        ("redundancy", f"{record['redundancy']}", ""),
-        ("sigma0 by iteration", ", ".join(significant(row["sigma0"]) for row in record["iterations"]), ""),
-        ("sigma0", sigma0, "good" if test.is_accepted else "bad"),
-        ("", test.explanation, ""),
+        ("result", how_it_ended(record), "good" if record.converged else "bad"),
+        ("observations", f"{record.n_observations} ({kinds(record)})", ""),
+        ("constraints", f"{record.n_constraints}", ""),
+        ("unknowns", f"{record.n_unknowns}", ""),
+        ("redundancy", f"{record.redundancy}", ""),
+        ("sigma0 by iteration", ", ".join(significant(row.sigma0) for row in record.iterations), ""),
+        ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
+        ("", verdict.explanation, ""),
+        ("run", run_line(record), ""),
         *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
     ]
-    cells = (f'<dt>{escape(name)}</dt><dd class="{style}">{escape(text)}</dd>' for name, text, style in items)
+    cells = (
+        f'<dt>{escaped(name)}</dt><dd class="{style}">{escaped(text)}</dd>' for name, text, style in items
+    )
     return f"<dl>{''.join(cells)}</dl>"
 
 
 def _sections(record: AdjustmentRecord) -> Iterator[str]:
-    worst, points = worst_first(record), record["points"]
+    worst, points = worst_first(record), record.points
     title = "Observations, the worst normalised residual first"
     yield _section(rows.observation_table(record, title, worst[:MOST_ROWS]), len(worst))
     yield _section(rows.frame_table(record, points[:MOST_ROWS]), len(points))
-    if record["points_crs"] != record["frame"]:
+    if record.points_crs != record.frame:
         yield _section(rows.crs_table(record, points[:MOST_ROWS]), len(points))
-    yield _section(rows.station_table(record), len(record["stations"]))
+    yield _section(rows.station_table(record), len(record.stations))
 
 
 def _section(table: rows.Table, count: int) -> str:
@@ -63,12 +66,12 @@ def _section(table: rows.Table, count: int) -> str:
     hidden = count - len(table.rows)
     note = f"<p>and {hidden} more rows, which the text listing and the JSON file have</p>" if hidden else ""
     return (
-        f'<h2>{escape(table.title)}</h2>\n<div class="scroll"><table>\n'
+        f'<h2>{escaped(table.title)}</h2>\n<div class="scroll"><table>\n'
         f"{_row(table.header, table.left, 'th')}\n{body}\n</table></div>{note}"
     )
 
 
 def _row(cells: tuple[str, ...], left: int, tag: str) -> str:
     styles = ('class="name"' if k < left else "" for k in range(len(cells)))
-    texts = (f"<{tag} {style}>{escape(cell)}</{tag}>" for style, cell in zip(styles, cells, strict=True))
+    texts = (f"<{tag} {style}>{escaped(cell)}</{tag}>" for style, cell in zip(styles, cells, strict=True))
     return f"<tr>{''.join(texts)}</tr>"

@@ -1,11 +1,12 @@
 """The rows that the text and HTML reports share: titles and cells of each table, as text in user units."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from obseq.record import AdjustmentRecord, ObservationRecord, PointRecord
 from obseq.report import units
-from obseq.report.record import AdjustmentRecord, ObservationRecord, PointRecord
 
 
 @dataclass(frozen=True)
@@ -25,28 +26,28 @@ class Table:
     left: int = 1
 
 
-def frame_table(record: AdjustmentRecord, points: list[PointRecord]) -> Table:
+def frame_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Table:
     """Coordinates in the computation frame."""
     rows = (
         (
-            point["name"],
-            *(units.metres(value) for value in (point["x"], point["y"], point["z"])),
-            *(units.millimetres(value) for value in (point["sx"], point["sy"], point["sz"])),
+            point.name,
+            *(units.metres(value) for value in (point.x, point.y, point.z)),
+            *(units.millimetres(value) for value in (point.sx, point.sy, point.sz)),
         )
         for point in points
     )
-    title = f"Coordinates in the computation frame {record['frame']} (m), {_precisions(record)}"
+    title = f"Coordinates in the computation frame {record.frame} (m), {_precisions(record)}"
     return Table(title, ("point", "x", "y", "z", "sx", "sy", "sz"), tuple(rows))
 
 
-def crs_table(record: AdjustmentRecord, points: list[PointRecord]) -> Table:
+def crs_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Table:
     """Coordinates in the system of the point files, with precisions if the record has them."""
-    is_angular = record.get("points_crs_unit") == "degree"
+    is_angular = record.points_crs_unit == "degree"
     unit = "degrees, m" if is_angular else "m"
-    title = f"Coordinates in {record['points_crs']} ({unit})"
+    title = f"Coordinates in {record.points_crs} ({unit})"
     header: tuple[str, ...] = ("point", "x", "y", "z")
     rows = [_crs_cells(point, 9 if is_angular else 4) for point in points]
-    if any(point.get("crs_sx") is not None for point in points):
+    if any(point.crs_sx is not None for point in points):
         title = f"{title}, {_precisions(record)}"
         header += ("east", "north", "up") if is_angular else ("sx", "sy", "sz")
         rows = [cells + _crs_precisions(point) for cells, point in zip(rows, points, strict=True)]
@@ -54,34 +55,36 @@ def crs_table(record: AdjustmentRecord, points: list[PointRecord]) -> Table:
 
 
 def _crs_cells(point: PointRecord, decimals: int) -> tuple[str, ...]:
-    plan = (units.fixed(value, decimals) for value in (point["crs_x"], point["crs_y"]))
-    return (point["name"], *plan, units.metres(point["crs_z"]))
+    plan = (units.fixed(value, decimals) for value in (point.crs_x, point.crs_y))
+    return (point.name, *plan, units.metres(point.crs_z))
 
 
 def _crs_precisions(point: PointRecord) -> tuple[str, ...]:
-    values = (point.get("crs_sx"), point.get("crs_sy"), point.get("crs_sz"))
+    values = (point.crs_sx, point.crs_sy, point.crs_sz)
     return tuple(units.millimetres(value) for value in values)
 
 
 def _precisions(record: AdjustmentRecord) -> str:
     """How the precisions of the tables are to be read."""
-    kind = record.get("precision")
+    kind = record.precision
     return f"precisions {kind} (mm)" if kind else "precisions (mm)"
 
 
 def station_table(record: AdjustmentRecord) -> Table:
     """Stations and the azimuth of the zero of their circles."""
-    rows = ((row["origin"], row["orientation"], units.gon(row["g0"])) for row in record["stations"])
+    rows = ((row.origin, row.orientation, units.gon(row.g0)) for row in record.stations)
     return Table(
         "Stations, azimuth of the zero of the circle (gon)", ("station", "orientation", "g0"), tuple(rows), 2
     )
 
 
-def observation_table(record: AdjustmentRecord, title: str, observations: list[ObservationRecord]) -> Table:
+def observation_table(
+    record: AdjustmentRecord, title: str, observations: Sequence[ObservationRecord]
+) -> Table:
     """Observations of the record with their residuals, and where they were read."""
     header = ("type", "from", "to", "file", "observed", "sigma", "residual", "normalised")
-    names = _short_names({row["file"] for row in record["observations"]})
-    return Table(title, header, tuple(_observation_cells(row, names[row["file"]]) for row in observations), 4)
+    names = _short_names({row.file for row in record.observations})
+    return Table(title, header, tuple(_observation_cells(row, names[row.file]) for row in observations), 4)
 
 
 def _short_names(files: set[str]) -> dict[str, str]:
@@ -91,14 +94,14 @@ def _short_names(files: set[str]) -> dict[str, str]:
 
 
 def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
-    kind = row["type"]
+    kind = row.type
     return (
         kind,
-        row["from"],
-        row["to"],
-        f"{file}:{row['line']}",
-        units.observed(kind, row["value"]),
-        units.small(kind, row["sigma"]),
-        units.small(kind, row["residual"]) if row["active"] else "not used",
-        units.fixed(row["normalised_residual"], 2) if row["active"] else units.ABSENT,
+        row.origin,
+        row.target,
+        f"{file}:{row.line}",
+        units.observed(kind, row.value),
+        units.small(kind, row.sigma),
+        units.small(kind, row.residual) if row.active else "not used",
+        units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,
     )

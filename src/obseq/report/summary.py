@@ -4,10 +4,11 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from obseq.printable import printable
+from obseq.record import AdjustmentRecord, GlobalTestRecord, PointRecord
 from obseq.report import rows, units
-from obseq.report.record import AdjustmentRecord, PointRecord
-from obseq.report.statistics import Verdict, verdict, worst_first
 from obseq.report.table import lines_of
+from obseq.report.verdict import Verdict, worst_first
 
 WIDTH = 100
 MOST_POINTS = 8
@@ -32,40 +33,48 @@ def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
         _end(record, written),
     )
     texts = ("\n".join(section) for section in sections)
-    return "\n\n".join(text for text in texts if text) + "\n"
+    return printable("\n\n".join(text for text in texts if text) + "\n")
 
 
 def how_it_ended(record: AdjustmentRecord) -> str:
     """Whether the iterations converged, and how many there were."""
-    count = len(record["iterations"])
+    count = len(record.iterations)
     plural = "" if count == 1 else "s"
-    if record["converged"]:
+    if record.converged:
         return f"converged after {count} iteration{plural}"
     return f"NOT CONVERGED after {count} iteration{plural}: do not use these results"
 
 
 def kinds(record: AdjustmentRecord) -> str:
     """How many active observations of each type, in words."""
-    count = Counter(row["type"] for row in record["observations"] if row["active"])
-    unused = sum(not row["active"] for row in record["observations"])
+    count = Counter(row.type for row in record.observations if row.active)
+    unused = sum(not row.active for row in record.observations)
     text = ", ".join(f"{count[kind]} {kind}" for kind in sorted(count))
     return f"{text}; {unused} not used" if unused else text
 
 
-def expected(record: AdjustmentRecord, test: Verdict) -> str:
+def run_line(record: AdjustmentRecord) -> str:
+    """Which run made the record, and with what."""
+    if record.run is None:
+        return "not in the record"
+    versions = ", ".join(f"{name} {version}" for name, version in record.run.versions.items())
+    return f"{record.run.identifier}, {record.run.created}; {versions}"
+
+
+def expected(record: AdjustmentRecord, test: GlobalTestRecord) -> str:
     """What the test of sigma0 compares, in words."""
     own = units.significant(test.sigma0, 5)
     known = (
-        ""
-        if own == units.significant(record["sigma0"], 5)
-        else f" ({own} with the residuals of known points)"
+        "" if own == units.significant(record.sigma0, 5) else f" ({own} with the residuals of known points)"
     )
-    return f"chi-square test at 95 %{known}: between {test.lower:.4g} and {test.upper:.4g} is expected"
+    share = 100.0 * (1.0 - test.level)
+    limits = f"between {test.lower:.4g} and {test.upper:.4g} is expected"
+    return f"chi-square test at {share:g} %{known}: {limits}"
 
 
 def left_out(record: AdjustmentRecord) -> Iterator[str]:
     """What the adjustment does without, if anything."""
-    names = [item["what"] for item in record.get("left_out", [])]
+    names = [item.what for item in record.left_out]
     if names:
         more = f" and {len(names) - MOST_POINTS} more" if len(names) > MOST_POINTS else ""
         yield f"  LEFT OUT, because nothing determines them: {', '.join(names[:MOST_POINTS])}{more}"
@@ -73,32 +82,32 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
 
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
     """What the user should know of the input, one line each, at most so many of them."""
-    found = record.get("warnings", [])
+    found = record.warnings
     yield from (f"Warning: {text}" for text in found[:most])
     if len(found) > most:
         yield f"and {len(found) - most} more warnings; the listing and the JSON file have them"
 
 
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
-    yield f"{len(record['points'])} points, {len(record['stations'])} stations: {how_it_ended(record)}"
+    yield f"{len(record.points)} points, {len(record.stations)} stations: {how_it_ended(record)}"
     yield from left_out(record)
-    yield f"  observations {record['n_observations']:>8}   {kinds(record)}"
-    yield f"  constraints  {record['n_constraints']:>8}   coordinates given with a sigma"
-    yield f"  unknowns     {record['n_unknowns']:>8}"
-    yield f"  redundancy   {record['redundancy']:>8}"
+    yield f"  observations {record.n_observations:>8}   {kinds(record)}"
+    yield f"  constraints  {record.n_constraints:>8}   coordinates given with a sigma"
+    yield f"  unknowns     {record.n_unknowns:>8}"
+    yield f"  redundancy   {record.redundancy:>8}"
 
 
 def _fit(record: AdjustmentRecord) -> Iterator[str]:
-    values = [units.significant(row["sigma0"]) for row in record["iterations"]]
+    values = [units.significant(row.sigma0) for row in record.iterations]
     if len(values) > MOST_ITERATIONS:
         half = MOST_ITERATIONS // 2
         values = [*values[:half], "...", *values[-half:]]
-    test = verdict(record)
+    verdict = Verdict(record)
     yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
-    yield f"  sigma0 of the solution                 {units.significant(record['sigma0'])}  {test.headline}"
-    if test.sigma0 is not None:
-        yield f"  {expected(record, test)}"
-    yield from textwrap.wrap(test.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}  {verdict.headline}"
+    if verdict.test:
+        yield f"  {expected(record, verdict.test)}"
+    yield from textwrap.wrap(verdict.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
@@ -109,17 +118,17 @@ def _worst(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _coordinates(record: AdjustmentRecord) -> Iterator[str]:
-    shown = _points_shown(record["points"])
-    hidden = len(record["points"]) - len(shown)
+    shown = _points_shown(record.points)
+    hidden = len(record.points) - len(shown)
     yield from lines_of(rows.frame_table(record, shown))
-    if record["points_crs"] != record["frame"]:
+    if record.points_crs != record.frame:
         yield ""
         yield from lines_of(rows.crs_table(record, shown))
     if hidden:
         yield f"  and {hidden} more points, all with better precisions; the files have them"
 
 
-def _points_shown(points: list[PointRecord]) -> list[PointRecord]:
+def _points_shown(points: Sequence[PointRecord]) -> Sequence[PointRecord]:
     """All points of a small network; of a large one those known worst."""
     if len(points) <= MOST_POINTS:
         return points
@@ -127,14 +136,14 @@ def _points_shown(points: list[PointRecord]) -> list[PointRecord]:
 
 
 def _largest_precision(point: PointRecord) -> float:
-    return max(point["sx"] or 0.0, point["sy"] or 0.0, point["sz"] or 0.0)
+    return max(point.sx or 0.0, point.sy or 0.0, point.sz or 0.0)
 
 
 def _end(record: AdjustmentRecord, written: Sequence[str]) -> Iterator[str]:
-    phases = record.get("phases", [])
+    phases = record.phases
     if phases:
-        total = sum(phase["seconds"] for phase in phases)
-        parts = ", ".join(f"{phase['name']} {phase['seconds']:.2f}" for phase in phases)
+        total = sum(phase.seconds for phase in phases)
+        parts = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in phases)
         yield f"Seconds: {parts}; {total:.2f} in all"
     yield "Written: " + (
         ", ".join(written) if written else "nothing (--out, --json, --html or --text write results)"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +10,8 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import SingularSystemError
+from obseq.record import new_run
+from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.frame import Frame, frame_of
@@ -24,15 +23,17 @@ from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import Iteration, LeastSquaresResult
+    from obseq.stopwatch import Progress
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook, Points
 
 
-Progress = Callable[[str], None]
 MAX_ITERATIONS = 25
 
 
@@ -46,24 +47,6 @@ def _read_free_format(
 ) -> Points:
     paths = [files] if isinstance(files, str | Path) else files
     return merge_points([read_points(path, point_format, options) for path in paths])
-
-
-class Stopwatch:
-    """Seconds spent in each phase of the work."""
-
-    def __init__(self, progress: Progress | None = None) -> None:
-        self.seconds: dict[str, float] = {}
-        self.progress = progress or (lambda _: None)
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Adds the time of a block to a phase, and announces it."""
-        self.progress(name)
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +238,7 @@ class Network:
             precision="a posteriori" if is_estimated else "a priori",
             warnings=self.book.warnings,
             phases={},
+            run=new_run(),
         )
 
     def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:

@@ -104,7 +104,7 @@ class RelativePrecision:
     def ellipses(self, level: float | None = None) -> ErrorEllipses:
         """Relative error ellipses: where the second point is, seen from the first."""
         names = tuple(f"{a} - {b}" for a, b in zip(self.first, self.second, strict=True))
-        return _ellipses(names, self.covariance, level, self.redundancy)
+        return ellipses_of(names, self.covariance, level, self.redundancy)
 
     def columns(self) -> dict[str, list[str] | list[float]]:
         """A table by columns."""
@@ -131,7 +131,7 @@ def error_ellipses(
     """
     names = _names_of_points(result, ids)
     covariance = result.covariance(ids, a_priori)
-    return _ellipses(names, covariance, level, None if a_priori else result.redundancy)
+    return ellipses_of(names, covariance, level, None if a_priori else result.redundancy)
 
 
 def error_ellipsoids(
@@ -187,19 +187,30 @@ def confidence_factor(level: float | None, dimension: int, redundancy: int | Non
     From the chi-square distribution when the sigmas are taken as given (`redundancy` None), else from
     Fisher's, since the variance factor is then itself an estimate.
     """
-    from scipy.stats import chi2, f
+    from scipy.special import fdtri, gammaincinv
 
     if level is None:
         return 1.0
     checked_probability(level, "level")
     if redundancy is None:
-        return float(np.sqrt(chi2.ppf(level, dimension)))
-    return float(np.sqrt(dimension * f.ppf(level, dimension, redundancy)))
+        return float(np.sqrt(2.0 * gammaincinv(dimension / 2.0, level)))
+    return float(np.sqrt(dimension * fdtri(dimension, redundancy, level)))
 
 
-def _ellipses(
-    names: tuple[str, ...], covariance: FloatArray, level: float | None, redundancy: int | None
+def ellipses_of(
+    names: tuple[str, ...],
+    covariance: FloatArray,
+    level: float | None = None,
+    redundancy: int | None = None,
 ) -> ErrorEllipses:
+    """Ellipses of covariances (n, 2 or more, 2 or more), of the first two coordinates.
+
+    Args:
+        names: (n,) what they belong to.
+        covariance: symmetric matrices.
+        level: confidence level; standard ellipses when None.
+        redundancy: of the adjustment that scaled the covariances; None when the sigmas were taken as given.
+    """
     factor = confidence_factor(level, 2, redundancy)
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     mean, gap = (xx + yy) / 2, np.hypot((yy - xx) / 2, xy)

@@ -75,16 +75,16 @@ def global_test(result: LeastSquaresResult, level: float = 0.05, two_sided: bool
     Raises:
         InputError: redundancy 0: nothing is left to test.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammainc, gammaincc, gammainccinv, gammaincinv
 
     checked_probability(level, "level")
     f, statistic = result.redundancy, result.cost
     if f <= 0:
         raise InputError("redundancy 0: the residuals vanish whatever the sigmas, nothing can be tested")
-    below, above = float(chi2.cdf(statistic, f)), float(chi2.sf(statistic, f))
+    below, above = float(gammainc(f / 2, statistic / 2)), float(gammaincc(f / 2, statistic / 2))
     if not two_sided:
-        return GlobalTest(statistic, f, level, 0.0, float(chi2.isf(level, f)), above)
-    lower, upper = float(chi2.ppf(level / 2, f)), float(chi2.isf(level / 2, f))
+        return GlobalTest(statistic, f, level, 0.0, 2.0 * float(gammainccinv(f / 2, level)), above)
+    lower, upper = (2.0 * float(inverse(f / 2, level / 2)) for inverse in (gammaincinv, gammainccinv))
     return GlobalTest(statistic, f, level, lower, upper, min(1.0, 2.0 * min(below, above)))
 
 

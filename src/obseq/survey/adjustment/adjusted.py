@@ -7,21 +7,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.leastsquares.statistics.hypothesis_tests import global_test
+from obseq.record import (
+    AdjustmentRecord,
+    EllipseRecord,
+    GlobalTestRecord,
+    IterationRecord,
+    ObservationRecord,
+    PhaseRecord,
+    PointRecord,
+    StationRecord,
+    defined,
+)
 from obseq.survey.model import ObservationType, Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquaresResult
+    from obseq.record import RunRecord
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook
 
 
-FORMAT = "obseq-adjustment"
-VERSION = 1
+COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
+"""Fields of a point record, in the order in which they are filled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +97,7 @@ class Adjustment:
             is no redundancy to estimate it.
         warnings: What the user should know of the input, one sentence each.
         phases: Seconds of each phase of the work.
+        run: Which run made it.
         left_out: The points and stations that nothing determined, left out with their observations.
     """
 
@@ -97,6 +112,7 @@ class Adjustment:
     precision: str
     warnings: tuple[str, ...]
     phases: Mapping[str, float]
+    run: RunRecord
     left_out: tuple[LeftOut, ...] = ()
 
     @property
@@ -114,55 +130,45 @@ class Adjustment:
         """(n,) residual over sigma; NaN for inactive observations."""
         return np.asarray(self.residuals / self.book.observations.sigmas)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The record of the result file (format "obseq-adjustment", version 1): metres and radians."""
+    def record(self) -> AdjustmentRecord:
+        """What the result file holds and the reports print."""
         solution = self.solution
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "n_observations": solution.n_observations,
-            "n_constraints": solution.n_constraints,
-            "n_unknowns": solution.n_unknowns,
-            "redundancy": solution.redundancy,
-            "iterations": [
-                {"sigma0": step.sigma0, "max_step": step.max_step} for step in solution.iterations
-            ],
-            "sigma0": solution.sigma0,
-            "variance_factor": solution.variance_factor,
-            "converged": solution.converged,
-            "stop_reason": solution.stop_reason.value,
-            "precision": self.precision,
-            "frame": self.frame,
-            "points_crs": self.points_crs,
-            "points_crs_unit": self.points_crs_unit,
-            "points": self._points(),
-            "stations": self._stations(),
-            "observations": self._observations(),
-            "warnings": list(self.warnings),
-            "left_out": [item.record() for item in self.left_out],
-            "phases": [{"name": name, "seconds": seconds} for name, seconds in self.phases.items()],
-        }
-
-    def _points(self) -> list[dict[str, Any]]:
-        points = self.points
-        upper = points.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
-        columns = np.hstack(
-            [points.coordinates, points.precisions, points.crs_coordinates, points.crs_precisions]
+        return AdjustmentRecord(
+            n_observations=solution.n_observations,
+            n_constraints=solution.n_constraints,
+            n_unknowns=solution.n_unknowns,
+            redundancy=solution.redundancy,
+            iterations=tuple(IterationRecord(step.sigma0, step.max_step) for step in solution.iterations),
+            sigma0=solution.sigma0,
+            variance_factor=solution.variance_factor,
+            global_test=_global_test(solution),
+            converged=solution.converged,
+            stop_reason=solution.stop_reason.value,
+            precision=self.precision,
+            frame=self.frame,
+            points_crs=self.points_crs,
+            points_crs_unit=self.points_crs_unit,
+            points=tuple(_point_records(self.points)),
+            stations=tuple(self._stations()),
+            observations=tuple(self._observations()),
+            warnings=self.warnings,
+            left_out=tuple(item.record() for item in self.left_out),
+            phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
+            run=self.run,
         )
-        keys = ("x", "y", "z", "sx", "sy", "sz", "crs_x", "crs_y", "crs_z", "crs_sx", "crs_sy", "crs_sz")
-        return [
-            {"name": name, **dict(zip(keys, row, strict=True)), "covariance": covariance}
-            for name, row, covariance in zip(points.names, columns.tolist(), upper.tolist(), strict=True)
-        ]
 
-    def _stations(self) -> list[dict[str, Any]]:
+    def to_dict(self) -> dict[str, Any]:
+        """The plain form of the record: the content of the result file (docs/result-file.md)."""
+        return self.record().to_dict()
+
+    def _stations(self) -> Iterator[StationRecord]:
         stations = self.stations
-        return [
-            {"origin": origin, "orientation": Orientation(status).keyword, "g0": float(g0)}
-            for origin, status, g0 in zip(stations.origins, stations.orientations, stations.g0, strict=True)
-        ]
+        for origin, status, g0 in zip(
+            stations.origins, stations.orientations, stations.g0.tolist(), strict=True
+        ):
+            yield StationRecord(origin, Orientation(status).keyword, g0)
 
-    def _observations(self) -> list[dict[str, Any]]:
+    def _observations(self) -> Iterator[ObservationRecord]:
         book, rows = self.book, self.book.observations
         names = {int(kind): kind.name for kind in ObservationType}
         columns = zip(
@@ -171,25 +177,47 @@ class Adjustment:
             rows.to_points.tolist(),
             rows.values.tolist(),
             rows.sigmas.tolist(),
-            self.residuals.tolist(),
-            self.normalised_residuals.tolist(),
+            defined(self.residuals),
+            defined(self.normalised_residuals),
             rows.file_indices.tolist(),
             rows.lines.tolist(),
             rows.active.tolist(),
             strict=True,
         )
-        return [
-            {
-                "type": names[kind],
-                "from": book.point_names[origin],
-                "to": book.point_names[target],
-                "value": value,
-                "sigma": sigma,
-                "residual": residual if active else None,
-                "normalised_residual": normalised if active else None,
-                "file": book.files[file],
-                "line": line,
-                "active": active,
-            }
-            for kind, origin, target, value, sigma, residual, normalised, file, line, active in columns
-        ]
+        for kind, origin, target, value, sigma, residual, normalised, file, line, active in columns:
+            yield ObservationRecord(
+                type=names[kind],
+                origin=book.point_names[origin],
+                target=book.point_names[target],
+                value=value,
+                sigma=sigma,
+                residual=residual,
+                normalised_residual=normalised,
+                file=book.files[file],
+                line=line,
+                active=active,
+            )
+
+
+def _global_test(solution: LeastSquaresResult) -> GlobalTestRecord | None:
+    if solution.redundancy <= 0 or solution.variance_factor is None:
+        return None
+    test = global_test(solution)
+    lower, upper = test.sigma0_limits
+    return GlobalTestRecord(test.sigma0, lower, upper, test.level, test.p_value, test.passed)
+
+
+def _point_records(points: AdjustedPoints) -> Iterator[PointRecord]:
+    upper = points.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
+    numbers = [points.coordinates, points.precisions, points.crs_coordinates, points.crs_precisions]
+    rows = np.hstack(numbers).tolist()
+    ellipses = _ellipse_records(points)
+    for name, row, covariance, ellipse in zip(points.names, rows, upper.tolist(), ellipses, strict=True):
+        keys = dict(zip(COORDINATES, row, strict=True))
+        yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)
+
+
+def _ellipse_records(points: AdjustedPoints) -> Iterator[EllipseRecord]:
+    ellipses = ellipses_of(points.names, points.covariances)
+    axes = (ellipses.semi_major.tolist(), ellipses.semi_minor.tolist(), ellipses.bearing.tolist())
+    return map(EllipseRecord, *axes)

@@ -26,13 +26,14 @@ from obseq.errors import InputError
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
+    check_default_sigma,
     check_writable,
     parse_number,
     quoted,
     read_text,
-    write_text,
 )
 from obseq.survey.model import Points, merge_points
+from obseq.writing import write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,10 +66,8 @@ def read_cor(
     Raises:
         InputError: naming file and line, what is wrong and what to do; also for a point given twice.
     """
-    if default_sigma is not None and not 0.0 <= default_sigma < float("inf"):
-        raise InputError(
-            f"the default sigma of known points must be 0 or positive (metres), not {default_sigma}"
-        )
+    if default_sigma is not None:
+        check_default_sigma(default_sigma, "the default sigma of known points (--point-sigma, default_sigma)")
     files = [paths] if isinstance(paths, str | Path) else paths
     return merge_points([_read_one(read_text(path, encoding), default_sigma) for path in files])
 

@@ -27,7 +27,6 @@ from obseq.survey.files.text import (
     parse_number,
     quoted,
     read_text,
-    write_text,
 )
 from obseq.survey.model import (
     FieldBook,
@@ -37,6 +36,7 @@ from obseq.survey.model import (
     Stations,
     group_by_station,
 )
+from obseq.writing import write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -14,7 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.files.text import TextFile, parse_number, quoted, read_text
+from obseq.survey.files.text import (
+    LARGEST_LENGTH,
+    TextFile,
+    check_default_sigma,
+    parse_number,
+    quoted,
+    read_text,
+)
 from obseq.survey.model import Points, merge_points
 
 if TYPE_CHECKING:
@@ -132,6 +139,8 @@ def _check_options(layout: _Format, options: PointFileOptions) -> None:
     sources = [name for name in ("Sx", "Sxyz") if name in layout]
     if len(sources) + (options.sigma is not None) > 1:
         raise InputError("sigmas are given twice: keep one of Sx Sy Sz, Sxyz (format) and sigma (option)")
+    if options.sigma is not None:
+        check_default_sigma(options.sigma, "the sigma of the points (--point-sigma, sigma)", -LARGEST_LENGTH)
     if options.free_pattern is not None and "A" not in layout:
         raise InputError("a pattern of free points (AddInfoFree) needs the field A in the format")
     if len(options.comment) > 1:

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from obseq.errors import InputError
+from obseq.printable import printable
 
 _MARKS_OF_OTHER_ENCODINGS = ((b"\xff\xfe", "UTF-16"), (b"\xfe\xff", "UTF-16"))
 _LONGEST_QUOTE = 160
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
+LONGEST_NAME = 200
+"""Names beyond it are a mistake of the file: nothing could be printed of them."""
 LARGEST_LENGTH = 1e9
 """Lengths and coordinates beyond this (m) are mistakes: no survey reaches a million kilometres."""
 
@@ -37,7 +40,12 @@ class TextFile:
         return InputError(f"{self.name}:{index + 1}: {problem}\n    {quoted(self.lines[index])}")
 
     def check_name(self, index: int, name: str) -> None:
-        """Refuses a point name that is not in the encoding of the file."""
+        """Refuses a point name that is not in the encoding of the file, or that nobody could read."""
+        if len(name) > LONGEST_NAME:
+            raise self.error(
+                index,
+                f"a name has {len(name)} characters; give it at most {LONGEST_NAME} (are blanks missing?)",
+            )
         if not self.is_clean and _has_surrogates(name):
             raise self.error(
                 index,
@@ -99,9 +107,7 @@ def _has_surrogates(text: str) -> bool:
 
 def quoted(text: str) -> str:
     """The text as it can be printed anywhere: unprintable characters escaped, cut when very long."""
-    shown = "".join(
-        c if c.isprintable() or c == "\t" else c.encode("unicode_escape").decode() for c in text.strip()
-    )
+    shown = printable(text.strip()[: 4 * _LONGEST_QUOTE])
     return shown if len(shown) <= _LONGEST_QUOTE else shown[:_LONGEST_QUOTE] + "..."
 
 
@@ -125,16 +131,16 @@ def parse_number(text: str) -> float:
     return value
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Writes a UTF-8 text file.
+def check_default_sigma(sigma: float, what: str, least: float = 0.0) -> None:
+    """Refuses a sigma of coordinates (m) that stands for those a file does not give.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: It is below the least one, beyond the largest length, or neither 0 nor a weight.
     """
-    try:
-        Path(path).write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from error
+    if not least <= sigma <= LARGEST_LENGTH or 0.0 < abs(sigma) < LEAST_SIGMA:
+        raise InputError(
+            f"{what}: {sigma!r} is not a sigma in metres (0, or {LEAST_SIGMA:g} to {LARGEST_LENGTH:g})"
+        )
 
 
 def check_writable(name: str) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.model import group_by_station
 
@@ -37,14 +38,9 @@ class LeftOut:
     reason: str
     observations: tuple[str, ...]
 
-    def record(self) -> dict[str, Any]:
-        """Its entry in the result file."""
-        return {
-            "what": self.what,
-            "name": self.name,
-            "reason": self.reason,
-            "observations": list(self.observations),
-        }
+    def record(self) -> LeftOutRecord:
+        """Its entry in the record of the adjustment."""
+        return LeftOutRecord(self.what, self.name, self.reason, self.observations)
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""

@@ -1,0 +1,77 @@
+"""What ends a command: every error becomes one message and an exit code."""
+
+import io
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from obseq.errors import ObseqError
+from obseq.printable import printable
+
+CANNOT_RUN = 2
+INTERRUPTED = 130
+
+
+def guarded(program: str, work: Callable[[], int]) -> int:
+    """The exit code of some work, or that of its failure, said on standard error in the name of a program."""
+    _print_any_character()
+    try:
+        with _ended_as_by_the_keyboard():
+            code = work()
+            sys.stdout.flush()
+    except ObseqError as error:
+        return _fail(program, str(error))
+    except BrokenPipeError:
+        _forget_standard_output()
+        return 0
+    except OSError as error:
+        return _fail(program, f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    except MemoryError:
+        return _fail(program, "There is not enough memory for this computation.")
+    except KeyboardInterrupt:
+        _say(f"\n{program}: interrupted; no file is half-written.")
+        return INTERRUPTED
+    except Exception:
+        _say(traceback.format_exc())
+        return _fail(
+            program, "This is a defect of obseq: please report it with the lines above and `obseq versions`."
+        )
+    return code
+
+
+@contextmanager
+def _ended_as_by_the_keyboard() -> Iterator[None]:
+    """SIGTERM does what Ctrl-C does: the work ends by KeyboardInterrupt, and cleans up."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def _fail(program: str, message: str) -> int:
+    _say(f"{program}: {message}")
+    return CANNOT_RUN
+
+
+def _say(message: str) -> None:
+    sys.stderr.write(printable(f"{message}\n"))
+
+
+def _print_any_character() -> None:
+    """Let names that the terminal cannot show be printed as escapes instead of ending the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _forget_standard_output() -> None:
+    """The reader of our output has gone (`obseq formulas | head`): leave nothing to flush at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

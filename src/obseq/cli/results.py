@@ -1,0 +1,53 @@
+"""Where the results of a command go: the options that say so, and the writing."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from obseq.record import AdjustmentRecord
+from obseq.report.formats import FORMATS, Format
+from obseq.report.summary import summary
+from obseq.writing import write_all
+
+INCOMPLETE = 1
+"""Exit code: not converged, or something was left out."""
+
+STEM = "adjustment"
+"""Name of the files in a folder of results."""
+
+Outputs = Sequence[tuple[Path, Format]]
+
+
+def add_result_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what says where results are written: a folder for all, or a file per format."""
+    results = command.add_argument_group("results")
+    names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
+    results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    for form in FORMATS:
+        results.add_argument(f"--{form.name}", type=Path, metavar="FILE", help=form.purpose)
+
+
+def outputs_of(arguments: argparse.Namespace) -> Outputs:
+    """Where each format goes: in the folder of --out, unless a file is named."""
+    inside = dict(_inside(arguments.out)) if arguments.out else {}
+    places = ((form, getattr(arguments, form.name) or inside.get(form)) for form in FORMATS)
+    return [(path, form) for form, path in places if path]
+
+
+def outputs_in(folder: Path) -> Outputs:
+    """All formats, in a folder."""
+    return [(path, form) for form, path in _inside(folder)]
+
+
+def show(record: AdjustmentRecord, outputs: Outputs) -> None:
+    """Print the summary, and what was written."""
+    print(summary(record, [str(path) for path, _ in outputs]), end="")
+
+
+def write(record: AdjustmentRecord, outputs: Outputs) -> None:
+    """Write all the results, or none."""
+    write_all({path: form.write(record) for path, form in outputs})
+
+
+def _inside(folder: Path) -> Iterator[tuple[Format, Path]]:
+    return ((form, folder / f"{STEM}{form.suffix}") for form in FORMATS)

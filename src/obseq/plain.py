@@ -1,0 +1,190 @@
+"""Dataclasses as plain values (what JSON holds) and back, with errors that say where a value is wrong.
+
+A field is called in the plain form as in the class, unless its metadata gives another `key` (`from` is no
+name in Python). A field that has a default is left out while it is None.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING
+from operator import attrgetter
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from obseq.errors import InputError
+
+Record = TypeVar("Record")
+Reader = Callable[[Any], Any]
+
+
+class _WrongValueError(Exception):
+    """A value is not what its field takes; the path to it is completed on the way up."""
+
+    def __init__(self, problem: str, path: str = "") -> None:
+        super().__init__(problem)
+        self.problem = problem
+        self.path = path
+
+
+@dataclasses.dataclass(frozen=True)
+class _Layout:
+    """The fields of a class: their keys, whether they must be there, how they are read."""
+
+    keys: tuple[str, ...]
+    names: tuple[str, ...]
+    required: tuple[bool, ...]
+    values: Callable[[Any], tuple[Any, ...]]
+    readers: tuple[Reader, ...]
+
+
+def to_plain(record: Any) -> dict[str, Any]:
+    """The fields of a dataclass by key, dataclasses inside as dictionaries and tuples as lists."""
+    kind: Any = type(record)
+    layout = _layout(kind)
+    rows = zip(layout.keys, layout.values(record), layout.required, strict=True)
+    return {key: _plain(value) for key, value, required in rows if required or value is not None}
+
+
+def from_plain(kind: type[Record], value: Any, what: str) -> Record:
+    """The dataclass whose plain form is given; keys that it does not know are left aside.
+
+    Args:
+        kind: the class.
+        value: its plain form.
+        what: how messages call it.
+
+    Raises:
+        InputError: something is missing or is not what it must be; the message says where.
+    """
+    hint: Any = kind
+    try:
+        record: Record = _reader(hint)(value)
+    except _WrongValueError as error:
+        raise InputError(f"{what}: {error.path.lstrip('.') or 'it'} {error.problem}") from None
+    return record
+
+
+def finite(value: Any) -> Any:
+    """The value with None for what JSON cannot write: infinities and not-a-numbers."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, str | float | int):
+        return value
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return to_plain(value)
+
+
+@functools.cache
+def _layout(kind: type) -> _Layout:
+    fields = dataclasses.fields(kind)
+    hints = get_type_hints(kind)
+    names = tuple(field.name for field in fields)
+    get = attrgetter(*names)
+    return _Layout(
+        tuple(field.metadata.get("key", field.name) for field in fields),
+        names,
+        tuple(field.default is MISSING and field.default_factory is MISSING for field in fields),
+        get if len(names) > 1 else lambda record: (get(record),),
+        tuple(_reader(hints[name]) for name in names),
+    )
+
+
+@functools.cache
+def _reader(hint: Any) -> Reader:
+    """What turns the plain form into a value of this type."""
+    if dataclasses.is_dataclass(hint):
+        return functools.partial(_read_record, hint)
+    if get_origin(hint) is types.UnionType:
+        return functools.partial(_read_optional, _reader(get_args(hint)[0]))
+    if get_origin(hint) is tuple:
+        return functools.partial(_read_items, _reader(get_args(hint)[0]))
+    if get_origin(hint) is dict:
+        return functools.partial(_read_entries, _reader(get_args(hint)[1]))
+    return _SCALARS[hint]
+
+
+def _read_record(kind: Any, value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise _WrongValueError("is not an object with named fields")
+    layout, found = _layout(kind), {}
+    for key, name, required, read in zip(
+        layout.keys, layout.names, layout.required, layout.readers, strict=True
+    ):
+        if key in value:
+            found[name] = _inside(f".{key}", read, value[key])
+        elif required:
+            raise _WrongValueError("is missing", f".{key}")
+    return kind(**found)
+
+
+def _read_optional(read: Reader, value: Any) -> Any:
+    return None if value is None else read(value)
+
+
+def _read_items(read: Reader, value: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise _WrongValueError("is not a list")
+    try:
+        return tuple(map(read, value))
+    except _WrongValueError:
+        return tuple(_inside(f"[{k}]", read, item) for k, item in enumerate(value))
+
+
+def _read_entries(read: Reader, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise _WrongValueError("is not an object with named fields")
+    return {key: _inside(f".{key}", read, item) for key, item in value.items()}
+
+
+def _inside(place: str, read: Reader, value: Any) -> Any:
+    try:
+        return read(value)
+    except _WrongValueError as error:
+        raise _WrongValueError(error.problem, place + error.path) from None
+
+
+def _read_number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise _WrongValueError("is not a finite number")
+    return float(value)
+
+
+def _read_whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise _WrongValueError("is not a whole number")
+    return value
+
+
+def _read_text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise _WrongValueError("is not a text")
+    return value
+
+
+def _read_truth(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise _WrongValueError("is neither true nor false")
+    return value
+
+
+_SCALARS: dict[Any, Reader] = {
+    float: _read_number,
+    int: _read_whole,
+    str: _read_text,
+    bool: _read_truth,
+}

@@ -1,0 +1,42 @@
+"""Text that can be shown anywhere: what a terminal would obey, or nobody would see, becomes an escape."""
+
+import re
+
+KEPT = frozenset("\n\t")
+
+
+def printable(text: str) -> str:
+    r"""The text with every character that cannot be printed as an escape, line ends and tabs kept.
+
+    Example:
+        >>> print(printable("A\x1b[2J"))
+        A\x1b[2J
+    """
+    if text.isascii() and text.replace("\n", "").replace("\t", "").isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in KEPT else _escaped(c) for c in text)
+
+
+def printable_line(text: str) -> str:
+    """The same on one line: line ends and tabs are escapes too."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+
+
+def json_escaped(text: str) -> str:
+    """JSON text in which what cannot be printed stands as JSON's own escape; it means the same."""
+    return text if text.isprintable() else _UNPRINTABLE.sub(_json_escape, text)
+
+
+_UNPRINTABLE = re.compile(r"[^\x20-\x7e\n]")
+
+
+def _json_escape(match: re.Match[str]) -> str:
+    c = match[0]
+    if c.isprintable():
+        return c
+    units = c.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
+
+
+def _escaped(c: str) -> str:
+    return c.encode("unicode_escape").decode()

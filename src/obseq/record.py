@@ -1,0 +1,224 @@
+"""The record of an adjustment: what is computed once, written to the result file, printed by every report.
+
+Its plain form is the result file (format "obseq-adjustment", version 1; docs/result-file.md). Metres and
+radians. A number that is not defined (a precision when sigma0 cannot be computed, for instance) is None, and
+null in the file.
+"""
+
+from __future__ import annotations
+
+import math
+import uuid
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from obseq.errors import InputError
+from obseq.plain import from_plain, to_plain
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+FORMAT = "obseq-adjustment"
+VERSION = 1
+MAIN_PACKAGES = ("obseq", "numpy", "scipy", "numba", "pyproj")
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """Which run of the program made a result: all files of one run carry the same identifier.
+
+    Attributes:
+        identifier: Twelve hexadecimal digits.
+        created: Date and time, ISO 8601, UTC.
+        versions: Of obseq and of what it computes with.
+    """
+
+    identifier: str
+    created: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class IterationRecord:
+    """One iteration: sigma0 of the residuals at its start, and its largest step (m or rad)."""
+
+    sigma0: float | None
+    max_step: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class EllipseRecord:
+    """A standard error ellipse in x and y: semi-axes (m), bearing of the major one (rad from the y axis)."""
+
+    semi_major: float
+    semi_minor: float
+    bearing: float
+
+
+@dataclass(frozen=True, slots=True)
+class PointRecord:
+    """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
+
+    Attributes:
+        covariance: xx, xy, xz, yy, yz, zz in the computation frame (m^2).
+        crs_sx: Precision (m), as crs_sy and crs_sz: along the axes of that system when it is in metres, or
+            east, north and up.
+        ellipse: In the computation frame.
+    """
+
+    name: str
+    x: float
+    y: float
+    z: float
+    sx: float | None
+    sy: float | None
+    sz: float | None
+    crs_x: float | None
+    crs_y: float | None
+    crs_z: float | None
+    crs_sx: float | None = None
+    crs_sy: float | None = None
+    crs_sz: float | None = None
+    covariance: tuple[float | None, ...] | None = None
+    ellipse: EllipseRecord | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StationRecord:
+    """One station: its point, how it is oriented, and the azimuth of the zero of its circle (rad)."""
+
+    origin: str
+    orientation: str
+    g0: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationRecord:
+    """One observation, where it was read, and how it fits."""
+
+    type: str
+    origin: str = field(metadata={"key": "from"})
+    target: str = field(metadata={"key": "to"})
+    value: float
+    sigma: float
+    residual: float | None
+    normalised_residual: float | None
+    file: str
+    line: int
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalTestRecord:
+    """The two-sided chi-square test of the variance factor against 1.
+
+    Attributes:
+        sigma0: What is tested: the root of the variance factor, in which residuals of known points count.
+        lower: Smallest sigma0 that the test accepts.
+        upper: Largest sigma0 that the test accepts.
+        level: Probability of rejecting sigmas that are right.
+        p_value: Probability of a sigma0 at least as far out if the sigmas are right.
+        passed: Whether sigma0 lies between the limits.
+    """
+
+    sigma0: float
+    lower: float
+    upper: float
+    level: float
+    p_value: float
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutRecord:
+    """A point or a station that nothing determines, and that was left out with its observations."""
+
+    what: str
+    name: str
+    reason: str
+    observations: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseRecord:
+    """How long a part of the work took."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustmentRecord:
+    """The whole adjustment.
+
+    Attributes:
+        variance_factor: Sum of all weighted squared residuals, those of known points included, over the
+            redundancy.
+        precision: "a posteriori": precisions are multiplied by the estimated sigma0; "a priori": not.
+        points_crs_unit: Unit of crs_x and crs_y: "m" (also when absent) or "degree"; crs_z is in metres.
+        global_test: None without redundancy.
+        run: Which run made it.
+    """
+
+    n_observations: int
+    n_constraints: int
+    n_unknowns: int
+    redundancy: int
+    iterations: tuple[IterationRecord, ...]
+    sigma0: float | None
+    converged: bool
+    frame: str
+    points_crs: str
+    points: tuple[PointRecord, ...]
+    stations: tuple[StationRecord, ...]
+    observations: tuple[ObservationRecord, ...]
+    variance_factor: float | None = None
+    global_test: GlobalTestRecord | None = None
+    stop_reason: str | None = None
+    precision: str | None = None
+    points_crs_unit: str | None = None
+    warnings: tuple[str, ...] = ()
+    left_out: tuple[LeftOutRecord, ...] = ()
+    phases: tuple[PhaseRecord, ...] = ()
+    run: RunRecord | None = None
+    format: str = FORMAT
+    version: int = VERSION
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the iterations converged, with everything that was given."""
+        return self.converged and not self.left_out
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plain form: what the result file holds."""
+        plain = to_plain(self)
+        return {key: plain.pop(key) for key in ("format", "version")} | plain
+
+    @classmethod
+    def from_dict(cls, plain: Any, what: str = "the record") -> AdjustmentRecord:
+        """The record whose plain form is given, by this version or a later one that added fields.
+
+        Raises:
+            InputError: It is not the result of an adjustment, or something in it is not what it must be.
+        """
+        found = plain.get("format") if isinstance(plain, dict) else None
+        if found != FORMAT:
+            raise InputError(f"{what}: it is not the result of an adjustment (its format is not {FORMAT})")
+        if plain.get("version") != VERSION:
+            raise InputError(f"{what}: it has another version than {VERSION}; make it again with this obseq")
+        return from_plain(cls, plain, what)
+
+
+def defined(values: NDArray[np.float64]) -> list[float | None]:
+    """(n,) numbers as a record holds them: None for what is not finite."""
+    numbers: list[float | None] = values.tolist()
+    return [number if number is not None and math.isfinite(number) else None for number in numbers]
+
+
+def new_run() -> RunRecord:
+    """The record of a run that begins now."""
+    versions = {name: metadata.version(name) for name in MAIN_PACKAGES}
+    return RunRecord(uuid.uuid4().hex[:12], datetime.now(UTC).isoformat(timespec="seconds"), versions)

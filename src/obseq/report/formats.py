@@ -1,0 +1,33 @@
+"""The formats that results are written in: one entry each, from which the options of the commands follow."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from obseq.record import AdjustmentRecord
+from obseq.report.listing import listing
+from obseq.report.page import page
+from obseq.report.result_file import to_json
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of results.
+
+    Attributes:
+        name: Of the option that asks for it.
+        suffix: What its files end in.
+        purpose: What it is, for the help of commands.
+        write: The text of the file.
+    """
+
+    name: str
+    suffix: str
+    purpose: str
+    write: Callable[[AdjustmentRecord], str]
+
+
+FORMATS = (
+    Format("json", ".json", "every result at full precision, for programs", to_json),
+    Format("html", ".html", "a page with a plan of the network", page),
+    Format("text", ".txt", "a complete listing", listing),
+)

@@ -1,0 +1,50 @@
+"""The result file: the record of an adjustment as JSON, written and read back."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from obseq.errors import InputError
+from obseq.plain import finite
+from obseq.printable import json_escaped
+from obseq.record import AdjustmentRecord
+
+ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+
+
+def to_json(record: AdjustmentRecord) -> str:
+    """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
+    parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in record.to_dict().items()]
+    return json_escaped("{\n" + ",\n".join(parts) + "\n}\n")
+
+
+def read_json(path: str | Path) -> AdjustmentRecord:
+    """The record in a result file.
+
+    Raises:
+        InputError: The file cannot be read, or is not the result of an adjustment.
+    """
+    try:
+        plain = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refused)
+    except OSError as error:
+        raise InputError(f"{path}: it cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: it is not a result file: {error}") from error
+    return AdjustmentRecord.from_dict(plain, str(path))
+
+
+def _refused(name: str) -> float:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _lines(value: Any) -> str:
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return "[\n  " + ",\n  ".join(_encoded(item) for item in value) + "\n]"
+    return _encoded(value)
+
+
+def _encoded(value: Any) -> str:
+    try:
+        return ENCODER.encode(value)
+    except ValueError:  # something is not finite: rare, and looking for it first would cost more than writing
+        return ENCODER.encode(finite(value))

@@ -1,0 +1,37 @@
+"""Seconds spent in each part of the work: the one clock of the library and of the command line."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Progress = Callable[[str], None]
+
+
+class Stopwatch:
+    """Seconds spent in each phase of the work.
+
+    Args:
+        progress: Receives what is being done.
+
+    Attributes:
+        seconds: By phase, in the order of their beginning.
+        progress: Receives what is being done.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.seconds: dict[str, float] = {}
+        self.progress = progress or _silent
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Adds the time of a block to a phase, and announces it."""
+        self.progress(name)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def _silent(_: str) -> None:
+    """The progress callback of those who want none."""

@@ -1,0 +1,96 @@
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from obseq.errors import InputError
+from obseq.report import read_json, to_json
+
+
+def test_numbers_are_exact_and_come_back(record, plain, tmp_path) -> None:
+    (tmp_path / "a.json").write_text(to_json(record), encoding="utf-8")
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == plain | {"warnings": []}
+    assert read_json(tmp_path / "a.json") == record
+
+
+def test_one_line_per_point_and_observation(record) -> None:
+    lines = to_json(record).splitlines()
+    assert sum('"crs_x"' in line for line in lines) == 3
+    assert sum('"normalised_residual"' in line for line in lines) == 4
+
+
+def test_what_json_cannot_write_is_null(record) -> None:
+    read = json.loads(to_json(replace(record, sigma0=math.inf, variance_factor=math.nan)))
+    assert (read["sigma0"], read["variance_factor"]) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("a\x1b[2Jb", "a\\u001b[2Jb"),
+        ("c\x9bd", "c\\u009bd"),
+        ("\u202eright", "\\u202eright"),
+        ("e\x7f", "e\\u007f"),
+    ],
+)
+def test_what_a_terminal_would_obey_is_escaped_and_comes_back(name, written, plain, make) -> None:
+    plain["points"][0]["name"] = name
+    text = to_json(make())
+    assert written in text
+    assert name not in text
+    assert json.loads(text)["points"][0]["name"] == name
+
+
+WRONG = {
+    "[]": "not the result of an adjustment",
+    "{": "not a result file",
+    '{"format": "obseq-derivative-checks"}': "not the result of an adjustment",
+    '{"format": "obseq-adjustment", "version": 2}': "another version",
+    '{"format": "obseq-adjustment", "version": 1}': "n_observations is missing",
+    "[" * 100_000: "not a result file",
+    '{"sigma0": NaN}': "NaN is no number of JSON",
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=lambda text: text[:50])
+def test_what_is_no_result_is_refused(text, tmp_path) -> None:
+    (tmp_path / "a.json").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=WRONG[text]):
+        read_json(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"redundancy": 1.5}, "redundancy is not a whole number"),
+        ({"converged": 1}, "converged is neither true nor false"),
+        ({"points": {}}, "points is not a list"),
+        ({"points": [3]}, r"points\[0\] is not an object"),
+        (
+            {"iterations": [{"sigma0": 1.0, "max_step": "x"}]},
+            r"iterations\[0\].max_step is not a finite number",
+        ),
+        ({"frame": None}, "frame is not a text"),
+        (
+            {"run": {"identifier": "a", "created": "b", "versions": {"obseq": 1}}},
+            "run.versions.obseq is not a text",
+        ),
+    ],
+)
+def test_a_wrong_value_is_named(change, message, make) -> None:
+    with pytest.raises(InputError, match=message):
+        make(**change)
+
+
+def test_fields_of_later_versions_are_left_aside(make, record) -> None:
+    assert make(added_later=[1, 2]) == record
+
+
+def test_names_keep_their_letters(plain, make) -> None:
+    plain["points"][0]["name"] = "Clocher Saint-Étienne"
+    assert "Clocher Saint-Étienne" in to_json(make())
+
+
+def test_an_empty_list_is_valid(make) -> None:
+    assert json.loads(to_json(make(stations=[])))["stations"] == []
