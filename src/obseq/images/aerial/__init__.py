@@ -1,0 +1,1 @@
+"""Aerial geometry on a map."""

@@ -1,0 +1,177 @@
+"""Map systems of aerial work: from map coordinates to longitude and latitude, to geocentric ones, and back.
+
+One datum throughout: the geocentric coordinates are those of the ellipsoid of the map itself, so that nothing
+but the projection stands between a map and the rays. Longitude comes first, whatever the authority says.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import CrsError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    import pyproj
+    from pyproj.proj import Factors
+
+    FloatArray = npt.NDArray[np.float64]
+
+METRE = 1.0
+
+
+class MapSystem:
+    """A projected coordinate system in metres, and the ellipsoid that it stands on.
+
+    Heights are ellipsoidal, metres.
+
+    Args:
+        definition: what PROJ knows, such as ``EPSG:2154`` or an integer EPSG code.
+
+    Raises:
+        CrsError: if PROJ does not know it, if it is not a projected system, or if it is not in metres.
+    """
+
+    def __init__(self, definition: str | int) -> None:
+        self.definition = f"EPSG:{definition}" if isinstance(definition, int) else definition
+        self.crs = _projected(self.definition)
+        ellipsoid = self.crs.ellipsoid
+        if ellipsoid is None:
+            raise CrsError(f"{self.definition!r}: has no ellipsoid; rays need one.")
+        self.major = float(ellipsoid.semi_major_metre)
+        self.squared_eccentricity = 1.0 - (float(ellipsoid.semi_minor_metre) / self.major) ** 2
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"definition": self.definition}
+
+    def __setstate__(self, state: dict[str, str]) -> None:
+        self.__init__(state["definition"])  # type: ignore[misc]  # PROJ's objects are made again
+
+    @cached_property
+    def _to_geodetic(self) -> pyproj.Transformer:
+        from pyproj import Transformer
+
+        return Transformer.from_crs(self.crs, self.crs.geodetic_crs, always_xy=True)
+
+    @cached_property
+    def _projection(self) -> pyproj.Proj:
+        from pyproj import Proj
+
+        return Proj(self.crs)
+
+    def _factors(self, geodetic: FloatArray) -> Factors:
+        lon, lat = _columns(geodetic)
+        return self._projection.get_factors(lon, lat, radians=True)
+
+    def geodetic(self, plan: FloatArray) -> FloatArray:
+        """Longitude and latitude (n, 2), radians, of map points (n, 2); not finite outside the domain."""
+        lon, lat = self._to_geodetic.transform(*_columns(plan))
+        return np.stack([np.deg2rad(lon), np.deg2rad(lat)], axis=-1)
+
+    def plan(self, geodetic: FloatArray) -> FloatArray:
+        """Map points (n, 2) of longitude and latitude (n, 2), radians."""
+        lon, lat = np.rad2deg(_columns(geodetic))
+        x, y = self._to_geodetic.transform(lon, lat, direction="INVERSE")
+        return np.stack([np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)], axis=-1)
+
+    def convergence(self, geodetic: FloatArray) -> FloatArray:
+        """Angle (n,), radians, from grid north to geographic north, counted positive west of the axis.
+
+        Minus PROJ's meridian convergence; Borea's sign.
+        """
+        factors = self._factors(geodetic)
+        return -np.deg2rad(np.asarray(factors.meridian_convergence, dtype=np.float64))
+
+    def alteration(self, plan: FloatArray) -> FloatArray:
+        """Linear alteration (n,) of map points (n, 2): meridional scale minus one."""
+        factors = self._factors(self.geodetic(plan))
+        return np.asarray(factors.meridional_scale, dtype=np.float64) - 1.0
+
+    def geocentric(self, points: FloatArray) -> FloatArray:
+        """Geocentric coordinates (n, 3) of map points (n, 3) with ellipsoidal heights."""
+        return self.geocentric_of_geodetic(self.geodetic(points[:, :2]), points[:, 2])
+
+    def geocentric_of_geodetic(self, geodetic: FloatArray, heights: FloatArray) -> FloatArray:
+        """Geocentric coordinates (n, 3) of longitude and latitude (n, 2), radians, and heights (n,)."""
+        lon, lat = _columns(geodetic)
+        normal = self.major / np.sqrt(1.0 - self.squared_eccentricity * np.sin(lat) ** 2)
+        radius = (normal + heights) * np.cos(lat)
+        up = (normal * (1.0 - self.squared_eccentricity) + heights) * np.sin(lat)
+        return np.stack([radius * np.cos(lon), radius * np.sin(lon), up], axis=-1)
+
+    def from_geocentric(self, points: FloatArray) -> FloatArray:
+        """Map points (n, 3) with ellipsoidal heights of geocentric points (n, 3)."""
+        geodetic, heights = self.geodetic_of_geocentric(points)
+        return np.concatenate([self.plan(geodetic), heights[:, None]], axis=1)
+
+    def geodetic_of_geocentric(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Longitude and latitude (n, 2), radians, and ellipsoidal heights (n,) of geocentric points (n, 3).
+
+        Bowring's formula on tangents, twice: exact to the rounding error from the sea floor to satellites.
+        """
+        x, y, z = points[:, 0], points[:, 1], points[:, 2]
+        axis_distance = np.hypot(x, y)
+        flattening = np.sqrt(1.0 - self.squared_eccentricity)
+        minor, second = self.major * flattening, self.squared_eccentricity / flattening**2
+        tangent = z / (axis_distance * flattening)
+        for _ in range(2):
+            cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+            sine = tangent * cosine
+            above = z + second * minor * sine**3
+            across = axis_distance - self.squared_eccentricity * self.major * cosine**3
+            tangent = flattening * above / across
+        ratio = above / across
+        cosine = 1.0 / np.sqrt(1.0 + ratio * ratio)
+        sine = ratio * cosine
+        root = np.sqrt(1.0 - self.squared_eccentricity * sine * sine)
+        heights = axis_distance * cosine + z * sine - self.major * root
+        return np.stack([np.arctan2(y, x), np.arctan(ratio)], axis=-1), heights
+
+    def axes(self, plan: FloatArray, geodetic: FloatArray | None = None) -> FloatArray:
+        """Directions of the map at points (n, 2): grid east, grid north, up, as rows of (n, 3, 3) rotations.
+
+        They turn geocentric vectors into the local frame of the map.
+        """
+        place = self.geodetic(plan) if geodetic is None else geodetic
+        east, north, up = _east_north_up(place)
+        turn = self.convergence(place)[:, None]
+        return np.stack(
+            [np.cos(turn) * east + np.sin(turn) * north, -np.sin(turn) * east + np.cos(turn) * north, up],
+            axis=1,
+        )
+
+
+def _east_north_up(geodetic: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit vectors, each (n, 3), at longitude and latitude (n, 2), radians."""
+    lon, lat = _columns(geodetic)
+    zero = np.zeros_like(lon)
+    east = np.stack([-np.sin(lon), np.cos(lon), zero], axis=-1)
+    north = np.stack([-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)], axis=-1)
+    return east, north, np.cross(east, north)
+
+
+def _columns(pairs: FloatArray) -> FloatArray:
+    """The two coordinates of points (n, 2), each contiguous."""
+    return np.ascontiguousarray(pairs[:, :2].T)
+
+
+def _projected(definition: str) -> pyproj.CRS:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError as ProjError
+
+    try:
+        crs = CRS.from_user_input(definition)
+    except ProjError as error:
+        raise CrsError(f"Unknown coordinate system {definition!r}. PROJ said: {error}") from None
+    plan = crs.sub_crs_list[0] if crs.is_compound else crs
+    if not plan.is_projected:
+        raise CrsError(f"{definition!r} ({crs.name}) is not a projected system: give one, such as EPSG:2154.")
+    unit = plan.axis_info[0]
+    if unit.unit_conversion_factor != METRE:
+        raise CrsError(
+            f"{definition!r} ({crs.name}) is in {unit.unit_name}; give a projected system in metres."
+        )
+    return plan

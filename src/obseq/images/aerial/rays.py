@@ -1,0 +1,116 @@
+"""Where rays meet: two rays in closed form, many rays by least squares; arrays of any length.
+
+Rays are centres and directions in one Euclidean frame; nothing here knows of maps.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    FloatArray = npt.NDArray[np.float64]
+    IntArray = npt.NDArray[np.int64]
+
+PARALLEL = 1e-12
+"""Squared sine of the angle under which two rays count as parallel: doubles do not determine their foot."""
+
+
+class RayPairs(NamedTuple):
+    """The common perpendiculars of pairs of rays.
+
+    Attributes:
+        middle: (n, 3) middle of the feet; nan for parallel rays.
+        gap: (n, 3) from the foot on the first ray to that on the second.
+        reach: (n, 2) how far along each ray its foot is, in lengths of the direction: negative is behind.
+        sine: (n,) sine of the angle between the rays.
+    """
+
+    middle: FloatArray
+    gap: FloatArray
+    reach: FloatArray
+    sine: FloatArray
+
+
+def meet(first: FloatArray, towards: FloatArray, second: FloatArray, along: FloatArray) -> RayPairs:
+    """The common perpendiculars of rays from `first` (n, 3) `towards`, and from `second` (n, 3) `along`.
+
+    Minimises ``|P1 + t1 v1 - P2 - t2 v2|``. The printed formula of the seed text has five faults
+    (`docs/aerial.md`); this is the computation itself.
+    """
+    base = second - first
+    n1, n2, c = _dot(towards, towards), _dot(along, along), _dot(towards, along)
+    b1, b2 = _dot(base, towards), _dot(base, along)
+    squared = (n1 * n2 - c * c) / (n1 * n2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        below = np.where(squared > PARALLEL, n1 * n2 - c * c, np.nan)
+        t1, t2 = (b1 * n2 - b2 * c) / below, (b1 * c - b2 * n1) / below
+    on_first = first + t1[:, None] * towards
+    gap = second + t2[:, None] * along - on_first
+    sine = np.sqrt(np.clip(squared, 0.0, None))
+    return RayPairs(on_first + 0.5 * gap, gap, np.stack([t1, t2], axis=1), sine)
+
+
+def middle_jacobian(towards: FloatArray, along: FloatArray, pairs: RayPairs) -> FloatArray:
+    """Derivative (n, 3, 6) of the middle by both directions (v1, then v2).
+
+    From the conditions that the gap is perpendicular to both rays.
+    """
+    t1, t2 = pairs.reach[:, 0, None, None], pairs.reach[:, 1, None, None]
+    n1, n2, c = _dot(towards, towards), _dot(along, along), _dot(towards, along)
+    v1, v2, gap = towards[:, None, :], along[:, None, :], pairs.gap[:, None, :]
+    # n1 dt1 - c dt2 = (gap - t1 v1) dv1 + t2 v1 dv2 ;  c dt1 - n2 dt2 = -t1 v2 dv1 + (gap + t2 v2) dv2
+    first = np.concatenate([gap - t1 * v1, t2 * v1], axis=2)
+    second = np.concatenate([-t1 * v2, gap + t2 * v2], axis=2)
+    below = (c * c - n1 * n2)[:, None, None]
+    dt1 = (c[:, None, None] * second - n2[:, None, None] * first) / below
+    dt2 = (n1[:, None, None] * second - c[:, None, None] * first) / below
+    moved = towards[:, :, None] * dt1 + along[:, :, None] * dt2
+    eye = np.eye(3)
+    moved[:, :, :3] += t1 * eye
+    moved[:, :, 3:] += t2 * eye
+    return np.asarray(0.5 * moved)
+
+
+def nearest_points(centres: FloatArray, directions: FloatArray, point: IntArray, count: int) -> FloatArray:
+    """Points (count, 3) with the least squared distances to their rays; nan where rays do not fix one.
+
+    Args:
+        centres: (m, 3).
+        directions: (m, 3), of any length.
+        point: (m,) which point each ray sees.
+        count: number of points.
+    """
+    unit = directions / np.sqrt(_dot(directions, directions))[:, None]
+    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
+    anchor = np.zeros((count, 3))
+    rays = np.maximum(np.bincount(point, minlength=count), 1)
+    np.add.at(anchor, point, centres)
+    anchor /= rays[:, None]
+    right = np.einsum("nij,nj->ni", across, centres - anchor[point])
+    return anchor + solved_by_point(summed(across, point, count), summed(right, point, count))
+
+
+def summed(parts: FloatArray, point: IntArray, count: int) -> FloatArray:
+    """Sums (count, ...) of the parts (m, ...) of each point."""
+    flat = parts.reshape(len(parts), -1)
+    columns = [np.bincount(point, weights=column, minlength=count) for column in flat.T]
+    return np.stack(columns, axis=1).astype(np.float64).reshape(count, *parts.shape[1:])
+
+
+def solved_by_point(matrices: FloatArray, right: FloatArray) -> FloatArray:
+    """Solutions (n, 3) of small systems; nan where a matrix is singular to the rounding error."""
+    scale = np.trace(matrices, axis1=1, axis2=2)
+    least = np.linalg.eigvalsh(matrices)[:, 0] if len(matrices) else np.zeros(0)
+    good = least > PARALLEL * scale
+    found = np.full_like(right, np.nan)
+    if good.any():
+        found[good] = np.linalg.solve(matrices[good], right[good][:, :, None])[:, :, 0]
+    return found
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ni,ni->n", a, b))

@@ -1,0 +1,124 @@
+"""Aerial shots: where each image was taken from, on the map, and how it looked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.aerial.angles import angles_from_matrices, matrices_from_angles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import numpy.typing as npt
+
+    from obseq.images.aerial.heights import HeightType
+
+    FloatArray = npt.NDArray[np.float64]
+    IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FrameCamera:
+    """A frame camera without distortion; everything in pixels, columns to the right, lines downwards.
+
+    Attributes:
+        name: how shots call it.
+        principal_point: (column, line).
+        focal: principal distance.
+        size: (width, height) of the images, or None.
+    """
+
+    name: str
+    principal_point: tuple[float, float]
+    focal: float
+    size: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        numbers = (*self.principal_point, self.focal)
+        if not np.isfinite(numbers).all() or self.focal <= 0.0:
+            raise InputError(
+                f"camera {self.name}: focal and principal point must be finite, the focal positive: {numbers}"
+            )
+
+
+@dataclass(frozen=True)
+class Shots:
+    """Shots of a flight, in columns.
+
+    Attributes:
+        names: name of each.
+        positions: (n, 3) map coordinates and z of the projection centres, metres.
+        matrices: (n, 3, 3) rotations from the map at the shot to image axes (column, line, forward).
+        cameras: name of the camera of each.
+        height_type: what z is counted from, or None.
+        has_alteration: whether z carries the linear alteration of the map.
+        nadir: (n,) z of the ground in front of the shot, in the type of the shots; nan where unknown.
+    """
+
+    names: tuple[str, ...]
+    positions: FloatArray
+    matrices: FloatArray
+    cameras: tuple[str, ...]
+    height_type: HeightType | None = None
+    has_alteration: bool = False
+    nadir: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) != len(self.names):
+            seen: set[str] = set()
+            twice = next(name for name in self.names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
+            raise InputError(f"shot {twice}: given twice; names of shots must be unique.")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def from_angles(
+        cls,
+        names: Sequence[str],
+        positions: npt.ArrayLike,
+        angles: npt.ArrayLike,
+        cameras: Sequence[str],
+        *,
+        order: str = "opk",
+        height_type: HeightType | None = None,
+        has_alteration: bool = False,
+        nadir: FloatArray | None = None,
+    ) -> Shots:
+        """Shots from stored angles (n, 3), radians, in an order of axes (`obseq.images.aerial.angles`)."""
+        matrices = matrices_from_angles(np.asarray(angles, dtype=np.float64).reshape(-1, 3), order)
+        places = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+        return cls(tuple(names), places, matrices, tuple(cameras), height_type, has_alteration, nadir)
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: index for index, name in enumerate(self.names)}
+
+    def index(self, names: Iterable[str]) -> IntArray:
+        """Rows of shots.
+
+        Raises:
+            InputError: for a name that is not there.
+        """
+        try:
+            return np.array([self._index[name] for name in names], dtype=np.int64)
+        except KeyError as error:
+            raise InputError(
+                f"shot {error.args[0]}: unknown; it is not among the {len(self)} shots."
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._index
+
+    def angles(self, order: str = "opk") -> FloatArray:
+        """Stored angles (n, 3), radians, in an order of axes."""
+        return angles_from_matrices(self.matrices, order)
+
+    def with_nadir(self, nadir: FloatArray) -> Shots:
+        """The same shots with the z of the ground in front of them (n,)."""
+        return replace(self, nadir=nadir)
