@@ -16,7 +16,6 @@ from obseq.errors import CrsError
 if TYPE_CHECKING:
     import numpy.typing as npt
     import pyproj
-    from pyproj.proj import Factors
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -62,10 +61,6 @@ class MapSystem:
 
         return Proj(self.crs)
 
-    def _factors(self, geodetic: FloatArray) -> Factors:
-        lon, lat = _columns(geodetic)
-        return self._projection.get_factors(lon, lat, radians=True)
-
     def geodetic(self, plan: FloatArray) -> FloatArray:
         """Longitude and latitude (n, 2), radians, of map points (n, 2); not finite outside the domain."""
         lon, lat = self._to_geodetic.transform(*_columns(plan))
@@ -82,12 +77,14 @@ class MapSystem:
 
         Minus PROJ's meridian convergence; Borea's sign.
         """
-        factors = self._factors(geodetic)
+        lon, lat = _columns(geodetic)
+        factors = self._projection.get_factors(lon, lat, radians=True)
         return -np.deg2rad(np.asarray(factors.meridian_convergence, dtype=np.float64))
 
     def alteration(self, plan: FloatArray) -> FloatArray:
         """Linear alteration (n,) of map points (n, 2): meridional scale minus one."""
-        factors = self._factors(self.geodetic(plan))
+        lon, lat = _columns(self.geodetic(plan))
+        factors = self._projection.get_factors(lon, lat, radians=True)
         return np.asarray(factors.meridional_scale, dtype=np.float64) - 1.0
 
     def geocentric(self, points: FloatArray) -> FloatArray:

@@ -1,0 +1,1 @@
+"""Epipolar residuals: whether two orientations agree, from points that both images see."""
