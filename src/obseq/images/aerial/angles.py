@@ -15,9 +15,8 @@ import numpy as np
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
+    from obseq.arrays import FloatArray
 
-    FloatArray = npt.NDArray[np.float64]
 
 UNITS = {"degree": np.pi / 180.0, "gon": np.pi / 200.0, "radian": 1.0}
 """Radians in each unit of angle."""

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    FloatArray = npt.NDArray[np.float64]
+    from obseq.arrays import FloatArray
+
 
 SHOTS, IMAGE_POINTS, GROUND_POINTS = "NXYZOPKC", "PNXY", "PTXYZ"
 """The usual headers."""

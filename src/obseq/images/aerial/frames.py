@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
+    from obseq.arrays import FloatArray
     from obseq.images.aerial.mapping import MapSystem
 
-    FloatArray = npt.NDArray[np.float64]
 
 EARTH_RADIUS = 6_366_000.0
 """Radius of the sphere of the approximate frame, metres (IGN's)."""

@@ -14,12 +14,10 @@ from obseq.errors import CrsError, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy.typing as npt
     import pyproj
 
+    from obseq.arrays import FloatArray
     from obseq.images.aerial.mapping import MapSystem
-
-    FloatArray = npt.NDArray[np.float64]
 
 
 class HeightType(Enum):

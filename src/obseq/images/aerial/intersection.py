@@ -13,11 +13,10 @@ from obseq.images.aerial.rays import meet, middle_jacobian, nearest_points, solv
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.aerial.heights import HeightType
     from obseq.images.aerial.worksite import Worksite
 
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
 
 CHUNK = 16_384
 """Pairs computed together: what one needs stays in the cache of the processor."""

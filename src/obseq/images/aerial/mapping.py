@@ -14,10 +14,10 @@ import numpy as np
 from obseq.errors import CrsError
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     import pyproj
 
-    FloatArray = npt.NDArray[np.float64]
+    from obseq.arrays import FloatArray
+
 
 METRE = 1.0
 

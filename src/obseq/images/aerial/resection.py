@@ -12,15 +12,13 @@ from obseq.images.aerial.angles import angles_from_matrices
 from obseq.images.aerial.frames import LocalFrames
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
+    from obseq.arrays import FloatArray
     from obseq.images.aerial.mapping import MapSystem
     from obseq.images.aerial.shots import FrameCamera
 
-    FloatArray = npt.NDArray[np.float64]
 
 LEAST_POINTS = 4
-"""Three points leave up to four solutions."""
+"""Three points leave up to four solutions: they serve only with an approximate pose to choose among them."""
 STEPS = 100
 """Steps at most."""
 ARRIVED = 1e-12
@@ -83,16 +81,16 @@ def resect(
     Args:
         system: the map.
         camera: of the image.
-        pixels: (n, 2) column and line of at least four points.
+        pixels: (n, 2) column and line of at least four points; three with a whole pose as start.
         points: (n, 3) map coordinates with ellipsoidal heights.
         start: approximate position (3,) and rotation (3, 3) from the map.
         position: approximate position (3,) alone; the image then looks down, turned as the points say.
 
     Raises:
-        InputError: fewer than four points, or values that are not finite.
+        InputError: too few points, or values that are not finite.
         SingularSystemError: the points cannot give a pose: on a line, or all in one place.
     """
-    _check(pixels, points)
+    _check(pixels, points, LEAST_POINTS if start is None else LEAST_POINTS - 1)
     frame = LocalFrames(system, points[:, :2].mean(axis=0)[None])
     ground = frame.to_euclidean(points)
     rays = np.column_stack([pixels - camera.principal_point, np.full(len(pixels), camera.focal)])
@@ -119,10 +117,10 @@ def seed_points(camera: FrameCamera) -> tuple[FloatArray, FloatArray]:
     return percent[:, :2] / 100.0 * camera.size, percent[:, 2]
 
 
-def _check(pixels: FloatArray, points: FloatArray) -> None:
-    if len(pixels) != len(points) or len(points) < LEAST_POINTS:
+def _check(pixels: FloatArray, points: FloatArray, least: int) -> None:
+    if len(pixels) != len(points) or len(points) < least:
         raise InputError(
-            f"resection: needs at least {LEAST_POINTS} points known in the image and on the ground; "
+            f"resection: needs at least {least} points known in the image and on the ground; "
             f"it has {len(pixels)} and {len(points)}."
         )
     if not (np.isfinite(pixels).all() and np.isfinite(points).all()):

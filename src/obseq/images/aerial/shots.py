@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.aerial.heights import HeightType
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from obseq.arrays import FloatArray
     from obseq.images.aerial.heights import HeightType
 
-    FloatArray = npt.NDArray[np.float64]
 
 _HEADER = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value")
 

@@ -23,16 +23,13 @@ from obseq.images.aerial.heights import HeightType, convert_heights, remove_alte
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    import numpy.typing as npt
-
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.aerial.frames import Frames
     from obseq.images.aerial.heights import Geoid
     from obseq.images.aerial.mapping import MapSystem
     from obseq.images.aerial.shots import FrameCamera, Shots
     from obseq.images.aerial.surfaces import Surface
 
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
 
 _log = logging.getLogger(__name__)
 GROUND_STEPS = 50
@@ -85,13 +82,13 @@ class Worksite:
 
     def centres_and_matrices(self, wanted: HeightType | None) -> tuple[FloatArray, FloatArray]:
         """Geocentric centres (n, 3), and rotations (n, 3, 3) from geocentric axes to the images."""
-        system = self._map()
+        system = self.map
         matrices = self.shots.matrices @ system.axes(self.shots.positions[:, :2])
         return system.geocentric(self.positions(wanted)), matrices
 
     def frames(self, centres: FloatArray) -> Frames:
         """Euclidean frames centred on map points (n, 2)."""
-        return ApproximateFrames(centres) if self.is_approximate else LocalFrames(self._map(), centres)
+        return ApproximateFrames(centres) if self.is_approximate else LocalFrames(self.map, centres)
 
     def directions(self, shots: IntArray, pixels: FloatArray) -> FloatArray:
         """Directions (n, 3) of rays in image axes: focal units, forward positive."""
@@ -121,7 +118,7 @@ class Worksite:
             sight = turned(self.shots.matrices[shots], frames.to_euclidean(points) - centres)
         else:
             centres, matrices = self.centres_and_matrices(wanted)
-            sight = turned(matrices[shots], self._map().geocentric(points) - centres[shots])
+            sight = turned(matrices[shots], self.map.geocentric(points) - centres[shots])
         return project(sight, self._intrinsics[shots])
 
     def image_to_world(
@@ -165,7 +162,7 @@ class Worksite:
             )
         if nadir is None or not known.any():
             return z
-        alteration = self._map().alteration(self.shots.positions[:, :2])
+        alteration = self.map.alteration(self.shots.positions[:, :2])
         return np.where(known, remove_alteration(z, alteration, nadir), z)
 
     def _converted(
@@ -173,9 +170,15 @@ class Worksite:
     ) -> FloatArray:
         if given is None or wanted is None or given is wanted:
             return points[:, 2]
-        return convert_heights(points[:, 2], points[:, :2], given, wanted, self._map(), self.geoid)
+        return convert_heights(points[:, 2], points[:, :2], given, wanted, self.map, self.geoid)
 
-    def _map(self) -> MapSystem:
+    @property
+    def map(self) -> MapSystem:
+        """The map.
+
+        Raises:
+            InputError: if there is none.
+        """
         if self.system is None:
             raise InputError("this needs the map of the worksite: give its projected CRS, such as EPSG:2154.")
         return self.system

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
+    from obseq.arrays import FloatArray
 
-    FloatArray = npt.NDArray[np.float64]
 
 INTERVALS = 20
 """Percentiles are given at every twentieth, both ends included: 21 values, the last is the worst point."""
@@ -58,7 +57,7 @@ class Polynomial:
         x = np.polynomial.Polynomial([-self.centre[0] / self.scale, 1.0 / self.scale])
         y = np.polynomial.Polynomial([-self.centre[1] / self.scale, 1.0 / self.scale])
         for (i, j), value in zip(index, self.scaled, strict=True):
-            product = np.outer((x**i).coef[: i + 1], (y**j).coef[: j + 1]) * value
+            product = np.multiply.outer((x**i).coef[: i + 1], (y**j).coef[: j + 1]) * value
             for (a, b), part in np.ndenumerate(product):
                 found[index[a, b]] += part
         return found
@@ -107,7 +106,7 @@ def fit(pixels: FloatArray, values: FloatArray, weights: FloatArray, degree: int
     root = np.sqrt(weights)
     rows = _monomials(pixels, degree, centre, scale) * root[:, None]
     scaled, *_ = np.linalg.lstsq(rows, values * root, rcond=None)
-    return Polynomial(degree, scaled, centre, scale)
+    return Polynomial(degree, np.asarray(scaled, dtype=np.float64), centre, scale)
 
 
 def fit_field(pixels: FloatArray, values: FloatArray, highest: int = HIGHEST_DEGREE) -> list[Fit]:

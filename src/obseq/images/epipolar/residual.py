@@ -1,14 +1,14 @@
 """The epipolar residual of two oriented images: MicMac's ``EpipolarEcart``, for arrays of points.
 
 For a point seen at p1 in image 1 and p2 in image 2, let I be the middle of the common perpendicular of both
-rays, J a point a little farther along ray 2, and d the unit direction from the projection of I to that of J in
-image 1: the way the scene moves there when going away from camera 2. The residual is the component of
-``p1 - projection(I)`` across d, counted positive on the side of d turned by +90 degrees (from +x to +y; the y of
-images goes down, so clockwise on the screen), in pixels of image 1.
+rays, J a point a little farther along ray 2, and d the unit direction from the projection of I to that of J
+in image 1: the way the scene moves there when going away from camera 2. The residual is the component of
+``p1 - projection(I)`` across d, counted positive on the side of d turned by +90 degrees (from +x to +y; the
+y of images goes down, so clockwise on the screen), in pixels of image 1.
 
-It is half the distance from p1 to the epipolar line of p2, since I is in the middle; not a parallax. Exchanging
-the images gives another number of about the same size. Rays count from the sensor to the scene for every sensor
-(the original turns the sign for satellites).
+It is half the distance from p1 to the epipolar line of p2, since I is in the middle; not a parallax.
+Exchanging the images gives another number of about the same size. Rays count from the sensor to the scene
+for every sensor (the original turns the sign for satellites).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from obseq.images.aerial.rays import meet
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from obseq.arrays import FloatArray
     from obseq.images.epipolar.sensors import Sensor
 
-    FloatArray = npt.NDArray[np.float64]
 
 NEXT_LINE = np.array([0.0, 1.0])
 
@@ -72,14 +72,14 @@ def epipolar_residuals(
 def _ground_pixel(
     points: FloatArray, start: FloatArray, towards: FloatArray, below: FloatArray, beside: FloatArray
 ) -> FloatArray:
-    """Step (n,) of the finite difference: about one pixel on the ground, more where the rays miss each other."""
+    """Step (n,) of the finite difference: about a pixel on the ground, more where rays miss each other."""
     return np.maximum(_distance(points, below, beside), _distance(points, start, towards))
 
 
 def _distance(points: FloatArray, start: FloatArray, unit: FloatArray) -> FloatArray:
     """Distances (n,) from points to lines."""
     away = points - start
-    return np.sqrt((np.cross(away, unit) ** 2).sum(axis=1))
+    return np.asarray(np.sqrt((np.cross(away, unit) ** 2).sum(axis=1)))
 
 
 def _pixels(values: npt.ArrayLike, which: str) -> FloatArray:

@@ -10,9 +10,8 @@ import numpy as np
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
+    from obseq.arrays import FloatArray
 
-    FloatArray = npt.NDArray[np.float64]
 
 ORTHONORMAL = 1e-6
 """How far a rotation of a file may be from orthonormal."""
@@ -22,7 +21,7 @@ class Sensor(Protocol):
     """An oriented image."""
 
     def rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A point (n, 3) of each line of sight, and its unit direction (n, 3) from the sensor to the scene."""
+        """A point (n, 3) of each line of sight; its unit direction (n, 3) from the sensor to the scene."""
 
     def project(self, points: FloatArray) -> FloatArray:
         """Pixels (n, 2) of points (n, 3); nan where the sensor does not see."""
