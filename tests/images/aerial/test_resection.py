@@ -128,7 +128,7 @@ def on_a_circle(count, heights):
     """Ground points on an upright cylinder that passes through the centre."""
     turn, radius = np.linspace(0.3, 4.4, count), 300.0
     return np.column_stack(
-        [PLACE[0] - radius + radius * np.cos(turn), PLACE[1] + radius * np.sin(turn), heights]
+        [PLACE[0] - radius + radius * np.cos(turn), PLACE[1] + radius * np.sin(turn), np.full(count, heights)]
     )
 
 
