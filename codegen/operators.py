@@ -7,14 +7,37 @@ An operator with a hand-written derivative is one entry here, one kernel functio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from obseq.formulas import functions
 
-if TYPE_CHECKING:
-    from obseq.codegen.graph import Graph
 
-Partials = Callable[["Graph", int, tuple[int, ...]], tuple[int, ...]]
+class Arithmetic(Protocol):
+    """What a derivative is built with: nodes of a graph of expressions, by their numbers."""
+
+    def constant(self, value: float) -> int:
+        """A number."""
+
+    def add(self, a: int, b: int) -> int:
+        """The sum a + b."""
+
+    def sub(self, a: int, b: int) -> int:
+        """The difference a - b."""
+
+    def mul(self, a: int, b: int) -> int:
+        """The product a b."""
+
+    def neg(self, a: int) -> int:
+        """The negative of a."""
+
+    def rcp(self, a: int) -> int:
+        """The reciprocal of a."""
+
+    def apply(self, operator: str, *operands: int) -> int:
+        """An operator on its operands."""
+
+
+Partials = Callable[[Arithmetic, int, tuple[int, ...]], tuple[int, ...]]
 """(graph, node, operands) -> derivative of the node with respect to each operand."""
 
 
@@ -43,59 +66,59 @@ def _call(
     return Operator(f"{name}({', '.join(['{}'] * arity)})", value, partials, expensive=True, function=name)
 
 
-def _sqrt_partials(g: "Graph", node: int, _: tuple[int, ...]) -> tuple[int, ...]:
+def _sqrt_partials(g: Arithmetic, node: int, _: tuple[int, ...]) -> tuple[int, ...]:
     return (g.mul(g.constant(0.5), g.rcp(node)),)
 
 
-def _rcp_partials(g: "Graph", node: int, _: tuple[int, ...]) -> tuple[int, ...]:
+def _rcp_partials(g: Arithmetic, node: int, _: tuple[int, ...]) -> tuple[int, ...]:
     return (g.neg(g.mul(node, node)),)
 
 
-def _atan2_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _atan2_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     y, x = operands
     inverse = g.rcp(g.add(g.mul(x, x), g.mul(y, y)))
     return g.mul(x, inverse), g.neg(g.mul(y, inverse))
 
 
-def _asin_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _asin_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     (x,) = operands
     one = g.constant(1.0)
     return (g.rcp(g.apply("sqrt", g.mul(g.sub(one, x), g.add(one, x)))),)
 
 
-def _acos_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _acos_partials(g: Arithmetic, node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     return (g.neg(*_asin_partials(g, node, operands)),)
 
 
-def _tan_partials(g: "Graph", node: int, _: tuple[int, ...]) -> tuple[int, ...]:
+def _tan_partials(g: Arithmetic, node: int, _: tuple[int, ...]) -> tuple[int, ...]:
     return (g.add(g.constant(1.0), g.mul(node, node)),)
 
 
-def _atan_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _atan_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     (x,) = operands
     return (g.rcp(g.add(g.constant(1.0), g.mul(x, x))),)
 
 
-def _sinc_sqrt_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _sinc_sqrt_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     return (g.apply("sinc_sqrt_slope", *operands),)
 
 
-def _cos_sqrt_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _cos_sqrt_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     return (g.mul(g.constant(-0.5), g.apply("sinc_sqrt", *operands)),)
 
 
-def _angle_ratio_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _angle_ratio_partials(g: Arithmetic, node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     s, z = operands
     return g.apply("angle_ratio_slope", node, s, z), g.neg(g.rcp(g.add(s, g.mul(z, z))))
 
 
-def _axial_sum_partials(g: "Graph", node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _axial_sum_partials(g: Arithmetic, node: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     s, z = operands
     inverse = g.rcp(g.apply("sqrt", g.add(s, g.mul(z, z))))
     return g.mul(g.constant(0.5), inverse), g.mul(node, inverse)
 
 
-def _normalised_ratio_partials(g: "Graph", _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
+def _normalised_ratio_partials(g: Arithmetic, _: int, operands: tuple[int, ...]) -> tuple[int, ...]:
     a, b = operands
     return g.apply("normalised_ratio_slope", a, b), g.neg(g.apply("normalised_ratio_slope", b, a))
 

@@ -1,62 +1,34 @@
 """The shape of the project: what imports what, what `import obseq` loads, and what is in the repository."""
 
-import ast
+import importlib.util
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = {
-    "formulas": ROOT / "formulas",
-    "codegen": ROOT / "codegen",
-    "generated": ROOT / "generated",
-} | {
-    path.name: path for path in (ROOT / "src" / "obseq").iterdir() if path.is_dir() and not path.is_symlink()
-}
 
-ARROWS = {
-    "arrays": set(),
-    "errors": set(),
-    "geometry": set(),
-    "crs": set(),
-    "report": set(),
-    "formulas": set(),
-    "codegen": {
-        "formulas",
-        "kernels",
-    },  # kernels: the layout and the functions that generated text is made for
-    "generated": {"kernels"},  # the same
-    "kernels": {"generated"},
-    "leastsquares": {"kernels", "geometry"},
-    "survey": {"leastsquares", "kernels", "geometry", "crs"},
-    "images": {"leastsquares", "kernels", "geometry", "crs", "survey"},
-    "cli": {"report", "survey", "images", "leastsquares", "kernels", "crs", "codegen"},  # codegen: gencode
-}
-FILES = {"arrays", "errors", "plain", "printable", "record", "stopwatch", "writing"}
-"""Modules beside the rooms, for everybody; they use each other and nothing else."""
 
+def table() -> ModuleType:
+    """The maintenance script that holds the table of what may import what."""
+    spec = importlib.util.spec_from_file_location("architecture", ROOT / "tools" / "architecture.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+ARCHITECTURE = table()
+ARROWS, INSIDE, FILES = ARCHITECTURE.ARROWS, ARCHITECTURE.INSIDE, ARCHITECTURE.FILES
+modules_of, imports_of = ARCHITECTURE.modules_of, ARCHITECTURE.imports_of
 FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
 LOADERS = ("obseq.kernels.loading", "obseq.kernels.ondemand")  # codegen.ondemand alone: kernels under trial
 FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "src", "tests", "tools"}
 LARGEST_FILE = 1_500_000
-
-
-def modules_of(room: str) -> list[Path]:
-    return sorted(ROOMS[room].rglob("*.py"))
-
-
-def imports_of(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and full name of everything a module imports, wherever in the module."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno}: import by the installed name"
-            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
 def tracked_files() -> list[Path]:
@@ -69,12 +41,19 @@ def tracked_files() -> list[Path]:
 
 
 def test_every_room_has_its_arrows() -> None:
-    assert ROOMS.keys() - {"__pycache__"} == ARROWS.keys() - FILES
+    found = {path.name for path in ARCHITECTURE.PACKAGE.iterdir() if path.is_dir() and not path.is_symlink()}
+    assert (found - {"__pycache__"}) | set(ARCHITECTURE.BESIDE) == ARROWS.keys()
 
 
-@pytest.mark.parametrize("room", sorted(ARROWS.keys() - FILES))
+@pytest.mark.parametrize("room", sorted(INSIDE))
+def test_every_room_within_a_room_has_its_arrows(room: str) -> None:
+    found = {path.stem for path in ARCHITECTURE.folder_of(room).iterdir() if path.suffix in ("", ".py")}
+    assert found - {"__pycache__", "__init__", "data"} == INSIDE[room].keys()
+
+
+@pytest.mark.parametrize("room", sorted(ARROWS))
 def test_dependencies_point_one_way(room: str) -> None:
-    allowed = ARROWS[room] | FILES | {room}
+    allowed = {*ARROWS[room], *FILES, room}
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {room} may not import {name}"
         for path in modules_of(room)
@@ -87,10 +66,47 @@ def test_dependencies_point_one_way(room: str) -> None:
 
 
 def test_files_for_everybody_stand_on_nothing() -> None:
-    for name in sorted(FILES):
-        path = ROOT / "src" / "obseq" / f"{name}.py"
+    for name in FILES:
+        path = ARCHITECTURE.PACKAGE / f"{name}.py"
         found = [target for _, target in imports_of(path) if target.startswith("obseq.")]
         assert [target for target in found if target.split(".")[1] not in FILES] == []
+
+
+@pytest.mark.parametrize("room", sorted(INSIDE))
+def test_dependencies_inside_a_room_point_one_way(room: str) -> None:
+    wrong = []
+    for path in modules_of(room):
+        within = path.relative_to(ARCHITECTURE.folder_of(room)).parts[0].removesuffix(".py")
+        allowed = {within, *INSIDE[room].get(within, INSIDE[room])}
+        wrong += [
+            f"{path.relative_to(ROOT)}:{line}: {within} may not import {name}"
+            for line, name in imports_of(path)
+            if name.startswith(f"obseq.{room}.") and name.split(".")[2] not in allowed
+        ]
+    assert wrong == []
+
+
+def test_no_circle_of_files() -> None:
+    """Imports for types and imports inside functions included; the sorter raises where it finds a circle."""
+    files = {name_of(path, room): path for room in ARROWS for path in modules_of(room)}
+    files |= {f"obseq.{name}": ARCHITECTURE.PACKAGE / f"{name}.py" for name in FILES}
+    graph = {
+        name: {full if full in files else full.rpartition(".")[0] for _, full in imports_of(path)}
+        for name, path in files.items()
+    }
+    assert set(TopologicalSorter(graph).static_order()) > files.keys()
+
+
+def name_of(path: Path, room: str) -> str:
+    """Name by which a file is imported."""
+    parts = path.relative_to(ARCHITECTURE.folder_of(room)).with_suffix("").parts
+    return ".".join(("obseq", room, *parts)).removesuffix(".__init__")
+
+
+def test_the_page_draws_the_table() -> None:
+    assert ARCHITECTURE.PAGE.read_text(encoding="utf-8") == ARCHITECTURE.page(), (
+        "write docs/architecture.md anew: python tools/architecture.py"
+    )
 
 
 @pytest.mark.parametrize("room", ["codegen", "generated"])
@@ -101,7 +117,7 @@ def test_what_generation_takes_from_the_kernels_is_their_layout_and_functions(ro
         for line, name in imports_of(path)
         if name.startswith("obseq.kernels.")
         and not any(name.startswith(allowed) for allowed in FROM_KERNELS)
-        and not (name.startswith(LOADERS) and path == ROOMS["codegen"] / "ondemand.py")
+        and not (name.startswith(LOADERS) and path == ROOT / "codegen" / "ondemand.py")
     ]
     assert wrong == []
 

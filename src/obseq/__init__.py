@@ -6,7 +6,20 @@ Names are loaded when they are first used: `import obseq` itself imports next to
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from obseq.errors import CrsError, FormulaError, InputError, ObseqError, SingularSystemError
+from obseq.errors import (
+    ContradictoryConstraintsError,
+    CrsError,
+    DegenerateGeometryError,
+    DivergenceError,
+    FormulaError,
+    InputError,
+    ObseqError,
+    SingularMatrixError,
+    SingularSystemError,
+    SolverStateError,
+    SolverUnavailableError,
+    StepError,
+)
 
 if TYPE_CHECKING:
     from obseq import crs, images, survey
@@ -16,12 +29,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Calculator",
+    "ContradictoryConstraintsError",
     "CrsError",
+    "DegenerateGeometryError",
+    "DivergenceError",
     "FormulaError",
     "InputError",
     "LeastSquares",
     "ObseqError",
+    "SingularMatrixError",
     "SingularSystemError",
+    "SolverStateError",
+    "SolverUnavailableError",
+    "StepError",
     "calculator",
     "crs",
     "formula_names",

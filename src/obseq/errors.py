@@ -1,7 +1,14 @@
 """The errors that obseq raises: one base class and a handful of causes."""
 
+from __future__ import annotations
+
 import difflib
-from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from obseq.arrays import FloatArray, IntArray
 
 LONGEST_NAME = 200
 """Characters of the longest name that is looked for; longer ones are refused unread."""
@@ -29,6 +36,61 @@ class SingularSystemError(ObseqError):
 
 class CrsError(InputError):
     """A coordinate system is unknown or incomplete, or cannot do what is asked of it."""
+
+
+class DegenerateGeometryError(InputError):
+    """Points or a matrix do not determine the rotation that is asked for."""
+
+
+class DivergenceError(ObseqError):
+    """An equation, or a step, is no longer finite; the message names the first such observation."""
+
+
+class StepError(ObseqError):
+    """An iterative or linear-programming step did not reach its solution."""
+
+
+class ContradictoryConstraintsError(InputError):
+    """Some constraints cannot hold together; the message names one and those it contradicts."""
+
+
+class SingularMatrixError(ObseqError):
+    """Some pivots vanish: the matrix does not determine these unknowns.
+
+    Attributes:
+        indices: (k,) the unknowns whose pivots vanish, ascending.
+        pivots: (k,) these pivots, each divided by the diagonal entry of its unknown.
+    """
+
+    def __init__(self, indices: IntArray, pivots: FloatArray) -> None:
+        shown = ", ".join(str(index) for index in indices[:10]) + (", ..." if len(indices) > 10 else "")
+        super().__init__(
+            f"the matrix is singular: {len(indices)} vanishing pivot(s), at unknown(s) {shown}; "
+            "fix as many unknowns, or add the observations that determine them"
+        )
+        self.indices = indices
+        self.pivots = pivots
+
+    def __reduce__(self) -> tuple[type[SingularMatrixError], tuple[IntArray, FloatArray]]:
+        return type(self), (self.indices, self.pivots)
+
+
+class SolverUnavailableError(ObseqError):
+    """The solver asked for by name needs a package that is not installed."""
+
+    def __init__(self, solver: str, package: str) -> None:
+        super().__init__(
+            f"the solver {solver!r} needs a package that is not installed: pip install '{package}'"
+        )
+        self.solver = solver
+        self.package = package
+
+    def __reduce__(self) -> tuple[type[SolverUnavailableError], tuple[str, str]]:
+        return type(self), (self.solver, self.package)
+
+
+class SolverStateError(ObseqError):
+    """A step was asked for before the one it needs: analyse, then factor, then solve."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -5,14 +5,14 @@ import pytest
 from scipy.optimize import least_squares, linprog
 
 from obseq import InputError
-from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.problem.losses import (
+from obseq.leastsquares import (
     IGG3,
     L1,
     Attenuated,
     Cauchy,
     GemanMcClure,
     Huber,
+    LeastSquares,
     Tukey,
     graduated,
 )

@@ -1,11 +1,11 @@
 """Rotations, poses and rigid motions, with numpy only."""
 
 from obseq.arrays import FloatArray
+from obseq.errors import DegenerateGeometryError
 from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
 from obseq.geometry.isometry import isometry, triangle_isometry
 from obseq.geometry.poses import Pose
 from obseq.geometry.rotations import (
-    DegenerateGeometryError,
     absorb,
     closest_rotation,
     exponential,

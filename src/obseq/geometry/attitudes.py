@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
-from obseq.errors import InputError
+from obseq.errors import DegenerateGeometryError, InputError
 from obseq.geometry.rotations import (
-    DegenerateGeometryError,
     closest_rotation,
     quaternion_of_rotation,
     rotation_x,

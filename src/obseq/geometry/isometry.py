@@ -4,8 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.errors import DegenerateGeometryError
 from obseq.geometry.poses import Pose
-from obseq.geometry.rotations import DegenerateGeometryError, closest_rotation
+from obseq.geometry.rotations import closest_rotation
 
 COLLINEAR = 1e-6
 """Points whose width is below this fraction of their length are called collinear."""

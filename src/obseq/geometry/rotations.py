@@ -8,13 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
-from obseq.errors import InputError
+from obseq.errors import DegenerateGeometryError
 
 RANK_TOLERANCE = 1e-13
-
-
-class DegenerateGeometryError(InputError):
-    """Points or a matrix do not determine the rotation that is asked for."""
 
 
 def skew(w: npt.ArrayLike) -> FloatArray:

@@ -249,6 +249,7 @@ class LeastSquares(Definition):
             squares,
             self.unknowns,
             self.unknowns.state(),
+            self.unknowns.frozen.copy(),
             {batch: self.residuals(batch) for batch in equations.batches},
             cofactors,
             self._substitution().redundant if self._constraints else (),

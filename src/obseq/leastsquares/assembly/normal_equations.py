@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import ObseqError
+from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.store import part_width, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_bounds, share_out
 from obseq.leastsquares.diagnosis.singular import eliminated_error
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-
-class DivergenceError(ObseqError):
-    """An equation, or a step, is no longer finite; the message names the first such observation."""
 
 
 @dataclass(frozen=True)

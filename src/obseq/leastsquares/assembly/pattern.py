@@ -14,24 +14,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-
-
-@dataclass(frozen=True)
-class FreeUnknowns:
-    """The numbering of the matrix: free unknowns that some equation touches, in the order of the table.
-
-    Attributes:
-        number: (n_scalars,) number of each unknown in the matrix, -1 where frozen or without equation.
-        scalars: (n_free,) position among all unknowns of each row of the matrix.
-        first: (n_blocks,) number of the first free unknown of each block.
-        count: (n_blocks,) number of free unknowns of each block; those of one block are consecutive.
-    """
-
-    number: IntArray
-    scalars: IntArray
-    first: IntArray
-    count: IntArray
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
 
 
 @dataclass(frozen=True)
@@ -63,16 +46,6 @@ class BlockPairs:
 def role_pairs(n_roles: int) -> list[tuple[int, int]]:
     """Pairs of roles of a formula, (row part, column part), in the order in which everything lists them."""
     return [(p, q) for p in range(n_roles) for q in range(p)]
-
-
-def free_unknowns(table: UnknownTable, used: BoolArray) -> FreeUnknowns:
-    """Numbers the free unknowns of the blocks in use (n_blocks,)."""
-    taken = ~table.frozen & np.repeat(used, table.size)
-    scalars = np.flatnonzero(taken)
-    number = np.full(table.n_scalars, -1, dtype=np.int64)
-    number[scalars] = np.arange(len(scalars))
-    count = np.add.reduceat(taken, table.start, dtype=np.int64) if len(table) else table.size
-    return FreeUnknowns(number, scalars, np.cumsum(count) - count, count)
 
 
 def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:

@@ -11,11 +11,12 @@ for the other unknowns k, group by group, so that only these enter the matrix th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.loops.groups import Groups
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,66 +35,43 @@ PORTION = 4_000_000
 """Pairs of neighbours that are looked at together: 32 MB."""
 
 
-class Groups(NamedTuple):
-    """The groups of eliminated blocks and the blocks that each of them meets; the drivers take it as it is.
+def _pair_keys(groups: Groups, n: int) -> Iterator[IntArray]:
+    """Keys low * n + high of all pairs of neighbours, in the order of elimination, in portions."""
+    if not len(groups.blocks):
+        return
+    from obseq.leastsquares.loops.schur_complement import neighbour_pairs
 
-    Attributes:
-        blocks: (n_blocks,) the eliminated blocks, group by group.
-        block_bounds: (n + 1,) where the blocks of each group begin.
-        inner: (n_inner, 3) place in the store, row block, column block of the pairs within a group.
-        inner_bounds: (n + 1,) where those of each group begin.
-        neighbours: (n_neighbours,) the blocks that are met, ascending within each group.
-        bounds: (n + 1,) where the neighbours of each group begin.
-        links: (n_links, 5) place in the store, neighbour (as place in `neighbours`), neighbour block,
-            eliminated block, and 1 where the eliminated block is the column part.
-        link_bounds: (n + 1,) where the links of each group begin.
-        local: (n_scalars,) number of each eliminated unknown within its group; -1 for all others.
-    """
+    met = np.diff(groups.bounds)
+    total = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
+    first = 0
+    while first < len(met):
+        last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
+        keys = np.empty(total[last] - total[first], dtype=np.int64)
+        neighbour_pairs(groups.bounds, groups.neighbours, first, last, n, keys)
+        yield keys
+        first = last
 
-    blocks: IntArray
-    block_bounds: IntArray
-    inner: IntArray
-    inner_bounds: IntArray
-    neighbours: IntArray
-    bounds: IntArray
-    links: IntArray
-    link_bounds: IntArray
-    local: IntArray
 
-    def pair_keys(self, n: int) -> Iterator[IntArray]:
-        """Keys low * n + high of all pairs of neighbours, in the order of elimination, in portions."""
-        if not len(self.blocks):
-            return
-        from obseq.leastsquares.loops.schur_complement import neighbour_pairs
+def fill_keys(groups: Groups, n: int) -> IntArray:
+    """The distinct keys of pairs of neighbours, ascending."""
+    distinct = np.zeros(0, dtype=np.int64)
+    for keys in _pair_keys(groups, n):
+        distinct = np.union1d(distinct, keys)
+    return distinct
 
-        met = np.diff(self.bounds)
-        total = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
-        first = 0
-        while first < len(met):
-            last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
-            keys = np.empty(total[last] - total[first], dtype=np.int64)
-            neighbour_pairs(self.bounds, self.neighbours, first, last, n, keys)
-            yield keys
-            first = last
 
-    def fill_keys(self, n: int) -> IntArray:
-        """The distinct keys of pairs of neighbours, ascending."""
-        distinct = np.zeros(0, dtype=np.int64)
-        for keys in self.pair_keys(n):
-            distinct = np.union1d(distinct, keys)
-        return distinct
+def fill_offsets(groups: Groups, n: int, distinct: IntArray, offsets: IntArray) -> NDArray[np.uint32]:
+    """(n_pairs,) offset of each pair of neighbours, from those of the distinct keys."""
+    found = [offsets[np.searchsorted(distinct, keys)].astype(np.uint32) for keys in _pair_keys(groups, n)]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.uint32)
 
-    def fill_offsets(self, n: int, distinct: IntArray, offsets: IntArray) -> NDArray[np.uint32]:
-        """(n_pairs,) offset of each pair of neighbours, from those of the distinct keys."""
-        found = [offsets[np.searchsorted(distinct, keys)].astype(np.uint32) for keys in self.pair_keys(n)]
-        return np.concatenate(found) if found else np.zeros(0, dtype=np.uint32)
 
-    def placed(self, places: IntArray) -> Groups:
-        """The same with the places of the pairs (n_pairs,) instead of their numbers."""
-        links, inner = self.links.copy(), self.inner.copy()
-        links[:, 0] = places[links[:, 0]]
-        inner[:, 0] = places[inner[:, 0]]
-        return self._replace(links=links, inner=inner)
+def placed(groups: Groups, places: IntArray) -> Groups:
+    """The same with the places of the pairs (n_pairs,) instead of their numbers."""
+    links, inner = groups.links.copy(), groups.inner.copy()
+    links[:, 0] = places[links[:, 0]]
+    inner[:, 0] = places[inner[:, 0]]
+    return groups._replace(links=links, inner=inner)
 
 
 def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> Groups:

@@ -17,16 +17,18 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
-from obseq.leastsquares.assembly.pattern import block_pairs, free_unknowns, matrix_pattern, role_pairs
-from obseq.leastsquares.assembly.schur import elimination_groups
+from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
+from obseq.leastsquares.assembly.schur import elimination_groups, fill_keys, fill_offsets, placed
+from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, IntArray, PositionArray
-    from obseq.leastsquares.assembly.pattern import BlockPairs, FreeUnknowns
-    from obseq.leastsquares.assembly.schur import Groups
+    from obseq.leastsquares.assembly.pattern import BlockPairs
+    from obseq.leastsquares.loops.groups import Groups
     from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import SymmetricPattern
 
@@ -126,7 +128,7 @@ def store_layout(
     pairs = block_pairs(batches, (free.count > 0) | loose)
     groups = elimination_groups(table, pairs, loose)
     n = max(len(table), 1)
-    fill = groups.fill_keys(n)
+    fill = fill_keys(groups, n)
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
     low, high = np.concatenate([pairs.low[kept], fill // n]), np.concatenate([pairs.high[kept], fill % n])
     matrix, found = matrix_pattern(free, low, high)
@@ -151,8 +153,8 @@ def store_layout(
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
-        groups=groups.placed(places.pair),
-        fill=groups.fill_offsets(n, fill, of_fill),
+        groups=placed(groups, places.pair),
+        fill=fill_offsets(groups, n, fill, of_fill),
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),
     )

@@ -15,8 +15,9 @@ from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
+    from obseq.leastsquares.solvers import SymmetricPattern
 
 
 TAKES_PART = 1e-3
@@ -46,19 +47,22 @@ class Part:
     movements: FloatArray
 
 
-def explained(equations: NormalEquations, kernel: FloatArray) -> tuple[str, ...]:
+def free_movements(
+    table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
+) -> tuple[str, ...]:
     """One sentence for each connected part of the kernel (n_free, k) that moves points as a rigid whole."""
     if not kernel.size:
         return ()
-    sentences = (_sentence(equations.table, part) for part in _parts(equations, kernel))
+    sentences = (_sentence(table, part) for part in _parts(table, free, pattern, kernel))
     return tuple(sentence for sentence in sentences if sentence)
 
 
-def _parts(equations: NormalEquations, kernel: FloatArray) -> list[Part]:
+def _parts(
+    table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
+) -> list[Part]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    table, free, pattern = equations.table, equations.free, equations.pattern
     block_of = np.repeat(np.arange(len(table)), table.size)[free.scalars]
     size = np.abs(kernel).max(axis=1)
     moving = size > TAKES_PART * size.max()
@@ -68,11 +72,12 @@ def _parts(equations: NormalEquations, kernel: FloatArray) -> list[Part]:
     graph = coo_array((np.ones(len(edges[0])), edges), shape=(len(table), len(table)))
     labels = connected_components(graph, directed=False)[1]
     blocks = np.unique(block_of[moving])
-    return [_part(equations, kernel, blocks[labels[blocks] == label]) for label in np.unique(labels[blocks])]
+    return [
+        _part(table, free, kernel, blocks[labels[blocks] == label]) for label in np.unique(labels[blocks])
+    ]
 
 
-def _part(equations: NormalEquations, kernel: FloatArray, blocks: IntArray) -> Part:
-    table, free = equations.table, equations.free
+def _part(table: UnknownTable, free: FreeUnknowns, kernel: FloatArray, blocks: IntArray) -> Part:
     points = blocks[table.kind[blocks] == Kind.POINT3]
     if not points.size:
         points = blocks[table.kind[blocks] == Kind.POINT2]

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import SingularSystemError
-from obseq.leastsquares.diagnosis.null_space import TAKES_PART, explained
+from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
 
 if TYPE_CHECKING:
     from obseq.arrays import IntArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import Solver
+    from obseq.leastsquares.solvers import Solver, SymmetricPattern
 
 
 SHOWN = 12
@@ -29,16 +29,17 @@ def untouched_error(table: UnknownTable, untouched: IntArray) -> SingularSystemE
     return SingularSystemError(f"no equation touches {_listed(names)}: {REMEDY}", names)
 
 
-def singular_error(equations: NormalEquations, solver: Solver) -> SingularSystemError:
+def singular_error(
+    table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
+) -> SingularSystemError:
     """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
-    table, scalars = equations.table, equations.free.scalars
-    defect = solver.defect()
+    scalars, defect = free.scalars, solver.defect()
     pivots = table.component_names(scalars[defect.indices])
     involved = table.component_names(scalars[_participants(solver)])
     message = f"the observations leave {len(pivots)} unknown(s) undetermined: {_listed(pivots)}"
     if len(involved) > len(pivots):
         message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
-    meaning = explained(equations, solver.null_vectors())
+    meaning = free_movements(table, free, pattern, solver.null_vectors())
     if meaning:
         message += f". Nothing fixes {'; nor '.join(meaning)}"
     return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)

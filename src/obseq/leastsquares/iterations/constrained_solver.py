@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers import Defect, SingularMatrixError, SymmetricPattern, choose_solver
+from obseq.errors import SingularMatrixError
+from obseq.leastsquares.solvers import Defect, SymmetricPattern, choose_solver
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

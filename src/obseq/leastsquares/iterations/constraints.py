@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import ContradictoryConstraintsError, InputError
 from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 
 if TYPE_CHECKING:
@@ -21,17 +21,13 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.assembly.pattern import FreeUnknowns
     from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 VANISHING = 1e-11
 """Share of its first coefficients below which what remains of a constraint says nothing new."""
-
-
-class ContradictoryConstraintsError(InputError):
-    """Some constraints cannot hold together; the message names one and those it contradicts."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
-from obseq.leastsquares.solvers import SingularMatrixError
+from obseq.errors import InputError, SingularMatrixError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from obseq.leastsquares.assembly.normal_equations import DivergenceError
+from obseq.errors import DivergenceError, SingularMatrixError
 from obseq.leastsquares.diagnosis.singular import singular_error
 from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
 from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.problem.unknowns import Kind
 from obseq.leastsquares.solution.result import Iteration, StopReason
-from obseq.leastsquares.solvers import SingularMatrixError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -164,7 +163,7 @@ def factor(
     try:
         solver.factor(linearisation.values)
     except SingularMatrixError:
-        raise singular_error(equations, solver) from None
+        raise singular_error(equations.table, equations.free, equations.pattern, solver) from None
     return offset
 
 

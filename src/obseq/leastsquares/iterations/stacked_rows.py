@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import ObseqError
+from obseq.errors import StepError
 from obseq.leastsquares.assembly.normal_equations import jacobian_rows
 
 if TYPE_CHECKING:
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 
 
 LSMR_TOLERANCE = 1e-14
-
-
-class StepError(ObseqError):
-    """An iterative or linear-programming step did not reach its solution."""
 
 
 @dataclass(frozen=True)

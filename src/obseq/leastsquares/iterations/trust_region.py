@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from obseq.errors import InputError, SingularSystemError
-from obseq.leastsquares.assembly.normal_equations import DivergenceError
+from obseq.errors import DivergenceError, InputError, SingularSystemError
 from obseq.leastsquares.iterations.gauss_newton import Progress, factor, recorded, solved, stop_reason
 from obseq.leastsquares.solution.result import StopReason
 

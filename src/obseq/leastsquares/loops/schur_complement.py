@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.assembly.schur import Groups
+    from obseq.leastsquares.loops.groups import Groups
 
 
 TINY = 1e-14

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -20,9 +20,18 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import IntArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.system import LeastSquares
+
+
+class Blocks(Protocol):
+    """What objects need of a system: the values of its blocks."""
+
+    def values(self, ids: ArrayLike) -> FloatArray:
+        """Current values of blocks that are alike."""
+
+    def set_values(self, ids: ArrayLike, values: ArrayLike) -> None:
+        """Gives blocks that are alike new current values."""
 
 
 @dataclass(eq=False)
@@ -48,7 +57,7 @@ class UnknownObject:
         del part
         return None
 
-    def attach(self, system: LeastSquares) -> None:
+    def attach(self, system: Blocks) -> None:
         """Adds the blocks of this object to a system."""
         if self.ids:
             raise InputError(f"{self.name} is already attached to a system; an object belongs to one")
@@ -59,13 +68,13 @@ class UnknownObject:
             more = (self.component_names(part),) if adder == "add_vectors" else ()
             self.ids[part] = add([name], values, *more)
 
-    def pull(self, system: LeastSquares) -> None:
+    def pull(self, system: Blocks) -> None:
         """Takes its values from the system."""
         for part, ids in self.ids.items():
             values = system.values(ids)[0]
             setattr(self, part, float(values[0]) if self.parts[part] == "add_scalars" else values)
 
-    def push(self, system: LeastSquares) -> None:
+    def push(self, system: Blocks) -> None:
         """Gives its values to the system."""
         for part, ids in self.ids.items():
             system.set_values(ids, np.asarray(getattr(self, part), dtype=np.float64)[None])
@@ -130,7 +139,7 @@ class Calibration(Vector):
     """Interior orientation: F, PPx, PPy and the distortion coefficients, in the order of the formulas."""
 
 
-def synchronise(system: LeastSquares, objects: Sequence[UnknownObject]) -> None:
+def synchronise(system: Blocks, objects: Sequence[UnknownObject]) -> None:
     """Writes current values to the objects, lets them update themselves, and reads back their changes."""
     for item in objects:
         item.pull(system)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.pattern import FreeUnknowns
+    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver, SymmetricPattern
 
@@ -21,33 +21,37 @@ class Cofactors:
     def __init__(
         self, table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
     ) -> None:
-        self._table = table
+        self.table = table
         self._free = free
-        self._pattern = pattern
+        self.pattern = pattern
         self._solver = solver
         self.values = solver.selected_inverse()
 
     def blocks(self, ids: ArrayLike) -> FloatArray:
         """(n, k, k) cofactors of blocks that are alike."""
-        free = self._free.number[self._table.scalars(ids, "covariance")]
+        free = self._free.number[self.table.scalars(ids, "covariance")]
         row, column = free[:, :, None], free[:, None, :]
         low, high = np.minimum(row, column), np.maximum(row, column)
         present = low >= 0
-        at = self._pattern.indptr[np.where(present, low, 0)] + high - low
+        at = self.pattern.indptr[np.where(present, low, 0)] + high - low
         return np.where(present, self.values[np.where(present, at, 0)], 0.0)
 
     def variances(self) -> FloatArray:
         """(n_scalars,) diagonal of Q for all unknowns, zero where frozen."""
-        result = np.zeros(self._table.n_scalars)
-        result[self._free.scalars] = self.values[self._pattern.diagonal]
+        result = np.zeros(len(self._free.number))
+        result[self._free.scalars] = self.values[self.pattern.diagonal]
         return result
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Q times right-hand sides (n_free,) or (n_free, k)."""
+        return self._solver.solve(rhs)
 
     def between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
         """(n, m) cofactors between two lists of unknowns (positions among all unknowns), by solves."""
         rows = np.atleast_1d(np.asarray(first, dtype=np.int64))
         columns = np.atleast_1d(np.asarray(second, dtype=np.int64))
         free_rows, free_columns = self._free.number[rows], self._free.number[columns]
-        units = np.zeros((self._pattern.n, len(columns)))
+        units = np.zeros((self.pattern.n, len(columns)))
         present = np.flatnonzero(free_columns >= 0)
         units[free_columns[present], present] = 1.0
         solved = self._solver.solve(units)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -9,18 +10,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.solution import export
+from obseq.leastsquares.solution.export import as_table, observation_columns, rows, unknown_columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
     from obseq.leastsquares.solution.cofactors import Cofactors
+
+
+FORMAT = "obseq-least-squares"
+VERSION = 1
+
+SHOWN = 5
+"""Worst observations in a summary."""
 
 
 class StopReason(Enum):
@@ -75,6 +83,9 @@ class LeastSquaresResult:
         variance_factor: sum of squares of all groups over the redundancy: what scales covariances; None as
             sigma0.
         squares: sum of weighted squared residuals by group at the solution.
+        table: the unknowns, by name and block.
+        state: their values at the solution.
+        frozen: (n_scalars,) which of them kept their values.
         redundant_constraints: hard constraints that follow from the others, by name.
     """
 
@@ -88,8 +99,9 @@ class LeastSquaresResult:
     sigma0: float | None
     variance_factor: float | None
     squares: Mapping[str, float]
-    _table: UnknownTable = field(repr=False)
-    _state: State = field(repr=False)
+    table: UnknownTable = field(repr=False)
+    state: State = field(repr=False)
+    frozen: BoolArray = field(repr=False)
     _residuals: Mapping[Batch, FloatArray] = field(repr=False)
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
@@ -101,7 +113,7 @@ class LeastSquaresResult:
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Solution of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
-        return self._table.read(ids, self._state)
+        return self.table.read(ids, self.state)
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the solution, in the unit of the observation."""
@@ -120,7 +132,7 @@ class LeastSquaresResult:
 
     def prior_residuals(self, prior: Prior) -> FloatArray:
         """(n_scalars,) unknowns minus given values at the solution."""
-        return prior.residuals(self._state.values)
+        return prior.residuals(self.state.values)
 
     def covariance(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k, k) covariances of blocks that are alike, in squared units; zero where frozen.
@@ -131,40 +143,80 @@ class LeastSquaresResult:
             ids: blocks.
             a_priori: with the given sigmas as they are, instead of scaled by the variance factor.
         """
-        return self._asked().blocks(ids) * self._factor(a_priori)
+        return self.cofactors.blocks(ids) * self._factor(a_priori)
 
     def covariance_between(self, first: ArrayLike, second: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n k, m l) covariances between two lists of blocks, whether or not an observation joins them."""
-        rows, columns = self._table.scalars(first).ravel(), self._table.scalars(second).ravel()
-        return self._asked().between(rows, columns) * self._factor(a_priori)
+        rows, columns = self.table.scalars(first).ravel(), self.table.scalars(second).ravel()
+        return self.cofactors.between(rows, columns) * self._factor(a_priori)
 
     def precisions(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k) standard deviations of the unknowns of blocks that are alike."""
         return np.sqrt(np.diagonal(self.covariance(ids, a_priori), axis1=1, axis2=2))
 
     def summary(self) -> str:
-        """A few lines: counts, sigma0, why the iterations ended, worst normalised residuals."""
-        return export.summary(self)
+        """A few lines: counts, sigma0, why the iterations ended, the five worst normalised residuals."""
+        sigma0 = "undefined (no redundancy)" if self.sigma0 is None else f"{self.sigma0:.6g}"
+        lines = [
+            f"{self.n_observations} observations, {self.n_constraints} constraints, "
+            f"{self.n_unknowns} unknowns: redundancy {self.redundancy}",
+            f"sigma0 {sigma0}; {len(self.iterations)} iterations, {self.stop_reason.value}",
+        ]
+        lines += [f"  {group}: sum of squares {square:.6g}" for group, square in self.squares.items()]
+        columns = self.observations()
+        worst = np.argsort(-np.abs(np.nan_to_num(columns["normalised"])))[:SHOWN]
+        lines += [f"  {columns['observation'][k]}: {columns['normalised'][k]:+.2f} sigma" for k in worst]
+        return "\n".join(lines) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
-        """The whole solution as plain values (see `export`)."""
-        return export.to_dict(self)
+        """The whole solution as plain values, versioned; numbers that are not defined are None."""
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "n_observations": self.n_observations,
+            "n_constraints": self.n_constraints,
+            "n_unknowns": self.n_unknowns,
+            "redundancy": self.redundancy,
+            "sigma0": self.sigma0,
+            "converged": self.converged,
+            "stop_reason": self.stop_reason.value,
+            "iterations": [{"sigma0": step.sigma0, "max_step": step.max_step} for step in self.iterations],
+            "squares": dict(self.squares),
+            "precision": "a priori" if self.variance_factor is None else "a posteriori",
+            "unknowns": rows(self.unknowns()),
+            "observations": rows(self.observations()),
+        }
 
     def to_json(self) -> str:
-        """The same as JSON text."""
-        return export.to_json(self)
+        """The same as JSON text, floats at full precision."""
+        return json.dumps(self.to_dict(), ensure_ascii=False, allow_nan=False, indent=1)
 
     def unknowns(self, package: str | None = None) -> Any:
-        """One row per scalar unknown: columns, or a table of "pandas" or "pyarrow" when one is asked for."""
-        columns = export.unknown_columns(self)
-        return columns if package is None else export.as_table(columns, package)
+        """One row per scalar unknown: columns, or a table of "pandas" or "pyarrow" when one is asked for.
+
+        Precisions are NaN when covariances were not asked for; they are a posteriori, or a priori when there
+        is no redundancy.
+        """
+        precisions = None
+        if self._cofactors is not None:
+            scale = 1.0 if self.variance_factor is None else self.variance_factor
+            precisions = np.sqrt(scale * self._cofactors.variances())
+        columns = unknown_columns(self.table, self.state, self.frozen, precisions)
+        return columns if package is None else as_table(columns, package)
 
     def observations(self, package: str | None = None) -> Any:
         """One row per scalar residual: columns, or a table of "pandas" or "pyarrow"."""
-        columns = export.observation_columns(self)
-        return columns if package is None else export.as_table(columns, package)
+        parts = ((batch, v, self.normalised_residuals(batch)) for batch, v in self._residuals.items())
+        columns = observation_columns(parts)
+        return columns if package is None else as_table(columns, package)
 
-    def _asked(self) -> Cofactors:
+    @property
+    def cofactors(self) -> Cofactors:
+        """The inverse of the normal matrix.
+
+        Raises:
+            InputError: covariances were not asked for.
+        """
         if self._cofactors is None:
             raise InputError("covariances were not asked for: solve(covariance=True)")
         return self._cofactors

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from obseq.errors import InputError
-from obseq.leastsquares.solvers.protocol import Defect, SingularMatrixError, SolverStateError
+from obseq.errors import InputError, SingularMatrixError, SolverStateError
+from obseq.leastsquares.solvers.protocol import Defect
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, kernel, undetermined
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, SingularMatrixError, SolverStateError
 from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
 from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
 from obseq.leastsquares.solvers.ordering import resolve_ordering
-from obseq.leastsquares.solvers.protocol import SingularMatrixError, SolverStateError, SolverStatistics
+from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
 from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, SolverUnavailableError
 from obseq.leastsquares.solvers.graph import peel
-from obseq.leastsquares.solvers.protocol import SolverUnavailableError
 
 if TYPE_CHECKING:
     from obseq.arrays import IntArray

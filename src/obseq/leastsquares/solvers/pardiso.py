@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.errors import ObseqError
+from obseq.errors import ObseqError, SolverUnavailableError
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import SolverStatistics, SolverUnavailableError
+from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:

@@ -7,46 +7,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from obseq.errors import InputError, ObseqError
+from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.sparse import csc_array
 
     from obseq.arrays import FloatArray, IntArray
-
-
-class SingularMatrixError(ObseqError):
-    """Some pivots vanish: the matrix does not determine these unknowns.
-
-    Attributes:
-        indices: (k,) the unknowns whose pivots vanish, ascending.
-        pivots: (k,) these pivots, each divided by the diagonal entry of its unknown.
-    """
-
-    def __init__(self, indices: IntArray, pivots: FloatArray) -> None:
-        shown = ", ".join(str(index) for index in indices[:10]) + (", ..." if len(indices) > 10 else "")
-        super().__init__(
-            f"the matrix is singular: {len(indices)} vanishing pivot(s), at unknown(s) {shown}; "
-            "fix as many unknowns, or add the observations that determine them"
-        )
-        self.indices = indices
-        self.pivots = pivots
-
-
-class SolverUnavailableError(ObseqError):
-    """The solver asked for by name needs a package that is not installed."""
-
-    def __init__(self, solver: str, package: str) -> None:
-        super().__init__(
-            f"the solver {solver!r} needs a package that is not installed: pip install '{package}'"
-        )
-        self.solver = solver
-        self.package = package
-
-
-class SolverStateError(ObseqError):
-    """A step was asked for before the one it needs: analyse, then factor, then solve."""
 
 
 @dataclass(frozen=True)

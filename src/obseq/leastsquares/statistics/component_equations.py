@@ -21,8 +21,21 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.final_state import FinalState
-    from obseq.leastsquares.statistics.variance_components import Component
     from obseq.leastsquares.system import LeastSquares
+
+
+@dataclass(frozen=True)
+class Component:
+    """A part of the variance of some observations.
+
+    Attributes:
+        name: what it is called.
+        parts: for each batch or prior that it concerns, the variance that it gives each scalar observation
+            when its factor is 1: (n, n_residuals), or (n_scalars, 1) for a prior, in squared units.
+    """
+
+    name: str
+    parts: tuple[tuple[Batch | Prior, FloatArray], ...]
 
 
 class Traces(Protocol):

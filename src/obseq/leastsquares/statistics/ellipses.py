@@ -240,7 +240,7 @@ def _crossed(result: LeastSquaresResult, a: IntArray, b: IntArray, a_priori: boo
 
 
 def _names_of_points(result: LeastSquaresResult, ids: ArrayLike) -> tuple[str, ...]:
-    table = result._table
+    table = result.table
     array, kind, _ = table.uniform(ids, "ellipses")
     if kind not in (Kind.POINT2, Kind.POINT3):
         raise InputError(f"{table.names[array[0]]!r} is a {kind.label}, not a point: it has no error ellipse")

@@ -93,7 +93,7 @@ class FinalState:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Q times right-hand sides (n_free,) or (n_free, k)."""
-        return self.cofactors._solver.solve(rhs)
+        return self.cofactors.solve(rhs)
 
     def all_unknowns(self, free: FloatArray) -> FloatArray:
         """(n_scalars,) from (n_free,): zeros where frozen."""
@@ -145,20 +145,20 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
     Raises:
         InputError: covariances were not asked for, or the system or its weights have changed since.
     """
-    cofactors, equations = result._asked(), system.equations()
-    if equations.pattern is not cofactors._pattern:
+    cofactors, equations = result.cofactors, system.equations()
+    if equations.pattern is not cofactors.pattern:
         raise InputError(
             "equations or unknowns were added, frozen or freed since this result: "
             "solve again with covariance=True"
         )
     _refuse_new_weights(equations, result)
-    values = np.append(result._state.values, np.zeros(PADDING))
-    context = np.append(result._state.context, np.zeros(PADDING))
+    values = np.append(result.state.values, np.zeros(PADDING))
+    context = np.append(result.state.context, np.zeros(PADDING))
     return FinalState(equations, result, cofactors, values, context)
 
 
 def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
-    cost = sum(prior.sum_of_squares(result._state.values) for prior in equations.priors)
+    cost = sum(prior.sum_of_squares(result.state.values) for prior in equations.priors)
     for batch in equations.batches:
         scaled = result.whitened_residuals(batch) * batch.weights[:, : batch.n].T
         cost += float(np.sum(np.square(scaled[batch.active])))

@@ -18,7 +18,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.weights import Restorer, set_sigmas, sigmas_of
-from obseq.leastsquares.statistics.component_equations import ComponentEquations, Exact, Sampled
+from obseq.leastsquares.statistics.component_equations import Component, ComponentEquations, Exact, Sampled
 from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
@@ -47,20 +47,6 @@ class Method(Enum):
     LS_VCE = "ls-vce"
     HELMERT = "helmert"
     REDUNDANCY = "redundancy"
-
-
-@dataclass(frozen=True)
-class Component:
-    """A part of the variance of some observations.
-
-    Attributes:
-        name: what it is called.
-        parts: for each batch or prior that it concerns, the variance that it gives each scalar observation
-            when its factor is 1: (n, n_residuals), or (n_scalars, 1) for a prior, in squared units.
-    """
-
-    name: str
-    parts: tuple[tuple[Batch | Prior, FloatArray], ...]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,144 @@
+"""What may import what: the table that tests/test_architecture.py holds, drawn in docs/architecture.md.
+
+Run it to write the page anew after a change of the table.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "obseq"
+PAGE = ROOT / "docs" / "architecture.md"
+BESIDE = ("formulas", "codegen", "generated")
+"""Rooms whose folders stand beside `src`."""
+
+FILES = ("arrays", "errors", "plain", "printable", "record", "stopwatch", "writing")
+"""Single files beside the rooms, for everybody; they import each other and nothing else."""
+
+ARROWS: dict[str, tuple[str, ...]] = {
+    "geometry": (),
+    "crs": (),
+    "formulas": (),
+    "report": (),
+    "codegen": ("formulas", "kernels"),
+    "generated": ("kernels",),
+    "kernels": (),
+    "leastsquares": ("kernels", "geometry"),
+    "survey": ("leastsquares", "kernels", "geometry", "crs"),
+    "images": ("leastsquares", "kernels", "geometry", "crs", "survey"),
+    "cli": ("report", "survey", "images", "leastsquares", "kernels", "crs", "codegen"),
+}
+"""Each room and what it may import, type-only imports included. Codegen and the generated modules take the
+layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for."""
+
+INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
+    "leastsquares": {
+        "loops": (),
+        "solvers": (),
+        "problem": (),
+        "diagnosis": ("problem", "solvers"),
+        "assembly": ("diagnosis", "loops", "problem", "solvers"),
+        "solution": ("problem", "solvers"),
+        "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
+        "system": ("iterations", "solution", "assembly", "diagnosis", "problem", "solvers"),
+        "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
+    },
+    "survey": {
+        "model": (),
+        "files": ("model",),
+        "initial": ("model",),
+        "adjustment": ("initial", "model"),
+        "network": ("adjustment", "initial", "files", "model"),
+    },
+}
+"""The same for the rooms, and single files, inside a room."""
+
+PATH = """\
+1. `survey/files`: a line of an OBS file becomes a row of a field book, with its file and line.
+2. `survey/model`: rows are columns of numbers; stations and rounds are found from their order.
+3. `survey/initial`: points without coordinates and unknown orientations get their first values.
+4. `survey/adjustment`: rows of one kind become a batch of one formula, in metres and radians.
+5. `leastsquares/problem`: the batch is checked once, and copied into the padded rows of tiles.
+6. `leastsquares/assembly` and `loops`: tile by tile, the `generated` kernel gives residuals and derivatives,
+   which are weighted and added to the normal equations; the Jacobian never goes to memory.
+7. `leastsquares/solvers`: a sparse Cholesky factorisation gives the step; `iterations` decide when to stop.
+8. `leastsquares/solution`: residuals at the solution, and the inverse on the pattern of the matrix.
+9. `leastsquares/statistics`: redundancy, tests and the effect of a blunder for each observation.
+10. `survey/adjustment` writes the record of the result; `report` makes text, JSON and pages from it alone.
+"""
+
+
+def folder_of(room: str) -> Path:
+    """Where a room is."""
+    return ROOT / room if room in BESIDE else PACKAGE / room
+
+
+def modules_of(room: str) -> list[Path]:
+    """The Python files of a room."""
+    return sorted(folder_of(room).rglob("*.py"))
+
+
+def imports_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and full name of everything a module imports, wherever in the module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ValueError(f"{path}:{node.lineno}: import by the installed name")
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def purpose(place: Path) -> str:
+    """First sentence of what a room or a file says of itself."""
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    line = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").splitlines()[0]
+    return line.rstrip(".")
+
+
+def floors(arrows: dict[str, tuple[str, ...]]) -> dict[str, int]:
+    """Floor of each room: one above the highest of those that it imports.
+
+    Raises:
+        ValueError: rooms import one another in a circle.
+    """
+    found: dict[str, int] = {}
+    while len(found) < len(arrows):
+        ready = [room for room in arrows if room not in found and found.keys() >= set(arrows[room])]
+        if not ready:
+            raise ValueError(f"a circle among {sorted(arrows.keys() - found.keys())}")
+        found |= {room: 1 + max((found[other] for other in arrows[room]), default=-1) for room in ready}
+    return found
+
+
+def drawing(arrows: dict[str, tuple[str, ...]], folder: Path | None) -> str:
+    """Rooms from the top down, what each is for and what it may import."""
+    floor = floors(arrows)
+    lines = ["| floor | room | what it is for | may import |", "|---|---|---|---|"]
+    for room in sorted(arrows, key=lambda room: (-floor[room], room)):
+        place = folder_of(room) if folder is None else folder / room
+        below = ", ".join(sorted(arrows[room])) or "-"
+        lines.append(f"| {floor[room]} | `{room}` | {purpose(place)} | {below} |")
+    return "\n".join(lines) + "\n"
+
+
+def page() -> str:
+    """The text of docs/architecture.md."""
+    parts = [
+        "# Rooms, and what may import what\n",
+        "<!-- Written by tools/architecture.py from the table that tests/test_architecture.py holds. -->\n",
+        "Imports go downwards only, those for types included: there is no circle, between rooms or between "
+        "files. `import obseq` loads none of it.\n",
+        drawing(ARROWS, None),
+        "For all rooms, single files:\n",
+        "".join(f"- `{name}`: {purpose(PACKAGE / name)}\n" for name in FILES),
+    ]
+    for room, arrows in INSIDE.items():
+        parts += [f"## Inside `{room}`\n", drawing(arrows, folder_of(room))]
+    parts += ["## The path of one observation\n", PATH]
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
