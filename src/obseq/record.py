@@ -143,6 +143,24 @@ class LeftOutRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ReplacedRecord:
+    """Approximate coordinates that observations contradict, and that were not used.
+
+    Attributes:
+        place: File and line that give the approximation.
+        given: The approximation, in the system of the points.
+        used: What the observations give, in the same system.
+        moved: Distance between the two (m).
+    """
+
+    name: str
+    place: str
+    given: tuple[float, ...]
+    used: tuple[float, ...]
+    moved: float
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseRecord:
     """How long a part of the work took."""
 
@@ -182,6 +200,7 @@ class AdjustmentRecord:
     points_crs_unit: str | None = None
     warnings: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
+    replaced: tuple[ReplacedRecord, ...] = ()
     phases: tuple[PhaseRecord, ...] = ()
     run: RunRecord | None = None
     format: str = FORMAT

@@ -18,6 +18,7 @@ from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.initial.unplaced import Unplaced
     from obseq.survey.model import FieldBook, Points
 
 
@@ -166,33 +168,65 @@ class Network:
             if strict:
                 start.initial.require_complete()
                 check_counts(self.points, self.book)
+            replaced = self._replaced(start.initial)
             start = leave_out(start, start.initial.unplaced)
         while True:
             try:
-                return self._adjusted(start, max_iterations, tolerance, watch)
+                adjustment = self._adjusted(start, max_iterations, tolerance, watch)
+                sentences = (*(item.sentence() for item in replaced), *adjustment.warnings)
+                return replace(adjustment, replaced=replaced, warnings=sentences)
             except SingularSystemError as error:
                 undetermined = [] if strict else singular_parts(start, error)
-                if not undetermined:
+                if not undetermined or self._was_determined(start, undetermined):
                     raise
                 start = leave_out(start, undetermined)
+
+    def _replaced(self, initial: InitialValues) -> tuple[Replaced, ...]:
+        """The approximate coordinates that are not used, in the system of the points."""
+        rows = list(initial.replaced)
+        if not rows:
+            return ()
+        names = [self.points.names[row] for row in rows]
+        transformer = crs.Transformer(self.frame.system, self.points_crs)
+        both = self.points.coordinates[rows], initial.coordinates[rows]
+        moved = np.linalg.norm(both[1] - both[0], axis=1).tolist()
+        given, used = (map(tuple, transformer.forward(xyz, names).tolist()) for xyz in both)
+        places = [self.points.place(row) for row in rows]
+        return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
+
+    def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
+        """Whether these were determined where the iterations started: then they have gone astray instead."""
+        equations = self._equations(start)
+        try:
+            solution = equations.system.solve(max_iterations=0, covariance=True)
+        except SingularSystemError:
+            return False
+        rows = np.array([item.point for item in undetermined if item.station is None], np.intp)
+        covariances = solution.covariance(equations.points[rows], a_priori=True)
+        precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+        return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
+
+    def _equations(self, start: Determined) -> Equations:
+        from obseq.survey.adjustment.equations import Equations
+
+        initial = start.initial
+        return Equations(
+            self.frame,
+            start.points,
+            start.book,
+            initial.orientations,
+            initial.coordinates,
+            initial.rotations,
+        )
 
     def _adjusted(
         self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch
     ) -> Adjustment:
         """Adjusts what is determined of this network."""
-        from obseq.survey.adjustment.equations import Equations
-
         network, initial = replace(self, points=start.points, book=start.book), start.initial
         check_sights(start.book, initial)
         with watch.phase("equations"):
-            equations = Equations(
-                self.frame,
-                start.points,
-                start.book,
-                initial.orientations,
-                initial.coordinates,
-                initial.rotations,
-            )
+            equations = self._equations(start)
         with watch.phase("iterations and covariances"):
             solution = network._solve(equations, max_iterations, tolerance, watch)
         with watch.phase("results"):

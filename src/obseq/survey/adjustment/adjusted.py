@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquaresResult
     from obseq.record import RunRecord
+    from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook
 
@@ -99,6 +100,7 @@ class Adjustment:
         phases: Seconds of each phase of the work.
         run: Which run made it.
         left_out: The points and stations that nothing determined, left out with their observations.
+        replaced: The approximate coordinates that observations contradict, and that were not used.
     """
 
     solution: LeastSquaresResult
@@ -114,6 +116,7 @@ class Adjustment:
     phases: Mapping[str, float]
     run: RunRecord
     left_out: tuple[LeftOut, ...] = ()
+    replaced: tuple[Replaced, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -153,6 +156,7 @@ class Adjustment:
             observations=tuple(self._observations()),
             warnings=self.warnings,
             left_out=tuple(item.record() for item in self.left_out),
+            replaced=tuple(item.record() for item in self.replaced),
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
         )

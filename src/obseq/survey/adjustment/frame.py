@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 
+_FARTHEST = 1000.0
+"""Distance from the middle of the points, in typical ones, beyond which a point has no part in the origin."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -80,7 +83,7 @@ def frame_of(
     """The computation frame and the system of the points, from their definitions.
 
     Without a frame the computation is in a Local system; without a system of the points they are in the
-    frame. A bare `RTL` gets its origin from the mean of the points.
+    frame. A bare `RTL` gets its origin from the mean of the points, those that lie far away left out.
 
     Args:
         definition: Definition of the frame.
@@ -98,5 +101,12 @@ def frame_of(
         given = np.isfinite(coordinates).all(axis=1)
         if not given.any():
             raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
-        frame = crs.complete_rtl(coordinates[given], points)
+        frame = crs.complete_rtl(_together(coordinates[given]), points)
     return Frame(frame), points
+
+
+def _together(coordinates: FloatArray) -> FloatArray:
+    """The points (n, 3) that lie together: an approximation of 0 0 0 does not move the origin of a frame."""
+    away = np.linalg.norm(coordinates[:, :2] - np.median(coordinates[:, :2], axis=0), axis=1)
+    near = away <= _FARTHEST * max(float(np.median(away)), 1e-3)
+    return np.asarray(coordinates[near])

@@ -14,12 +14,13 @@ addresses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.known import State, Step, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
@@ -29,7 +30,7 @@ from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stat
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.initial.closed_forms import Space
 
 _GIVEN = Step("given")
@@ -50,6 +51,8 @@ class InitialValues:
         point_steps: how each point was placed ("given" for coordinates of the file), None if it was not.
         station_steps: how each station was oriented, None if it was not.
         unplaced: the points without position and the stations without orientation, with the reasons.
+        replaced: rows of the points whose approximate coordinates the observations contradict: others stand
+            in `coordinates`.
     """
 
     coordinates: FloatArray
@@ -59,6 +62,7 @@ class InitialValues:
     point_steps: tuple[Step | None, ...]
     station_steps: tuple[Step | None, ...]
     unplaced: tuple[Unplaced, ...]
+    replaced: tuple[int, ...] = ()
 
     def require_complete(self) -> None:
         """Refuses to go on while something has no initial value.
@@ -90,7 +94,8 @@ def initial_values(
         vertical: points (n, 3) -> R_(frame -> vertical) (n, 3, 3), east north up; None for a frame without
             vertical, where only #FIX stations (axes of the frame) and #BASC stations have a meaning.
         recompute_free: compute also the points that are free but have coordinates; these then only decide
-            between two solutions.
+            between two solutions, and serve where the observations place nothing. Without it this is done for
+            coordinates that the observations contradict.
 
     Raises:
         InputError: a #VERT station in a frame without vertical, or a point where the frame has no vertical.
@@ -99,13 +104,44 @@ def initial_values(
     if vertical is None:
         _refuse_plumb_stations(book, orientations)
     graph = build_graph(book, len(points), orientations)
+    free = points.is_free.any(axis=1) & points.has_coordinates
+    if recompute_free:
+        return _computed(points, book, graph, vertical, points.is_free.all(axis=1) & free)
+    approximations = Approximations(book, orientations, vertical)
+    return _checked(points, graph, approximations, free)
+
+
+def _checked(points: Points, graph: Graph, approximations: Approximations, free: BoolArray) -> InitialValues:
+    """Initial values that start from the approximate coordinates, but for those that are far off."""
+    book, vertical, given = approximations.book, approximations.vertical, points.coordinates
+    before = approximations.contradictions(given, free)
+    hidden = before > 0
+    found = _computed(points, book, graph, vertical, hidden)
+    if not hidden.any():
+        return found
+    after = approximations.contradictions(found.coordinates, free)
+    if (after[~hidden] > 0).any():  # what the others were placed with is wrong too: trust no approximation
+        found = _computed(points, book, graph, vertical, free)
+        before, hidden = np.maximum(before, 1), free
+        after = approximations.contradictions(found.coordinates, free)
+    better = hidden & (after < before)
+    if (better != hidden).any():
+        found = _computed(points, book, graph, vertical, better)
+    moved = replaced(given, book, found.coordinates, better)
+    return replace(found, replaced=tuple(moved.tolist()))
+
+
+def _computed(
+    points: Points, book: FieldBook, graph: Graph, vertical: Vertical | None, hidden: BoolArray
+) -> InitialValues:
+    """Initial values without the coordinates of hidden points, as far as the observations place these."""
     state = State(points.names, len(book.stations), vertical)
-    hints = _take_given(state, points, recompute_free)
+    hints = _take_given(state, points, hidden)
     state.origins = graph.origins
     engine = Engine(state, graph, hints)
     _work(engine, state, graph)
     reasons = explain_points(state, graph, engine.choices, book) + explain_stations(state, graph, book)
-    return _result(state, graph, orientations, tuple(reasons))
+    return _result(state, graph, tuple(reasons))
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -118,48 +154,53 @@ def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int],
         )
 
 
-def _take_given(state: State, points: Points, recompute_free: bool) -> dict[int, Space]:
-    """Puts coordinates of the files in the state; returns those that are only hints."""
+def _take_given(state: State, points: Points, hidden: BoolArray) -> dict[int, Space]:
+    """Puts coordinates of the files in the state; returns the hidden ones, which are only hints."""
     hints: dict[int, Space] = {}
-    is_free = np.asarray(points.is_free.all(axis=1))
-    spreads = (
-        np.where(points.is_free, _SPREAD_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0).tolist()
-    )
-    for row, (known, xyz) in enumerate(
-        zip(points.has_coordinates.tolist(), points.coordinates.tolist(), strict=True)
-    ):
+    spreads = np.where(points.is_free, _SPREAD_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0)
+    rows = np.flatnonzero(points.has_coordinates)
+    columns = (rows, points.coordinates[rows], hidden[rows], spreads[rows])
+    for row, xyz, is_hidden, spread in zip(*(column.tolist() for column in columns), strict=True):
         position = (xyz[0], xyz[1], xyz[2])
-        if not known:
-            continue
-        if recompute_free and is_free[row]:
+        if is_hidden:
             hints[row] = position
-            continue
-        state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
-        state.spreads[row] = spreads[row]
+        else:
+            _take(state, row, position, spread)
     return hints
 
 
+def _take(state: State, row: int, position: Space, spread: float) -> None:
+    state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
+    state.spreads[row] = spread
+
+
 def _work(engine: Engine, state: State, graph: Graph) -> None:
-    """Good positions, then local frames, then the rest; again while something is placed."""
+    """Everything that the observations place, then hints where they place nothing, and so on."""
     engine.start([point for point, position in enumerate(state.positions) if position is not None])
     frames = LocalFrames(state, graph)
+    _place_all(engine, frames)
+    left = [p for p in engine.hints if state.positions[p] is None and not engine.is_ambiguous(p)]
+    if left:
+        for point in left:
+            _take(state, point, engine.hints[point], _SPREAD_OF_APPROXIMATE)
+        engine.start(left)
+        _place_all(engine, frames)
+    for station, orientation in enumerate(graph.orientations):
+        if orientation == Orientation.VERT and state.station_steps[station] is not None:
+            reconcile(state, graph, station)
+
+
+def _place_all(engine: Engine, frames: LocalFrames) -> None:
+    """Good positions, then local frames, then the rest; again while something is placed."""
     while True:
         engine.run(GOOD)
         tied = frames.place()
         engine.start(tied)
         if not tied and not engine.run(REST):
             break
-    for station, orientation in enumerate(graph.orientations):
-        if orientation == Orientation.VERT and state.station_steps[station] is not None:
-            reconcile(state, graph, station)
 
 
-def _result(
-    state: State,
-    graph: Graph,
-    orientations: np.ndarray[tuple[int], np.dtype[np.int8]],
-    unplaced: tuple[Unplaced, ...],
-) -> InitialValues:
+def _result(state: State, graph: Graph, unplaced: tuple[Unplaced, ...]) -> InitialValues:
     n, m = len(state.names), len(graph.origins)
     coordinates, rotations, g0 = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan), np.full(m, np.nan)
     for point in range(n):
@@ -178,7 +219,7 @@ def _result(
         coordinates,
         rotations,
         g0,
-        orientations,
+        np.array(graph.orientations, np.int8),
         tuple(step if state.is_placed(p) else None for p, step in enumerate(state.point_steps)),
         tuple(state.station_steps),
         unplaced,

@@ -102,6 +102,11 @@ class Engine:
         """Begins with points whose position is known."""
         self._settle(list(located))
 
+    def is_ambiguous(self, point: int) -> bool:
+        """Whether several positions of a point fit its observations equally well."""
+        cached = self.choices.get(point)
+        return cached is not None and bool(cached[1].alternatives)
+
     def start_station(self, station: int) -> None:
         """Begins also with a station on a located point that the caller has oriented."""
         self._spread_orientation(station)

@@ -1,0 +1,164 @@
+"""Approximate coordinates that the observations contradict so much that nothing good can start from them.
+
+Gauss-Newton finds its way from a third of a sight length and of a radian. An approximation beyond that is
+not used: the point is computed from the observations, and the approximation serves only where these cannot
+place it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.record import ReplacedRecord
+from obseq.survey.initial.closed_forms import wrap
+from obseq.survey.initial.relations import central_angle
+from obseq.survey.model import ObservationType, Orientation
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.survey.initial.known import Vertical
+    from obseq.survey.model import FieldBook
+
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+_FAR = 0.3
+"""Misfit, in radians or in parts of the length, from which an approximation is doubted."""
+
+
+@dataclass(frozen=True)
+class Approximations:
+    """The observations between points that have coordinates, as far as they can be compared with them.
+
+    Attributes:
+        book: the observations.
+        orientations: of each station, after the automatic-FIX rule.
+        vertical: see `initial_values`.
+    """
+
+    book: FieldBook
+    orientations: np.ndarray[tuple[int], np.dtype[np.int8]]
+    vertical: Vertical | None
+
+    def contradictions(self, coordinates: FloatArray, candidates: BoolArray) -> IntArray:
+        """(n,) how many observations to located points contradict each candidate grossly.
+
+        Args:
+            coordinates: (n, 3) frame; NaN where unknown.
+            candidates: (n,) points whose coordinates may be wrong.
+        """
+        count = np.zeros(len(candidates), np.int64)
+        if not candidates.any():
+            return count
+        rows = self._comparable(np.asarray(np.isfinite(coordinates).all(axis=1)), candidates)
+        wrong = rows[self._contradicted(rows, coordinates)]
+        observations = self.book.observations
+        for ends in (observations.from_points[wrong], observations.to_points[wrong]):
+            count += np.bincount(ends, minlength=len(count))
+        return np.where(candidates, count, 0)
+
+    def _comparable(self, located: BoolArray, candidates: BoolArray) -> Rows:
+        """Active observations between located points, one of them a candidate."""
+        observations, n = self.book.observations, len(located)
+        rows = np.flatnonzero(observations.active)
+        ends = observations.from_points[rows], observations.to_points[rows]
+        rows = rows[(ends[0] < n) & (ends[1] < n)]
+        start, end = observations.from_points[rows], observations.to_points[rows]
+        chosen = located[start] & located[end] & (candidates[start] | candidates[end])
+        return np.asarray(rows[chosen])
+
+    def _contradicted(self, rows: Rows, coordinates: FloatArray) -> BoolArray:
+        observations = self.book.observations
+        kinds, values = observations.types[rows], observations.values[rows]
+        start = coordinates[observations.from_points[rows]]
+        local = self._local(start, coordinates[observations.to_points[rows]] - start)
+        flat = np.hypot(local[:, 0], local[:, 1])
+        length = np.hypot(flat, local[:, 2])
+        is_plumb = ~np.isin(
+            observations.stations[rows], np.flatnonzero(self.orientations == Orientation.BASC)
+        )
+        zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
+        wrong = (kinds == ObservationType.Dist) & (np.abs(length - values) > _FAR * np.abs(values))
+        wrong |= (kinds == ObservationType.Zen) & is_plumb & (zenith > _FAR)
+        shifts = np.isin(kinds, (ObservationType.DX, ObservationType.DY, ObservationType.DZ))
+        wrong |= shifts & (np.abs(values) > (1.0 + _FAR) * length + 1.0)
+        readings = (kinds == ObservationType.Hz) & is_plumb & (flat > 0.0)
+        wrong[readings] |= self._turned(rows[readings], np.arctan2(local[readings, 0], local[readings, 1]))
+        return np.asarray(wrong)
+
+    def _local(self, start: FloatArray, offsets: FloatArray) -> FloatArray:
+        """Offsets in east, north, up at their starts."""
+        if self.vertical is None or not len(start):
+            return offsets
+        return np.asarray(np.einsum("nij,nj->ni", self.vertical(start), offsets))
+
+    def _turned(self, rows: Rows, azimuths: FloatArray) -> BoolArray:
+        """Which readings disagree with the others of their station, given the azimuths of the coordinates."""
+        observations = self.book.observations
+        angles = azimuths - observations.values[rows]
+        of_station: dict[int, list[int]] = {}
+        for k, station in enumerate(observations.stations[rows].tolist()):
+            of_station.setdefault(station, []).append(k)
+        wrong = np.zeros(len(rows), np.bool_)
+        for station, members in of_station.items():
+            own = angles[members].tolist()
+            g0 = 0.0 if self.orientations[station] == Orientation.FIX else central_angle(own)
+            far = [abs(wrap(angle - g0)) > _FAR for angle in own]
+            # of two readings that disagree, either may be the wrong one
+            wrong[members] = far if len(own) > 2 or not any(far) else [True] * len(own)
+        return wrong
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """An approximation that has not been used.
+
+    Attributes:
+        name: of the point.
+        place: file and line that give the approximation.
+        given: its coordinates there, in the system of the points.
+        used: those that the observations give, in the same system.
+        moved: distance between the two (m).
+    """
+
+    name: str
+    place: str
+    given: tuple[float, float, float]
+    used: tuple[float, float, float]
+    moved: float
+
+    def record(self) -> ReplacedRecord:
+        """Its entry in the result file."""
+        return ReplacedRecord(self.name, self.place, self.given, self.used, self.moved)
+
+    def sentence(self) -> str:
+        """Which approximation was replaced, by what."""
+        given, used = (", ".join(f"{value:.3f}" for value in xyz) for xyz in (self.given, self.used))
+        return (
+            f"point {self.name} ({self.place}): its approximate coordinates ({given}) are {self.moved:.3g} m "
+            f"from where its observations place it; they were replaced by ({used})"
+        )
+
+
+def nearest_sights(book: FieldBook, coordinates: FloatArray, rows: Rows) -> FloatArray:
+    """(k,) length of the shortest active observation of some points, at the coordinates (n, 3)."""
+    observations, n = book.observations, len(coordinates)
+    shortest = np.full(len(book.point_names), np.inf)
+    active = np.flatnonzero(observations.active)
+    start, end = observations.from_points[active], observations.to_points[active]
+    inside = (start < n) & (end < n)
+    start, end = start[inside], end[inside]
+    lengths = np.linalg.norm(coordinates[end] - coordinates[start], axis=1)
+    lengths = np.where(np.isfinite(lengths), lengths, np.inf)
+    np.minimum.at(shortest, start, lengths)
+    np.minimum.at(shortest, end, lengths)
+    return shortest[rows]
+
+
+def replaced(given: FloatArray, book: FieldBook, coordinates: FloatArray, hidden: BoolArray) -> Rows:
+    """The points whose approximation (n, 3) has not been used, and is far from where they are now."""
+    rows = np.flatnonzero(hidden & np.isfinite(coordinates).all(axis=1))
+    moved = np.linalg.norm(coordinates[rows] - given[rows], axis=1)
+    return np.asarray(rows[moved > _FAR * nearest_sights(book, coordinates, rows)])
