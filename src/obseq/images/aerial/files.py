@@ -6,7 +6,7 @@ that begin with # are passed over. A first line without any number where numbers
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,15 +15,14 @@ from obseq.errors import InputError
 from obseq.images.aerial.angles import axes_of, unit_of
 from obseq.images.aerial.heights import HeightType
 from obseq.images.aerial.shots import FrameCamera, Shots
+from obseq.images.aerial.tables import LeftOut
 from obseq.survey.files.text import parse_number, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
-    import numpy.typing as npt
-
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
 
 
 SHOTS, IMAGE_POINTS, GROUND_POINTS = "NXYZOPKC", "PNXY", "PTXYZ"
@@ -54,13 +53,23 @@ class ImagePoints:
         pixels: (m, 2) column and line.
         lines: (m,) line of the file, from 1.
         bad: lines that were left out.
+        file: its name.
     """
 
     names: tuple[str, ...]
     shots: tuple[str, ...]
     pixels: FloatArray
-    lines: npt.NDArray[np.int64]
+    lines: IntArray
     bad: tuple[BadLine, ...] = ()
+    file: str = ""
+
+    def where(self, row: int) -> str:
+        """File and line of a measure."""
+        return f"{self.file}:{self.lines[row]}"
+
+    def left_out(self) -> list[LeftOut]:
+        """The lines that could not be read, for a table."""
+        return [LeftOut(f"{self.file}:{line.number}", line.reason) for line in self.bad]
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,6 @@ class GroundPoints:
         codes: type of each (1, 11: known in z; 2, 12: in plan; 3, 13: both), or empty strings.
         coordinates: (n, 3) map coordinates and z.
         height_type: what z is counted from.
-        lines: (n,) line of the file, from 1.
         bad: lines that were left out.
     """
 
@@ -80,7 +88,6 @@ class GroundPoints:
     codes: tuple[str, ...]
     coordinates: FloatArray
     height_type: HeightType | None
-    lines: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     bad: tuple[BadLine, ...] = ()
 
 
@@ -232,6 +239,7 @@ def read_image_points(
         pixels,
         np.array(lines, dtype=np.int64),
         bad,
+        str(path),
     )
 
 
@@ -252,7 +260,6 @@ def read_ground_points(
         tuple(str(row.get("T", "")) for row in rows),
         places,
         columns.height_type,
-        np.array(lines, dtype=np.int64),
         bad,
     )
 

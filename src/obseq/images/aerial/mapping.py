@@ -72,6 +72,14 @@ class MapSystem:
         x, y = self._to_geodetic.transform(lon, lat, direction="INVERSE")
         return np.stack([np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)], axis=-1)
 
+    def wgs84(self, plan: FloatArray) -> FloatArray:
+        """Longitude and latitude (n, 2) on WGS 84, degrees, of map points (n, 2): for maps in browsers."""
+        from pyproj import Transformer
+
+        x, y = _columns(plan)
+        lon, lat = Transformer.from_crs(self.crs, "EPSG:4326", always_xy=True).transform(x, y)
+        return np.stack([np.asarray(lon, dtype=np.float64), np.asarray(lat, dtype=np.float64)], axis=-1)
+
     def convergence(self, geodetic: FloatArray) -> FloatArray:
         """Angle (n,), radians, from grid north to geographic north, counted positive west of the axis.
 

@@ -23,7 +23,7 @@ from obseq.images.aerial.heights import HeightType, convert_heights, remove_alte
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.aerial.frames import Frames
     from obseq.images.aerial.heights import Geoid
     from obseq.images.aerial.mapping import MapSystem
@@ -98,6 +98,13 @@ class Worksite:
     def rows(self, names: Iterable[str]) -> IntArray:
         """Rows of shots by name."""
         return self.shots.index(names)
+
+    def contains(self, shots: IntArray, pixels: FloatArray) -> BoolArray:
+        """Whether pixels (n, 2) lie in their images; cameras without size have no border."""
+        sizes = [self.cameras[name].size or (np.inf, np.inf) for name in self.shots.cameras]
+        size = np.array(sizes, dtype=np.float64).reshape(-1, 2)[shots]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((pixels >= 0.0) & (pixels <= size)).all(axis=1))
 
     def world_to_image(
         self, shots: IntArray, points: FloatArray, height_type: HeightType | None = None

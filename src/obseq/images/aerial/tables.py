@@ -1,0 +1,81 @@
+"""Results in columns, written as CSV or GeoJSON, with what was left out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from obseq.images.aerial.mapping import MapSystem
+
+DECIMALS = 4
+"""Of numbers in tables: tenths of a millimetre, and of a thousandth of a pixel."""
+
+
+class LeftOut(NamedTuple):
+    """Something that was given and is not in the result.
+
+    Attributes:
+        where: file and line, or a name.
+        reason: why.
+    """
+
+    where: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A result.
+
+    Attributes:
+        columns: values by name, all of one length; x, y, z are map coordinates.
+        left_out: what is missing, and why.
+    """
+
+    columns: Mapping[str, Sequence[object]]
+    left_out: tuple[LeftOut, ...] = ()
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def csv(self) -> str:
+        """One line per row, after a line of names."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(self.columns)
+        for row in zip(*self.columns.values(), strict=True):
+            writer.writerow([_shown(value) for value in row])
+        return out.getvalue()
+
+    def geojson(self, system: MapSystem) -> str:
+        """One point feature per row, in WGS 84 as RFC 7946 wants; map coordinates stay properties."""
+        plan = np.column_stack([np.asarray(self.columns[axis], dtype=np.float64) for axis in "xy"])
+        places = system.wgs84(plan)
+        features = [
+            {
+                "type": "Feature",
+                "geometry": {"type": "Point", "coordinates": [round(float(c), 9) for c in place]},
+                "properties": {key: _plain(value) for key, value in zip(self.columns, row, strict=True)},
+            }
+            for place, row in zip(places, zip(*self.columns.values(), strict=True), strict=True)
+        ]
+        whole = {"type": "FeatureCollection", "crs_of_properties": system.definition, "features": features}
+        return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def _shown(value: object) -> str:
+    return f"{value:.{DECIMALS}f}" if isinstance(value, float) else str(value)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, float):
+        return round(float(value), 6) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
