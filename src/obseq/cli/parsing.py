@@ -41,6 +41,14 @@ def positive_number(text: str) -> float:
     return value
 
 
+def finite_number(text: str) -> float:
+    """A finite number."""
+    value = _number(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
 def positive_integer(text: str) -> int:
     """A whole number above zero."""
     if not (text.isdecimal() and int(text) > 0):

@@ -82,6 +82,7 @@ class GroundPoints:
         coordinates: (n, 3) map coordinates and z.
         height_type: what z is counted from.
         bad: lines that were left out.
+        file: its name.
     """
 
     names: tuple[str, ...]
@@ -89,6 +90,11 @@ class GroundPoints:
     coordinates: FloatArray
     height_type: HeightType | None
     bad: tuple[BadLine, ...] = ()
+    file: str = ""
+
+    def left_out(self) -> list[LeftOut]:
+        """The lines that could not be read, for a table."""
+        return [LeftOut(f"{self.file}:{line.number}", line.reason) for line in self.bad]
 
 
 @dataclass(frozen=True)
@@ -261,6 +267,7 @@ def read_ground_points(
         places,
         columns.height_type,
         bad,
+        str(path),
     )
 
 

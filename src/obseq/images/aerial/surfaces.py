@@ -23,10 +23,12 @@ _HEADER = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter",
 class Surface(Protocol):
     """A ground: one z for each point of the map."""
 
-    height_type: HeightType | None
+    @property
+    def height_type(self) -> HeightType | None:
+        """What z is counted from; None is the type of the shots."""
 
     def z(self, plan: FloatArray) -> FloatArray:
-        """Z (n,) under map points (n, 2); nan where there is none."""
+        """Heights (n,) under map points (n, 2); nan where there is none."""
 
 
 @dataclass(frozen=True)

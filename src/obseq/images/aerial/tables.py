@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
     from obseq.images.aerial.mapping import MapSystem
 
-DECIMALS = 4
-"""Of numbers in tables: tenths of a millimetre, and of a thousandth of a pixel."""
+DECIMALS = {"omega": 9, "phi": 9, "kappa": 9}
+"""Of numbers in some columns: degrees to a hundred thousandth of a second; all others have `USUAL`."""
+USUAL = 4
+"""Tenths of a millimetre, and of a thousandth of a pixel."""
 
 
 class LeftOut(NamedTuple):
@@ -52,7 +54,7 @@ class Table:
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.columns)
         for row in zip(*self.columns.values(), strict=True):
-            writer.writerow([_shown(value) for value in row])
+            writer.writerow([_shown(key, value) for key, value in zip(self.columns, row, strict=True)])
         return out.getvalue()
 
     def geojson(self, system: MapSystem) -> str:
@@ -71,11 +73,11 @@ class Table:
         return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
 
 
-def _shown(value: object) -> str:
-    return f"{value:.{DECIMALS}f}" if isinstance(value, float) else str(value)
+def _shown(key: str, value: object) -> str:
+    return f"{value:.{DECIMALS.get(key, USUAL)}f}" if isinstance(value, float) else str(value)
 
 
 def _plain(value: object) -> object:
     if isinstance(value, float):
-        return round(float(value), 6) if np.isfinite(value) else None
+        return round(float(value), 9) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value

@@ -62,6 +62,10 @@ class Worksite:
             raise InputError("a worksite needs its map (a projected CRS), or the approximate frame.")
         object.__setattr__(self, "_intrinsics", _intrinsics(self.shots, self.cameras))
 
+    def approximately(self) -> Worksite:
+        """The worksite computed in approximate frames."""
+        return replace(self, is_approximate=True)
+
     def with_nadir(self, surface: Surface) -> Worksite:
         """The worksite with the z of the ground on the axis of each shot, in the type of the shots."""
         rows = np.arange(len(self.shots))

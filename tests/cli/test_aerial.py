@@ -1,0 +1,109 @@
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+
+SHOTS = """N X Y H O P K C
+A 700000 6600000 1500 0 0 0 cam
+B 700400 6600000 1500 0 0 0 cam
+C 700200 6600300 1500 0 0 90 cam
+"""
+CAMERA = "name = cam\nppax = 500\nppay = 400\nfocal = 1000\nwidth = 1000\nheight = 800\n"
+GROUND = (
+    "P 3 700200 6600100 10\nQ 3 700150 6600050 0\nR 3 700260 6600150 30\nS 3 700120 6600180 -5\nfar 3 0 0 0\n"
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "shots.opk").write_text(SHOTS)
+    (tmp_path / "cam.txt").write_text(CAMERA)
+    (tmp_path / "ground.app").write_text(GROUND)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+SITE = "--shots shots.opk --shots-header NXYHOPKC --no-alteration --cameras cam.txt --crs EPSG:2154".split()
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def projected(folder, capsys):
+    """The measures of the ground points in all images that have them."""
+    code = main(["world-image", *SITE, "--ground", "ground.app", "--ground-header", "PTXYH"])
+    out = capsys.readouterr()
+    assert code == 1
+    assert "left out: far: no image sees it" in out.err
+    found = rows(out.out)
+    text = "".join(f"{r['point']} {r['shot']} {r['column']} {r['line']}\n" for r in found)
+    (folder / "measured.mes").write_text(text)
+    return found
+
+
+def test_what_is_projected_is_intersected_and_resected(folder, capsys):
+    seen = projected(folder, capsys)
+    assert {(r["point"], r["shot"]) for r in seen} >= {("P", "A"), ("P", "B"), ("P", "C")}
+    for method in ("pair", "all"):
+        assert main(["intersect", *SITE, "--points", "measured.mes", "--method", method]) == 0
+        found = {r["point"]: r for r in rows(capsys.readouterr().out)}
+        for line in GROUND.splitlines()[:6]:
+            name, _, *place = line.split()
+            computed = [float(found[name][axis]) for axis in "xyz"]
+            np.testing.assert_allclose(computed, np.array(place, dtype=float), rtol=0.0, atol=2e-3)
+    command = "resect --cameras cam.txt --crs EPSG:2154 --points measured.mes --ground ground.app"
+    options = "--ground-header PTXYH --opk again.opk --out poses.csv"
+    assert main([*command.split(), *options.split()]) == 0
+    assert (folder / "again.opk").read_text().splitlines()[0] == "N   X   Y   H   O   P   K   C"
+    pose = {r["shot"]: r for r in rows((folder / "poses.csv").read_text())}["C"]
+    assert float(pose["kappa"]) == pytest.approx(90.0, abs=1e-3)
+    assert float(pose["z"]) == pytest.approx(1500.0, abs=0.05)
+
+
+def test_image_points_go_to_the_ground_and_to_a_map(folder, capsys):
+    (folder / "m.mes").write_text("P A 500 400\n# comment\nQ Z 1 2\nP A 1 2\nR B x 3\n")
+    command = ["image-world", *SITE, "--points", "m.mes", "--height", "10", "--z-type", "height"]
+    assert main([*command, "--out", "ground.geojson"]) == 1
+    said = capsys.readouterr().err
+    assert "m.mes:3: shot Z is unknown" in said
+    assert "m.mes:4: P A was given before, in line 1" in said
+    assert "m.mes:5: 'x' is not a number" in said
+    (feature,) = json.loads((folder / "ground.geojson").read_text())["features"]
+    assert feature["properties"]["z"] == pytest.approx(10.0, abs=1e-6)
+    assert feature["geometry"]["coordinates"] == pytest.approx([3.0, 46.5], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--crs", "EPSG:4326"], "not a projected system"),
+        (["--geoid", "nothing_here"], "geoid grid nothing_here"),
+        (["--dtm", "absent.asc"], "no such terrain model"),
+        (["--out", "x.xlsx"], "as .csv or .geojson"),
+        (["--shots", "cam.txt"], "shot"),
+    ],
+)
+def test_what_cannot_run_says_why(folder, capsys, options, reason):
+    (folder / "m.mes").write_text("P A 500 400\n")
+    command = ["image-world", *SITE, "--points", "m.mes", *options]
+    command += [] if "--dtm" in options else ["--height", "0"]
+    code = main(command)
+    err = capsys.readouterr().err
+    if "cam.txt" in options and code != 2:
+        assert code == 1
+        assert "columns" in err
+    else:
+        assert code == 2
+        assert reason in err
+    assert not (folder / "x.xlsx").exists()
+
+
+def test_the_ground_must_be_given_once(folder, capsys):
+    (folder / "m.mes").write_text("P A 500 400\n")
+    assert main(["image-world", *SITE, "--points", "m.mes"]) == 2
+    assert "one of them" in capsys.readouterr().err
