@@ -4,6 +4,7 @@ from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError
 from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
 from obseq.geometry.isometry import isometry, triangle_isometry
+from obseq.geometry.matrices import inverse3
 from obseq.geometry.poses import Pose
 from obseq.geometry.rotations import (
     absorb,
@@ -26,6 +27,7 @@ __all__ = [
     "attitudes",
     "closest_rotation",
     "exponential",
+    "inverse3",
     "isometry",
     "logarithm",
     "rotation_x",

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError, InputError
+from obseq.geometry.matrices import inverse3
 from obseq.geometry.rotations import (
     closest_rotation,
     quaternion_of_rotation,
@@ -89,9 +90,7 @@ def attitude_jacobian(rotations: npt.ArrayLike, form: str) -> FloatArray:
     values = attitudes(rotations, form)
     rates = np.stack([_body_rate(values, angles.axes, k) for k in range(3)], axis=-1)
     rates *= np.array(angles.signs)[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = _inverse(rates)
-    return -inverse
+    return -inverse3(rates)
 
 
 def _body_rate(values: FloatArray, axes: tuple[int, int, int], k: int) -> FloatArray:
@@ -102,14 +101,6 @@ def _body_rate(values: FloatArray, axes: tuple[int, int, int], k: int) -> FloatA
         turn = TURNS[axes[later]](values[..., later])
         rate = (np.swapaxes(turn, -1, -2) @ rate[..., None])[..., 0]
     return rate
-
-
-def _inverse(matrices: FloatArray) -> FloatArray:
-    """Inverses (..., 3, 3) by cofactors: not finite, instead of an error, where a matrix is singular."""
-    a, b, c = np.moveaxis(matrices, -1, 0)
-    rows = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
-    determinant = np.sum(a * rows[..., 0, :], axis=-1)
-    return np.asarray(rows / determinant[..., None, None])
 
 
 def _cardan(matrices: FloatArray) -> FloatArray:

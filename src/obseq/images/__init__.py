@@ -1,4 +1,4 @@
-"""Images: cameras, poses, measures, control points, and first values of a block.
+"""Images: cameras, poses, measures, control points, first values of a block, bundle adjustment.
 
 Every public name is here; each is loaded when it is first used. Pixels for image coordinates; any one length
 unit for the world; radians.
@@ -9,41 +9,69 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obseq.geometry import Pose
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.block import Block
+    from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera, median_camera
     from obseq.images.control import ControlPoints
     from obseq.images.initial.distribution import Distribution, check_distribution
+    from obseq.images.initial.intersection import Intersection, intersect
     from obseq.images.initial.resection import Resection, ResectionOptions, refine_poses, resect
     from obseq.images.initial.three_points import poses_of_triplets
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
+    from obseq.images.rigid import Exposures, PairStatistics, RigidBlock, initial_block, pair_statistics
+    from obseq.images.weighting import Weighting
 
 _HOMES = {
+    "Block": "images.block",
+    "BundleAdjustment": "images.bundle",
+    "BundleSolution": "images.adjustment.solution",
     "Camera": "images.camera",
     "ControlPoints": "images.control",
     "Distribution": "images.initial.distribution",
+    "Exposures": "images.rigid",
     "ImagePoints": "images.measures",
+    "Intersection": "images.initial.intersection",
+    "PairStatistics": "images.rigid",
     "Pose": "geometry",
     "Poses": "images.poses",
     "Resection": "images.initial.resection",
     "ResectionOptions": "images.initial.resection",
+    "RigidBlock": "images.rigid",
+    "Weighting": "images.weighting",
     "check_distribution": "images.initial.distribution",
+    "initial_block": "images.rigid",
+    "intersect": "images.initial.intersection",
     "median_camera": "images.camera",
+    "pair_statistics": "images.rigid",
     "poses_of_triplets": "images.initial.three_points",
     "refine_poses": "images.initial.resection",
     "resect": "images.initial.resection",
 }
 
 __all__ = [
+    "Block",
+    "BundleAdjustment",
+    "BundleSolution",
     "Camera",
     "ControlPoints",
     "Distribution",
+    "Exposures",
     "ImagePoints",
+    "Intersection",
+    "PairStatistics",
     "Pose",
     "Poses",
     "Resection",
     "ResectionOptions",
+    "RigidBlock",
+    "Weighting",
     "check_distribution",
+    "initial_block",
+    "intersect",
     "median_camera",
+    "pair_statistics",
     "poses_of_triplets",
     "refine_poses",
     "resect",

@@ -189,6 +189,13 @@ class Camera:
         rays = np.asarray(points, dtype=np.float64)
         return self.principal_point + self.focal * self.distorted(self._plane(rays))
 
+    def project_with_jacobian(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Pixels (n, 2) of points of the camera frame (n, 3), and their derivatives (n, 2, 3)."""
+        rays = np.asarray(points, dtype=np.float64)
+        plane, first = self._direct.values_and_jacobian(rays, np.zeros((len(rays), 0)))
+        distorted, second = self._distort.values_and_jacobian(plane, self._rows(len(rays)))
+        return self.principal_point + self.focal * distorted, self.focal * (second @ first)
+
     def directions(self, pixels: ArrayLike) -> FloatArray:
         """Unit directions (n, 3) in the camera frame of pixels (n, 2).
 

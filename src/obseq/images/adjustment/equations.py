@@ -1,0 +1,342 @@
+"""The least-squares system of a block: one batch per set of measures and camera model, arrays handed over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.block import expression
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.adjustment.start import NumberedSet, Start
+    from obseq.images.block import Block, PoseObservations
+    from obseq.images.rigid import RigidBlock
+    from obseq.leastsquares import Batch, LeastSquares
+
+CONTROL = "control points"
+LENGTHS = "lengths"
+POSES = "observed poses"
+PARAMETERS = "observed parameters"
+RIGID = "rigid blocks"
+ROTATION_ENTRIES = np.sqrt(2.0)
+"""Sigma of the entries of a matrix over that of the angle: nine squares sum up to twice that of the angle."""
+
+
+class Labels(Sequence[str]):
+    """What measures are called in messages, made when somebody asks."""
+
+    def __init__(self, part: NumberedSet, rows: IntArray) -> None:
+        self._part = part
+        self._rows = rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        return self._part.given.measures.label(int(self._rows[index]))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureBatch:
+    """A batch of image points.
+
+    Attributes:
+        part: number of the set.
+        rows: (n,) rows of the set.
+        batch: in the system.
+    """
+
+    part: int
+    rows: IntArray
+    batch: Batch
+
+
+class Equations:
+    """A block as a least-squares system.
+
+    Attributes:
+        system: the system.
+        centres: block of the centre of every image.
+        rotations: block of the rotation of every image.
+        cameras: names of the cameras that took images.
+        calibrations: block of each of them.
+        points: block of every point.
+        measures: the batches of image points.
+        control: batch of the coordinates of control points, and (n, 2) their point and component.
+        places: blocks of the places of cameras in rigid blocks: centres and rotations of each.
+        rigid: batches of rigid blocks.
+    """
+
+    def __init__(self, block: Block, start: Start, system: LeastSquares, eliminate: bool) -> None:
+        self.block, self.start, self.system = block, start, system
+        images = start.poses.images
+        self.centres = system.add_points([f"{image} centre" for image in images], start.poses.centres)
+        self.rotations = system.add_rotations(images, start.poses.rotations)
+        self._add_calibrations()
+        self.points = system.add_points(start.points, start.coordinates)
+        self._freeze()
+        self.measures = [
+            found for number, part in enumerate(start.sets) for found in self._add_measures(number, part)
+        ]
+        self.control: tuple[Batch | None, IntArray] = self._add_control()
+        self._add_lengths()
+        for observed in block.pose_observations:
+            self._observe_poses(observed)
+        self.places: list[tuple[IntArray, IntArray]] = []
+        self.rigid = [self._add_rigid(rigid) for rigid in block.rigid_blocks]
+        self._slow()
+        if eliminate:
+            self._eliminate()
+
+    # Unknowns
+
+    def _add_calibrations(self) -> None:
+        used = list({camera.name: camera for camera in self.start.cameras}.values())
+        self.cameras = [camera.name for camera in used]
+        self.calibrations = np.concatenate(
+            [
+                self.system.add_vectors([camera.name], camera.parameters[None], camera.parameter_names)
+                for camera in used
+            ]
+        )
+        of_image = index_of(self.cameras, [camera.name for camera in self.start.cameras], "camera")
+        self._calibration_of_image = self.calibrations[of_image]
+
+    def _freeze(self) -> None:
+        system, block, images = self.system, self.block, self.start.poses.images
+        for name, ids in zip(self.cameras, self.calibrations, strict=True):
+            names = block.cameras[name].parameter_names
+            frozen = [parameter for parameter in names if self._is_frozen(name, parameter)]
+            if frozen:
+                system.freeze([ids], frozen)
+        for patterns, ids in (
+            (block.fixed_centres, self.centres),
+            (block.fixed_rotations, self.rotations),
+        ):
+            fixed = [
+                k for k, image in enumerate(images) if any(pattern.fullmatch(image) for pattern in patterns)
+            ]
+            if fixed:
+                system.freeze(ids[fixed])
+        for component in range(3):
+            held = self.points[self.start.is_held[:, component]]
+            if held.size:
+                system.freeze(held, (component,))
+        for parameters, cameras in block.shared:
+            self._share(parameters, cameras)
+        for parameters, cameras, value, sigma in block.parameter_priors:
+            self._observe_parameters(parameters, cameras, value, sigma)
+
+    def _is_frozen(self, camera: str, parameter: str) -> bool:
+        frozen = False
+        for rule in self.block.rules:
+            if rule.cameras.fullmatch(camera) and rule.parameters.fullmatch(parameter):
+                frozen = rule.frozen
+        return frozen
+
+    def _matching(self, parameters: str, cameras: str) -> dict[str, list[int]]:
+        """Blocks of the cameras that have each parameter, by name of the parameter."""
+        wanted, of = expression(parameters), expression(cameras)
+        found: dict[str, list[int]] = {}
+        for name, ids in zip(self.cameras, self.calibrations, strict=True):
+            if of.fullmatch(name):
+                for parameter in self.block.cameras[name].parameter_names:
+                    if wanted.fullmatch(parameter):
+                        found.setdefault(parameter, []).append(int(ids))
+        if not found:
+            raise InputError(f"no camera parameter matches {parameters!r} of cameras {cameras!r}")
+        return found
+
+    def _share(self, parameters: str, cameras: str) -> None:
+        for parameter, ids in self._matching(parameters, cameras).items():
+            if len(ids) > 1:
+                self.system.share(ids, (parameter,))
+
+    def _observe_parameters(self, parameters: str, cameras: str, value: float | None, sigma: float) -> None:
+        for parameter, ids in self._matching(parameters, cameras).items():
+            for block in ids:
+                known = self.system.values([block])
+                names = self.system.unknowns.components(block)
+                sigmas = np.where([name == parameter for name in names], sigma, np.inf)
+                given = known if value is None else np.full_like(known, value)
+                self.system.add_prior([block], given, sigmas[None], PARAMETERS)
+
+    def _eliminate(self) -> None:
+        """Points that only image measures and their own coordinates concern are eliminated."""
+        joined = {*self.block.lengths.first, *self.block.lengths.second}
+        alone = np.array([name not in joined for name in self.start.points], dtype=bool)
+        chosen = self.points[alone & ~self.start.is_held.all(axis=1)]
+        if chosen.size:
+            self.system.eliminate(chosen)
+
+    # Equations
+
+    def _add_measures(self, number: int, part: NumberedSet) -> list[MeasureBatch]:
+        """One batch per camera model."""
+        rows = part.rows
+        formulas = [camera.formula for camera in self.start.cameras]
+        kinds = list(dict.fromkeys(formulas))
+        kind = index_of(kinds, formulas, "formula")[part.image[rows]]
+        chosen = [(formula, rows[kind == k]) for k, formula in enumerate(kinds)]
+        return [
+            MeasureBatch(number, here, self._add_batch(formula, part, here))
+            for formula, here in chosen
+            if here.size
+        ]
+
+    def _add_batch(self, formula: str, part: NumberedSet, rows: IntArray) -> Batch:
+        image, measures = part.image[rows], part.given.measures
+        blocks = {
+            "point": self.points[part.point[rows]],
+            "camera.centre": self.centres[image],
+            "camera.rotation": self.rotations[image],
+            "calibration": self._calibration_of_image[image],
+        }
+        weighting = part.given.weighting
+        return self.system.add(
+            formula,
+            blocks,
+            measures.xy[rows],
+            measures.sigmas[rows],
+            Labels(part, rows),
+            part.given.name,
+            loss=None if weighting is None else weighting.loss,
+        )
+
+    def _add_control(self) -> tuple[Batch | None, IntArray]:
+        """Coordinates as observations; those of one point are whitened where they are correlated."""
+        start = self.start
+        given = start.is_control[:, None] & ~start.is_held & ~start.is_free
+        if not given.any():
+            return None, np.zeros((0, 2), dtype=np.int64)
+        rows = np.argwhere(given)
+        roots = _roots(start.covariances, given)
+        coefficients = roots[rows[:, 0], rows[:, 1]]
+        values = np.sum(coefficients * start.coordinates[rows[:, 0]], axis=1)
+        labels = [f"{start.points[point]} {'xyz'[component]}" for point, component in rows]
+        ids = self.points[rows[:, 0]]
+        return self.system.add_linear([ids], [coefficients], values, 1.0, labels, CONTROL), rows
+
+    def _add_lengths(self) -> None:
+        lengths = self.block.lengths
+        if lengths.values:
+            ends = [
+                self.points[index_of(self.start.points, names, "length: point")]
+                for names in (lengths.first, lengths.second)
+            ]
+            blocks = {"p1": ends[0], "p2": ends[1]}
+            self.system.add("Dist3D", blocks, lengths.values, lengths.sigmas, group=LENGTHS)
+
+    def _observe_poses(self, observed: PoseObservations) -> None:
+        rows = index_of(self.start.poses.images, observed.poses.images, "observed poses: image")
+        self.system.add_prior(self.centres[rows], observed.poses.centres, observed.centre_sigmas, POSES)
+        if observed.rotation_sigma is not None:
+            self._observe_rotations(rows, observed)
+
+    def _observe_rotations(self, rows: IntArray, observed: PoseObservations) -> None:
+        still = self.system.add_points(
+            [f"{image} origin {len(self.system.unknowns)}" for image in observed.poses.images],
+            np.zeros((len(rows), 3)),
+        )
+        self.system.freeze(still)
+        self._attach(
+            still,
+            self.rotations[rows],
+            np.zeros((len(rows), 3)),
+            observed.poses.rotations,
+            (1.0, float(observed.rotation_sigma or 0.0)),
+            POSES,
+        )
+
+    def _attach(
+        self,
+        centres: IntArray,
+        rotations: IntArray,
+        known_centres: FloatArray,
+        known_rotations: FloatArray,
+        sigmas: tuple[float, float],
+        group: str,
+    ) -> Batch:
+        blocks = {"pose.centre": centres, "pose.rotation": rotations}
+        observations = np.hstack([known_centres, known_rotations.reshape(-1, 9)])
+        return self.system.add(
+            "BlocRigid_RE", blocks, observations, _twelve(len(centres), *sigmas), group=group
+        )
+
+    def _add_rigid(self, rigid: RigidBlock) -> Batch:
+        system = self.system
+        names = [f"{rigid.name} {camera}" for camera in rigid.places.images]
+        centres = system.add_points([f"{name} place" for name in names], rigid.places.centres)
+        rotations = system.add_rotations(names, rigid.places.rotations)
+        self.places.append((centres, rotations))
+        master = int(index_of(rigid.places.images, [rigid.master], f"block {rigid.name}: camera")[0])
+        fixed = slice(None) if rigid.is_fixed else slice(master, master + 1)
+        system.freeze(centres[fixed])
+        system.freeze(rotations[fixed])
+        if rigid.place_sigmas is not None:
+            free = np.arange(len(names)) != master
+            self._attach(
+                centres[free],
+                rotations[free],
+                rigid.places.centres[free],
+                rigid.places.rotations[free],
+                rigid.place_sigmas,
+                RIGID,
+            )
+        first, second, camera = self._rigid_pairs(rigid)
+        blocks = {}
+        for end, images, places in (("a", first, "1"), ("b", second, "2")):
+            place = np.full(len(images), master) if end == "a" else camera
+            blocks[f"camera_{end}.centre"] = self.centres[images]
+            blocks[f"camera_{end}.rotation"] = self.rotations[images]
+            blocks[f"place_{places}.centre"] = centres[place]
+            blocks[f"place_{places}.rotation"] = rotations[place]
+        sigmas = _twelve(len(first), rigid.sigma_translation, rigid.sigma_rotation)
+        return system.add("BlocRigid", blocks, None, sigmas, group=RIGID)
+
+    def _rigid_pairs(self, rigid: RigidBlock) -> tuple[IntArray, IntArray, IntArray]:
+        """Images of the master and of each other camera that were exposed together, and the other camera."""
+        exposures = rigid.exposures
+        number = {image: k for k, image in enumerate(self.start.poses.images)}
+        places = index_of(rigid.places.images, exposures.cameras, f"block {rigid.name}: camera")
+        chief = int(index_of(exposures.cameras, [rigid.master], f"block {rigid.name}: camera")[0])
+        rows = []
+        for other in range(len(exposures.cameras)):
+            if other != chief:
+                for a, b in zip(*exposures.pairs(chief, other)[:2], strict=True):
+                    pair = number.get(exposures.images[a]), number.get(exposures.images[b])
+                    if None not in pair:
+                        rows.append((*pair, places[other]))
+        if not rows:
+            raise InputError(f"block {rigid.name}: no exposure has the master and another camera")
+        first, second, camera = np.array(rows, dtype=np.int64).T
+        return first, second, camera
+
+    def _slow(self) -> None:
+        for sigma, ids in zip(self.block.viscosity, (self.centres, self.rotations), strict=True):
+            if sigma is not None:
+                self.system.add_viscosity(ids, sigma)
+
+
+def _twelve(n: int, translation: float, rotation: float) -> FloatArray:
+    """(n, 12) sigmas of the vector and of the nine entries of the matrix of a relative pose."""
+    return np.tile([translation] * 3 + [ROTATION_ENTRIES * rotation] * 9, (n, 1))
+
+
+def _roots(covariances: FloatArray, given: BoolArray) -> FloatArray:
+    """(n, 3, 3) rows that make the given coordinates independent and of unit sigma; 0 for the others."""
+    roots = np.zeros_like(covariances)
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    off = np.abs(covariances[:, [0, 0, 1], [1, 2, 2]]).max(axis=1, initial=0.0) > 0.0
+    simple = given & ~off[:, None]
+    where = np.argwhere(simple)
+    roots[where[:, 0], where[:, 1], where[:, 1]] = 1.0 / np.sqrt(variances[simple])
+    for k in np.flatnonzero(off):
+        roots[k] = np.linalg.cholesky(np.linalg.inv(covariances[k])).T
+    return roots

@@ -1,0 +1,277 @@
+"""What a bundle adjustment found: poses, calibrations, points, residuals, and how well each is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.geometry import attitude_jacobian
+from obseq.images.names import index_of
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.adjustment.equations import Equations
+    from obseq.images.adjustment.start import LeftOut, Start
+    from obseq.images.block import Block
+    from obseq.images.camera import Camera
+    from obseq.leastsquares import Iteration, LeastSquaresResult
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureResiduals:
+    """Residuals of the image points that were adjusted.
+
+    Attributes:
+        image: (n,) image, a position in the poses of the solution.
+        point: (n,) point, a position in the points of the solution.
+        part: (n,) set of measures.
+        row: (n,) row in its set.
+        xy: (n, 2) measured, pixels.
+        residuals: (n, 2) computed minus measured, pixels.
+        sigmas: (n, 2) given, pixels.
+        weights: (n,) what robust weights left: 1 full, 0 none.
+    """
+
+    image: IntArray
+    point: IntArray
+    part: IntArray
+    row: IntArray
+    xy: FloatArray
+    residuals: FloatArray
+    sigmas: FloatArray
+    weights: FloatArray
+
+    @property
+    def norms(self) -> FloatArray:
+        """(n,) lengths of the residuals, pixels."""
+        return np.asarray(np.linalg.norm(self.residuals, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Residuals of image points put together by image, camera or point, one row each.
+
+    Attributes:
+        names: what each row is about.
+        counts: (n,) measures.
+        rms: (n,) quadratic mean of the lengths of residuals, pixels.
+        largest: (n,) longest residual, pixels.
+        mean: (n, 2) mean residual, pixels.
+    """
+
+    names: tuple[str, ...]
+    counts: IntArray
+    rms: FloatArray
+    largest: FloatArray
+    mean: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BundleSolution:
+    """An adjusted block; everything belongs to the same, final, state.
+
+    Precisions are a posteriori (scaled by sigma0^2) where there is redundancy, else a priori.
+
+    Attributes:
+        block: what was adjusted.
+        start: its numbers, and where it started.
+        equations: its least-squares system.
+        result: the solution of the system.
+        iterations: all that led to it.
+    """
+
+    block: Block
+    start: Start
+    equations: Equations
+    result: LeastSquaresResult
+    iterations: tuple[Iteration, ...]
+
+    # The state
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Adjusted poses of the images."""
+        return Poses(
+            self.start.poses.images,
+            self.result.values(self.equations.centres),
+            self.result.values(self.equations.rotations),
+            self.start.poses.cameras,
+        )
+
+    @cached_property
+    def cameras(self) -> dict[str, Camera]:
+        """Adjusted cameras by name."""
+        return {
+            name: self.block.cameras[name].with_parameters(self.result.values([ids])[0])
+            for name, ids in zip(self.equations.cameras, self.equations.calibrations, strict=True)
+        }
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Names of the points."""
+        return self.start.points
+
+    @cached_property
+    def coordinates(self) -> FloatArray:
+        """(n, 3) adjusted coordinates of the points."""
+        return self.result.values(self.equations.points)
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """What took no part, and why."""
+        return self.start.left_out
+
+    @property
+    def sigma0(self) -> float | None:
+        """Square root of the weighted sum of squares over the redundancy; None without redundancy."""
+        return self.result.sigma0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the iterations ended by themselves."""
+        return self.result.converged
+
+    # Precisions
+
+    @property
+    def is_a_posteriori(self) -> bool:
+        """Whether precisions are scaled by sigma0^2: there is redundancy to estimate it from."""
+        return self.result.variance_factor is not None
+
+    @cached_property
+    def point_covariances(self) -> FloatArray:
+        """(n, 3, 3) of the points."""
+        return self.result.covariance(self.equations.points, not self.is_a_posteriori)
+
+    @cached_property
+    def centre_covariances(self) -> FloatArray:
+        """(n, 3, 3) of the projection centres."""
+        return self.result.covariance(self.equations.centres, not self.is_a_posteriori)
+
+    @cached_property
+    def rotation_covariances(self) -> FloatArray:
+        """(n, 3, 3) of the small rotations about the camera's axes, radians^2."""
+        return self.result.covariance(self.equations.rotations, not self.is_a_posteriori)
+
+    def pose_covariance(self, image: str) -> FloatArray:
+        """(6, 6) of centre and small rotation of one image."""
+        row = index_of(self.poses.images, [image], "image")
+        ids = [int(self.equations.centres[row][0])], [int(self.equations.rotations[row][0])]
+        parts = [[self.covariance_between(first, second) for second in ids] for first in ids]
+        return np.block(parts)
+
+    def attitude_precisions(self, form: str = "opk") -> FloatArray:
+        """(n, 3) standard deviations of the angles of a form, radians (see `obseq.geometry.attitudes`)."""
+        jacobian = attitude_jacobian(self.poses.rotations, form)
+        covariances = jacobian @ self.rotation_covariances @ np.swapaxes(jacobian, 1, 2)
+        return np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+
+    def camera_covariance(self, name: str) -> FloatArray:
+        """(k, k) of the parameters of a camera, in the order of its `parameter_names`."""
+        ids = self._calibration(name)
+        return np.asarray(self.result.covariance(ids, not self.is_a_posteriori)[0])
+
+    def camera_precisions(self, name: str) -> dict[str, float]:
+        """Standard deviations of the parameters of a camera; zero where frozen."""
+        sigmas = np.sqrt(np.diagonal(self.camera_covariance(name)))
+        return dict(zip(self.block.cameras[name].parameter_names, map(float, sigmas), strict=True))
+
+    def camera_correlations(self, name: str) -> FloatArray:
+        """(k, k) correlations within a calibration; 0 with frozen parameters."""
+        return _correlations(self.camera_covariance(name))
+
+    def camera_pose_correlations(self, camera: str, image: str) -> FloatArray:
+        """(k, 6) correlations of a calibration with centre and small rotation of an image."""
+        ids = self._calibration(camera)
+        row = index_of(self.poses.images, [image], "image")
+        cross = np.hstack(
+            [
+                self.covariance_between(ids, other[row])
+                for other in (self.equations.centres, self.equations.rotations)
+            ]
+        )
+        own = np.sqrt(np.diagonal(self.camera_covariance(camera)))
+        other = np.sqrt(np.diagonal(self.pose_covariance(image)))
+        return _divided(cross, own, other)
+
+    def covariance_between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
+        """Covariance of unknowns of the system, by block."""
+        return self.result.covariance_between(first, second, not self.is_a_posteriori)
+
+    def _calibration(self, name: str) -> IntArray:
+        return self.equations.calibrations[index_of(self.equations.cameras, [name], "camera")]
+
+    # Residuals
+
+    @cached_property
+    def residuals(self) -> MeasureResiduals:
+        """Residuals of the image points."""
+        parts = self.equations.measures
+        sets = self.start.sets
+        return MeasureResiduals(
+            np.concatenate([sets[item.part].image[item.rows] for item in parts]),
+            np.concatenate([sets[item.part].point[item.rows] for item in parts]),
+            np.concatenate([np.full(len(item.rows), item.part) for item in parts]),
+            np.concatenate([item.rows for item in parts]),
+            np.concatenate([sets[item.part].given.measures.xy[item.rows] for item in parts]),
+            np.concatenate([self.result.residuals(item.batch) for item in parts]),
+            np.concatenate([sets[item.part].given.measures.sigmas[item.rows] for item in parts]),
+            np.concatenate([item.batch.robust_weights() for item in parts]),
+        )
+
+    def control_residuals(self) -> tuple[tuple[str, ...], FloatArray]:
+        """Names of the control points in the adjustment, and (n, 3) adjusted minus given."""
+        rows = np.flatnonzero(self.start.is_control)
+        names = tuple(self.points[row] for row in rows)
+        return names, self.coordinates[rows] - self.start.coordinates[rows]
+
+    def by_image(self) -> Statistics:
+        """Residuals per image."""
+        return self._statistics(self.residuals.image, self.poses.images)
+
+    def by_point(self) -> Statistics:
+        """Residuals per point."""
+        return self._statistics(self.residuals.point, self.points)
+
+    def by_camera(self) -> Statistics:
+        """Residuals per camera."""
+        of_image = index_of(self.equations.cameras, [camera.name for camera in self.start.cameras], "camera")
+        return self._statistics(of_image[self.residuals.image], tuple(self.equations.cameras))
+
+    def _statistics(self, owner: IntArray, names: tuple[str, ...]) -> Statistics:
+        found, n = self.residuals, len(names)
+        counts = np.bincount(owner, minlength=n)
+        divisor = np.maximum(counts, 1)
+        squares = np.bincount(owner, found.norms**2, n)
+        largest = np.zeros(n)
+        np.maximum.at(largest, owner, found.norms)
+        mean = np.column_stack([np.bincount(owner, found.residuals[:, k], n) for k in (0, 1)])
+        return Statistics(names, counts, np.sqrt(squares / divisor), largest, mean / divisor[:, None])
+
+    @cached_property
+    def is_behind(self) -> BoolArray:
+        """(n,) image points, as in `residuals`, whose point is behind the camera in the solution."""
+        found = self.residuals
+        arms = self.coordinates[found.point] - self.poses.centres[found.image]
+        local = (arms[:, None, :] @ self.poses.rotations[found.image])[:, 0]
+        behind = np.zeros(len(local), dtype=bool)
+        for number, camera in enumerate(self.start.cameras):
+            rows = found.image == number
+            behind[rows] = ~camera.is_in_front(local[rows])
+        return behind
+
+
+def _correlations(covariance: FloatArray) -> FloatArray:
+    sigmas = np.sqrt(np.diagonal(covariance))
+    return _divided(covariance, sigmas, sigmas)
+
+
+def _divided(covariance: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    scale = first[:, None] * second[None, :]
+    return np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)

@@ -1,0 +1,243 @@
+"""From names to numbers: which images and points are adjusted, from where they start, what is left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.initial.intersection import intersect
+from obseq.images.measures import ImagePoints
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.block import Block, MeasureSet
+    from obseq.images.camera import Camera
+    from obseq.images.poses import Poses
+
+LEAST_RAYS = 2
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that takes no part in the adjustment.
+
+    Attributes:
+        kind: `image`, `point` or `measure`.
+        name: of it.
+        reason: why.
+    """
+
+    kind: str
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class NumberedSet:
+    """A set of measures in the numbers of the whole block.
+
+    Attributes:
+        given: the set.
+        image: (n,) image of each measure.
+        point: (n,) point of each measure.
+        is_used: (n,) False for measures of images or points that are left out.
+    """
+
+    given: MeasureSet
+    image: IntArray
+    point: IntArray
+    is_used: BoolArray
+
+    @property
+    def rows(self) -> IntArray:
+        """Rows of the measures that are used, by image and, in each, by point."""
+        rows = np.flatnonzero(self.is_used)
+        return np.asarray(rows[np.lexsort((self.point[rows], self.image[rows]))])
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A block in numbers.
+
+    Attributes:
+        poses: of the images that are adjusted.
+        cameras: camera of each of them.
+        points: names of the points that are adjusted.
+        coordinates: (n, 3) where they start.
+        covariances: (n, 3, 3) of control points, as in `ControlPoints`; infinite for the others.
+        is_control: (n,) whether a point is a control point.
+        sets: the measures.
+        left_out: what takes no part.
+    """
+
+    poses: Poses
+    cameras: list[Camera]
+    points: tuple[str, ...]
+    coordinates: FloatArray
+    covariances: FloatArray
+    is_control: BoolArray
+    sets: list[NumberedSet]
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def is_held(self) -> BoolArray:
+        """(n, 3) components known exactly."""
+        return np.asarray(np.diagonal(self.covariances, axis1=1, axis2=2) == 0.0)
+
+    @property
+    def is_free(self) -> BoolArray:
+        """(n, 3) components of which nothing is given."""
+        return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+
+def start_of(block: Block, joined: set[str], extra: dict[str, FloatArray]) -> Start:
+    """The numbers of a block whose images have poses.
+
+    Args:
+        block: what is adjusted.
+        joined: points that other observations than image measures join, and need fewer rays for it.
+        extra: coordinates of such points that are no control points.
+
+    Raises:
+        InputError: there are no measures; an image has no pose; a control point is behind a camera.
+    """
+    if not any(len(part.measures) for part in block.sets):
+        raise InputError("the block has no image measures: add some (add_measures)")
+    images, left_out = _images(block)
+    cameras = [block.cameras[block.camera_of[image]] for image in images]
+    poses = block.poses.select(images)
+    names, sets = _numbered(block, images)
+    control = np.isin(np.array(names, dtype=object), np.array(block.control.names, dtype=object))
+    fixed = control | np.isin(np.array(names, dtype=object), np.array(sorted(joined), dtype=object))
+    counts = _rays(sets, len(names))
+    reasons: dict[int, str] = {
+        int(k): f"it has {counts[k]} ray; a free point takes {LEAST_RAYS}"
+        for k in np.flatnonzero(~fixed & (counts < LEAST_RAYS))
+    }
+    coordinates = _known_coordinates(block, names, extra)
+    reasons |= _place(coordinates, reasons, poses, cameras, names, sets)
+    _require_in_front(poses, cameras, names, sets, coordinates)
+    kept = np.array([k not in reasons for k in range(len(names))], dtype=bool)
+    number = np.cumsum(kept) - 1
+    left_out += [LeftOut("point", names[k], reason) for k, reason in sorted(reasons.items())]
+    used = [
+        NumberedSet(part.given, part.image, number[part.point], part.is_used & kept[part.point])
+        for part in sets
+    ]
+    return Start(
+        poses,
+        cameras,
+        tuple(name for name, keep in zip(names, kept, strict=True) if keep),
+        coordinates[kept],
+        _covariances(block, names)[kept],
+        control[kept],
+        used,
+        tuple(left_out),
+    )
+
+
+def _images(block: Block) -> tuple[list[str], list[LeftOut]]:
+    """Images that something was measured in, and the others."""
+    measured = {name for part in block.sets for name in part.measures.image_names}
+    needed = measured | {name for part in block.pose_observations for name in part.poses.images}
+    without = [image for image in block.camera_of if image in needed and image not in set(block.poses.images)]
+    if without:
+        raise InputError(
+            f"image {without[0]}: it has no pose ({len(without)} images have none); give one, or let "
+            "`initialise` find it"
+        )
+    images = [image for image in block.camera_of if image in needed]
+    others = [image for image in block.camera_of if image not in needed]
+    return images, [LeftOut("image", image, "nothing is measured in it") for image in others]
+
+
+def _numbered(block: Block, images: list[str]) -> tuple[list[str], list[NumberedSet]]:
+    place: dict[str, int] = {}
+    sets = []
+    for part in block.sets:
+        measures = part.measures
+        point = np.array(
+            [place.setdefault(name, len(place)) for name in measures.point_names], dtype=np.int64
+        )
+        image = index_of(images, measures.image_names, "image points: image")
+        everything = np.ones(len(measures), dtype=bool)
+        sets.append(NumberedSet(part, image[measures.image], point[measures.point], everything))
+    for name in (*block.lengths.first, *block.lengths.second):
+        place.setdefault(name, len(place))
+    return list(place), sets
+
+
+def _rays(sets: list[NumberedSet], n: int) -> IntArray:
+    counts = np.zeros(n, dtype=np.int64)
+    for part in sets:
+        counts += np.bincount(part.point, minlength=n)
+    return counts
+
+
+def _known_coordinates(block: Block, names: list[str], extra: dict[str, FloatArray]) -> FloatArray:
+    """(n, 3) of control points, then approximations; NaN for the others."""
+    known = dict(zip(block.control.names, block.control.coordinates, strict=True))
+    nothing = np.full(3, np.nan)
+    rows = [known.get(name, block.approximations.get(name, extra.get(name, nothing))) for name in names]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _covariances(block: Block, names: list[str]) -> FloatArray:
+    place = {name: k for k, name in enumerate(block.control.names)}
+    free = np.diag([np.inf] * 3)
+    free[~np.eye(3, dtype=bool)] = 0.0
+    rows = [block.control.covariances[place[name]] if name in place else free for name in names]
+    return np.array(rows).reshape(-1, 3, 3)
+
+
+def _place(
+    coordinates: FloatArray,
+    reasons: dict[int, str],
+    poses: Poses,
+    cameras: list[Camera],
+    names: list[str],
+    sets: list[NumberedSet],
+) -> dict[int, str]:
+    """Puts points without coordinates where their rays meet; the reasons of those that cannot be."""
+    wanted = np.asarray(np.isnan(coordinates).any(axis=1))
+    wanted[list(reasons)] = False
+    if not wanted.any():
+        return {}
+    parts = [(part, wanted[part.point]) for part in sets]
+    rays = ImagePoints.packed(
+        poses.images,
+        names,
+        np.concatenate([part.image[rows] for part, rows in parts]),
+        np.concatenate([part.point[rows] for part, rows in parts]),
+        np.concatenate([part.given.measures.xy[rows] for part, rows in parts]),
+        np.concatenate([part.given.measures.sigmas[rows] for part, rows in parts]),
+    )
+    found = intersect(rays, poses, cameras)
+    coordinates[wanted] = found.coordinates[wanted]
+    return {int(k): found.reasons[k] for k in np.flatnonzero(wanted & ~found.is_placed)}
+
+
+def _require_in_front(
+    poses: Poses, cameras: list[Camera], names: list[str], sets: list[NumberedSet], coordinates: FloatArray
+) -> None:
+    """Refuses points with given coordinates that are measured from behind."""
+    for part in sets:
+        rows = np.flatnonzero(np.isfinite(coordinates[part.point]).all(axis=1))
+        image, point = part.image[rows], part.point[rows]
+        arms = coordinates[point] - poses.centres[image]
+        local = (arms[:, None, :] @ poses.rotations[image])[:, 0]
+        seen = np.ones(len(rows), dtype=bool)
+        for number, camera in enumerate(cameras):
+            here = image == number
+            seen[here] = camera.is_in_front(local[here])
+        if not seen.all():
+            k = int(np.flatnonzero(~seen)[0])
+            raise InputError(
+                f"image {poses.images[image[k]]}, point {names[point[k]]}: the point is behind the camera "
+                f"({np.count_nonzero(~seen)} measures are); check the coordinates, the name, and the "
+                "convention of the pose: here x = centre + R x_camera, the camera looking along +z"
+            )

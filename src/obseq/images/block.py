@@ -1,0 +1,355 @@
+"""A block of images: what is known and what was measured, put together by name."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.control import ControlPoints
+from obseq.images.measures import ImagePoints
+from obseq.images.names import index_of
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import FloatArray
+    from obseq.images.camera import Camera
+    from obseq.images.rigid import RigidBlock
+    from obseq.images.weighting import Weighting
+
+MARGIN = 10.0
+"""Pixels by which a measure may lie outside its image (MMVII's)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureSet:
+    """Image points that are weighted alike.
+
+    Attributes:
+        measures: the points.
+        weighting: robust weights; the sigmas are in the measures.
+        name: of the set, for messages and sums of squares.
+    """
+
+    measures: ImagePoints
+    weighting: Weighting | None
+    name: str
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """Distances between points, scale bars among them.
+
+    Attributes:
+        first: (n,) names of points.
+        second: (n,) names of points.
+        values: (n,) in the unit of the world.
+        sigmas: (n,).
+    """
+
+    first: tuple[str, ...] = ()
+    second: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    sigmas: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PoseObservations:
+    """Poses that are observed: satellite positions, another orientation.
+
+    Attributes:
+        poses: observed values.
+        centre_sigmas: (n, 3); infinite where nothing is observed.
+        rotation_sigma: radians per axis; None when rotations are not observed.
+    """
+
+    poses: Poses
+    centre_sigmas: FloatArray
+    rotation_sigma: float | None
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What keeps its value, or is freed again, by patterns of names that match as a whole."""
+
+    cameras: re.Pattern[str]
+    parameters: re.Pattern[str]
+    frozen: bool
+
+
+@dataclass(eq=False)
+class Block:
+    """Cameras, images, points and measures, by name; nothing is computed here.
+
+    What is added is checked at once: names, numbers, and that measures lie in their images.
+    """
+
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    camera_of: dict[str, str] = field(default_factory=dict)
+    poses: Poses = field(default_factory=lambda: Poses.of([], np.zeros((0, 3)), np.zeros((0, 3, 3))))
+    control: ControlPoints = field(default_factory=lambda: ControlPoints.of([], np.zeros((0, 3))))
+    sets: list[MeasureSet] = field(default_factory=list)
+    approximations: dict[str, FloatArray] = field(default_factory=dict)
+    lengths: Lengths = field(default_factory=Lengths)
+    rigid_blocks: list[RigidBlock] = field(default_factory=list)
+    pose_observations: list[PoseObservations] = field(default_factory=list)
+    rules: list[Rule] = field(default_factory=list)
+    shared: list[tuple[str, str]] = field(default_factory=list)
+    parameter_priors: list[tuple[str, str, float | None, float]] = field(default_factory=list)
+    fixed_centres: list[re.Pattern[str]] = field(default_factory=list)
+    fixed_rotations: list[re.Pattern[str]] = field(default_factory=list)
+    viscosity: tuple[float | None, float | None] = (None, None)
+    _pairs: set[tuple[str, str]] = field(default_factory=set)
+
+    # What is known
+
+    def add_cameras(self, *cameras: Camera) -> None:
+        """Adds calibrations; all their parameters are unknowns until something freezes them.
+
+        Raises:
+            InputError: a name comes twice, or a focal length cannot be in pixels.
+        """
+        for camera in cameras:
+            if camera.name in self.cameras:
+                raise InputError(f"camera {camera.name!r} is given twice")
+            camera.require_plausible()
+            self.cameras[camera.name] = camera
+
+    def add_images(self, images: Iterable[str], camera: str) -> None:
+        """Says which camera took images, whose poses come later or are to be found."""
+        for image in images:
+            if image in self.camera_of:
+                raise InputError(f"image {image!r} is given twice")
+            self._require_camera(image, camera)
+            self.camera_of[image] = camera
+
+    def add_poses(
+        self,
+        images: Poses | Sequence[str],
+        centres: ArrayLike = (),
+        rotations: ArrayLike = (),
+        form: str = "matrix",
+        cameras: Sequence[str] | str = "",
+    ) -> None:
+        """Adds poses of images: a `Poses`, or what makes one (see `Poses.of`).
+
+        An image without a camera gets the one that `add_images` said, or the only one there is.
+
+        Raises:
+            InputError: an image has a pose already, or its camera is missing.
+        """
+        given = images if isinstance(images, Poses) else Poses.of(images, centres, rotations, form, cameras)
+        chosen = [self._camera_for(*pair) for pair in zip(given.images, given.cameras, strict=True)]
+        twice = set(self.poses.images) & set(given.images)
+        if twice:
+            raise InputError(f"image {min(twice)!r} has two poses")
+        self.camera_of.update(zip(given.images, chosen, strict=True))
+        self.poses = Poses(
+            self.poses.images + given.images,
+            np.concatenate([self.poses.centres, given.centres]),
+            np.concatenate([self.poses.rotations, given.rotations]),
+            self.poses.cameras + tuple(chosen),
+        )
+
+    def _camera_for(self, image: str, camera: str) -> str:
+        known = self.camera_of.get(image, "")
+        if camera and known and camera != known:
+            raise InputError(f"image {image!r}: camera {camera!r} here, {known!r} before")
+        only = next(iter(self.cameras)) if len(self.cameras) == 1 else ""
+        chosen = camera or known or only
+        self._require_camera(image, chosen)
+        return chosen
+
+    def _require_camera(self, image: str, camera: str) -> None:
+        if camera not in self.cameras:
+            known = ", ".join(sorted(self.cameras)) or "none"
+            raise InputError(
+                f"image {image}: its calibration {camera or '(not named)'} is missing; known: {known}"
+            )
+
+    def add_control_points(self, control: ControlPoints) -> None:
+        """Adds known points.
+
+        Raises:
+            InputError: a name is there already.
+        """
+        twice = set(self.control.names) & set(control.names)
+        if twice:
+            raise InputError(f"control point {min(twice)!r} is given twice")
+        self.control = ControlPoints(
+            self.control.names + control.names,
+            np.concatenate([self.control.coordinates, control.coordinates]),
+            np.concatenate([self.control.covariances, control.covariances]),
+        )
+
+    def add_approximations(self, names: Sequence[str], coordinates: ArrayLike) -> None:
+        """Gives free points a start; without one, they start where their rays meet."""
+        array = np.asarray(coordinates, dtype=np.float64)
+        if array.shape != (len(names), 3) or not np.isfinite(array).all():
+            raise InputError(f"approximations of {len(names)} points are a finite ({len(names)}, 3) array")
+        self.approximations.update(zip(names, array, strict=True))
+
+    # What was measured
+
+    def add_measures(
+        self,
+        measures: ImagePoints,
+        weighting: Weighting | None = None,
+        name: str = "",
+        only_known_points: bool = False,
+    ) -> None:
+        """Adds points measured in images.
+
+        Args:
+            measures: with their sigmas.
+            weighting: replaces all sigmas by its own, and weakens or leaves out large residuals.
+            name: of the set, for sums of squares; `image points` when empty.
+            only_known_points: True to refuse points that are neither control points nor approximations.
+
+        Raises:
+            InputError: an image or a point is not known, a point is measured twice in an image, or a measure
+                lies outside its image.
+        """
+        index_of(list(self.camera_of), measures.image_names, "image points: image")
+        if only_known_points:
+            known = [*self.control.names, *self.approximations]
+            index_of(known, measures.point_names, "image points: point")
+        self._check_frames(measures)
+        self._check_pairs(measures)
+        if weighting is not None:
+            measures = ImagePoints.packed(
+                measures.image_names,
+                measures.point_names,
+                measures.image,
+                measures.point,
+                measures.xy,
+                weighting.sigma,
+            )
+        self.sets.append(MeasureSet(measures, weighting, name or "image points"))
+
+    def _check_frames(self, measures: ImagePoints) -> None:
+        cameras = [self.cameras[self.camera_of[image]] for image in measures.image_names]
+        sizes = np.array([(c.width or np.inf, c.height or np.inf) for c in cameras]).reshape(-1, 2)
+        lowest = np.array([-MARGIN if c.width else -np.inf for c in cameras])
+        size, low = sizes[measures.image], lowest[measures.image][:, None]
+        wrong = np.flatnonzero(((measures.xy < low) | (measures.xy > size + MARGIN)).any(axis=1))
+        if wrong.size:
+            row = int(wrong[0])
+            x, y = measures.xy[row]
+            camera = cameras[measures.image[row]]
+            raise InputError(
+                f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
+                f"{camera.height} pixels ({wrong.size} measures are)"
+            )
+
+    def _check_pairs(self, measures: ImagePoints) -> None:
+        """Refuses a point measured in an image by two sets."""
+        for other in self.sets:
+            images = set(other.measures.image_names) & set(measures.image_names)
+            points = set(other.measures.point_names) & set(measures.point_names)
+            if images and points:
+                other.measures.joined(measures)  # which refuses what is measured twice
+
+    def add_length(self, first: str, second: str, length: float, sigma: float) -> None:
+        """Adds a distance between two points of the block, a scale bar for instance."""
+        if not (length > 0.0 and sigma > 0.0 and np.isfinite([length, sigma]).all()) or first == second:
+            raise InputError(
+                f"length {first} - {second}: {length} +- {sigma} between two points is no length"
+            )
+        old = self.lengths
+        self.lengths = Lengths(
+            (*old.first, first), (*old.second, second), (*old.values, length), (*old.sigmas, sigma)
+        )
+
+    def add_rigid_block(self, block: RigidBlock) -> None:
+        """Adds cameras that are fixed to one another."""
+        index_of(list(self.camera_of), block.exposures.images, f"block {block.name}: image")
+        taken = {image: other.name for other in self.rigid_blocks for image in other.exposures.images}
+        for image in block.exposures.images:
+            if image in taken:
+                raise InputError(f"image {image} is in two rigid blocks, {taken[image]} and {block.name}")
+        self.rigid_blocks.append(block)
+
+    def observe_poses(
+        self, poses: Poses, centre_sigmas: ArrayLike, rotation_sigma: float | None = None
+    ) -> None:
+        """Adds observed poses: centres with sigmas (a number, (3,) or (n, 3)), and rotations if one is given.
+
+        The observation stays what it is during the adjustment (MMVII's `RefOri`).
+        """
+        index_of(list(self.camera_of), poses.images, "observed poses: image")
+        sigmas = np.array(np.broadcast_to(np.asarray(centre_sigmas, dtype=np.float64), (len(poses), 3)))
+        if not (sigmas > 0.0).all() or not (rotation_sigma is None or rotation_sigma > 0.0):
+            raise InputError("observed poses: sigmas must be above zero")
+        self.pose_observations.append(PoseObservations(poses, sigmas, rotation_sigma))
+
+    # What keeps its value
+
+    def freeze_parameters(self, parameters: str = ".*", cameras: str = ".*") -> None:
+        """Keeps the parameters of cameras whose names match two regular expressions, as a whole each."""
+        self._rule(parameters, cameras, True)
+
+    def free_parameters(self, parameters: str = ".*", cameras: str = ".*") -> None:
+        """Frees them again; what was said last holds."""
+        self._rule(parameters, cameras, False)
+
+    def _rule(self, parameters: str, cameras: str, frozen: bool) -> None:
+        rule = Rule(expression(cameras), expression(parameters), frozen)
+        named = [camera for camera in self.cameras.values() if rule.cameras.fullmatch(camera.name)]
+        if not any(rule.parameters.fullmatch(name) for camera in named for name in camera.parameter_names):
+            raise InputError(f"no camera parameter matches {parameters!r} of cameras {cameras!r}")
+        self.rules.append(rule)
+
+    def share_parameters(self, parameters: str, cameras: str = ".*") -> None:
+        """Makes parameters one for all cameras that match; of the same name each."""
+        expression(parameters), expression(cameras)
+        self.shared.append((parameters, cameras))
+
+    def observe_parameters(
+        self, parameters: str, sigma: float, cameras: str = ".*", value: float | None = None
+    ) -> None:
+        """Adds what is known of camera parameters: their present values, or one value, with a sigma."""
+        expression(parameters), expression(cameras)
+        if not (np.isfinite(sigma) and sigma > 0.0):
+            raise InputError(f"parameters {parameters!r}: a sigma must be positive, not {sigma}")
+        self.parameter_priors.append((parameters, cameras, value, sigma))
+
+    def freeze_centres(self, images: str = ".*") -> None:
+        """Keeps the projection centres of images whose names match."""
+        self.fixed_centres.append(self._image_pattern(images))
+
+    def freeze_rotations(self, images: str = ".*") -> None:
+        """Keeps the rotations of images whose names match."""
+        self.fixed_rotations.append(self._image_pattern(images))
+
+    def _image_pattern(self, images: str) -> re.Pattern[str]:
+        pattern = expression(images)
+        if not any(pattern.fullmatch(image) for image in self.camera_of):
+            raise InputError(f"no image has a name that matches {images!r}")
+        return pattern
+
+    def slow_poses(self, centre: float | None = None, rotation: float | None = None) -> None:
+        """Lets poses move by about this much per iteration (unit of the world; radians).
+
+        It changes the way to the solution and nothing in it: it is no observation (MMVII's `PoseVisc` is).
+        """
+        self.viscosity = (centre, rotation)
+
+
+def expression(pattern: str) -> re.Pattern[str]:
+    """A regular expression.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        return re.compile(pattern)
+    except re.error as error:
+        raise InputError(f"{pattern!r} is not a regular expression: {error}") from None

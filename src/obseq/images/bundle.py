@@ -1,0 +1,154 @@
+"""Bundle adjustment: a block, and its solution by least squares."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import InputError, SingularSystemError
+from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.adjustment.start import start_of
+from obseq.images.block import Block
+from obseq.images.names import index_of
+from obseq.leastsquares import LeastSquares
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from obseq.images.adjustment.start import Start
+    from obseq.leastsquares import Iteration, LeastSquaresResult
+
+MAX_ITERATIONS = 50
+HINT = (
+    "A block needs a datum: three control points that are not on a line, observed poses, or datum='centres'."
+)
+SETTLINGS = 8
+SETTLED = 1e-7
+"""Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
+DATUMS = ("control", "centres", "points", "none")
+
+
+class BundleAdjustment(Block):
+    """A block of images and its adjustment.
+
+    Example:
+        >>> block = BundleAdjustment()
+        >>> block.add_cameras(Camera("wide", 4000, 3000, focal=3000.0))
+        >>> block.add_poses(images, centres, angles, form="opk")
+        >>> block.add_control_points(ControlPoints.of(names, coordinates, sigmas=0.01))
+        >>> block.add_measures(ImagePoints.of(images_of, points_of, pixels, sigmas=0.5))
+        >>> solution = block.solve()
+        >>> solution.sigma0, solution.cameras["wide"].focal
+    """
+
+    def solve(
+        self,
+        max_iterations: int = MAX_ITERATIONS,
+        tolerance: float = 1e-6,
+        datum: str | Sequence[str] = "control",
+        covariance: bool = True,
+        eliminate: bool = True,
+        strategy: str = "levenberg-marquardt",
+        threads: int = 1,
+        progress: Callable[[Iteration], None] | None = None,
+    ) -> BundleSolution:
+        """Adjusts the block; the block itself does not change.
+
+        Args:
+            max_iterations: the iterations end at this number when they have not converged before.
+            tolerance: they end when no unknown moves any more by this share of its standard deviation.
+            datum: what fixes position, orientation and scale: "control" (control points, observed or held
+                poses), "centres" or "points" (a free block: the changes of all of them from the start are
+                least), names of points (of these), or "none" (nothing; no covariances).
+            covariance: False when no precision will be asked for.
+            eliminate: True to take points out of the normal equations first; the solution is the same.
+            strategy: see `obseq.LeastSquares.solve`.
+            threads: how many share the work.
+            progress: receives the record of each iteration.
+
+        Raises:
+            InputError: something in the block makes the adjustment impossible; it is named.
+            SingularSystemError: measures do not determine some unknowns, which are named.
+        """
+        start = start_of(self, {*self.lengths.first, *self.lengths.second}, {})
+        self._check_datum(datum, start)
+        keeps_points = datum == "points" or not isinstance(datum, str)
+        system = LeastSquares(threads=threads)
+        equations = Equations(self, start, system, eliminate and not keeps_points)
+        solving: dict[str, Any] = {
+            "max_iterations": max_iterations,
+            "tolerance": tolerance,
+            "progress": progress,
+        }
+        wanted = True if covariance and datum != "none" else None
+        try:
+            if datum in ("control", "none"):
+                result = system.solve(strategy=strategy, covariance=wanted, **solving)
+                done = result.iterations
+            else:
+                result, done = _solve_free(equations, datum, strategy, wanted, solving)
+        except SingularSystemError as error:
+            raise SingularSystemError(f"{error}\n{HINT}", error.unknowns) from None
+        return BundleSolution(self, start, equations, result, done)
+
+    def _check_datum(self, datum: str | Sequence[str], start: Start) -> None:
+        if isinstance(datum, str) and datum not in DATUMS:
+            raise InputError(f"datum {datum!r} is none of {', '.join(DATUMS)} or a list of point names")
+        if datum != "control":
+            return
+        known = int(np.count_nonzero(start.is_control[:, None] & ~start.is_free))
+        for patterns in (self.fixed_centres, self.fixed_rotations):
+            known += 3 * sum(any(p.fullmatch(image) for p in patterns) for image in start.poses.images)
+        known += 6 * sum(len(observed.poses) for observed in self.pose_observations)
+        if known + len(self.lengths.values) < 7:
+            raise InputError(
+                f"the block has no datum: {known} coordinates of measured points are known, and position, "
+                "orientation and scale take 7; add control points, or ask for a free block with "
+                "datum='centres'"
+            )
+
+
+def _solve_free(
+    equations: Equations,
+    datum: str | Sequence[str],
+    strategy: str,
+    covariance: bool | None,
+    solving: dict[str, Any],
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
+    """A free block: first to the solution without any datum, then onto it.
+
+    Damped steps need no datum, and come home from far; the datum is that of the start. The motion onto it is
+    linear, and so is done again until nothing moves.
+    """
+    system = equations.system
+    unknowns = [equations.centres, equations.rotations, equations.points, *sum(equations.places, ())]
+    groups = [ids for ids in unknowns if ids.size] + [ids[None] for ids in equations.calibrations]
+    before = [system.values(ids) for ids in groups]
+    done: tuple[Iteration, ...] = ()
+    if strategy == "levenberg-marquardt":
+        done = system.solve(strategy=strategy, **solving).iterations
+    after = [system.values(ids) for ids in groups]
+    for ids, values in zip(groups, before, strict=True):
+        system.set_values(ids, values)
+    _set_datum(equations, datum)
+    for ids, values in zip(groups, after, strict=True):
+        system.set_values(ids, values)
+    for _ in range(SETTLINGS):
+        settled = system.solve(strategy="gauss-newton", **solving).iterations
+        done += settled
+        if len(settled) == 1 and settled[0].max_step <= SETTLED:
+            break
+    result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
+    return result, done + result.iterations
+
+
+def _set_datum(equations: Equations, datum: str | Sequence[str]) -> None:
+    if datum == "centres":
+        equations.system.set_datum(equations.centres)
+    elif datum == "points":
+        equations.system.set_datum(equations.points)
+    elif not isinstance(datum, str):
+        rows = index_of(equations.start.points, datum, "datum: point")
+        equations.system.set_datum(equations.points[rows])

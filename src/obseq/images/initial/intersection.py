@@ -1,0 +1,201 @@
+"""Intersection of rays: points from images whose poses and calibrations are known.
+
+First the point closest to all rays in space, then, from there, the least reprojection error: otherwise far
+images would count as much as near ones. Each point has its own covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.geometry import inverse3
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.camera import Camera
+    from obseq.images.measures import ImagePoints
+    from obseq.images.poses import Poses
+
+PARALLEL = 1e-10
+"""Mean squared sine of the angles between rays below which they are parallel."""
+STEPS = 15
+TOLERANCE = 1e-9
+"""Pixels: steps that move no image farther end the iterations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Intersection:
+    """Points by intersection of rays, and those that cannot be.
+
+    Attributes:
+        names: (n,) names of the points of the measures.
+        coordinates: (n, 3); NaN where a point is not placed.
+        covariances: (n, 3, 3) a priori, from the sigmas of the measures, poses and cameras being exact.
+        n_rays: (n,) rays of each.
+        reasons: (n,) why a point is not placed; empty where it is.
+        residuals: (m, 2) computed minus measured, pixels; NaN where the point is not placed.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    covariances: FloatArray
+    n_rays: IntArray
+    reasons: tuple[str, ...]
+    residuals: FloatArray
+
+    @property
+    def is_placed(self) -> BoolArray:
+        """(n,) whether a point has coordinates."""
+        return np.asarray(np.isfinite(self.coordinates).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Measures with the poses and cameras of their images, by row."""
+
+    measures: ImagePoints
+    centres: FloatArray
+    rotations: FloatArray
+    groups: list[tuple[Camera, IntArray]]
+
+    @classmethod
+    def of(cls, measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> _Rays:
+        row_of = index_of(poses.images, measures.image_names, "poses: image")[measures.image]
+        _, first, number = np.unique(
+            [id(camera) for camera in cameras], return_index=True, return_inverse=True
+        )
+        groups = [(cameras[k], np.flatnonzero(number[row_of] == j)) for j, k in enumerate(first)]
+        return cls(measures, poses.centres[row_of], poses.rotations[row_of], groups)
+
+    def directions(self) -> FloatArray:
+        """(m, 3) unit directions of the rays in the world."""
+        local = np.empty((len(self.measures), 3))
+        for camera, rows in self.groups:
+            local[rows] = camera.directions(self.measures.xy[rows])
+        return np.asarray((self.rotations @ local[:, :, None])[:, :, 0])
+
+    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals (m, 2) and derivatives (m, 2, 3) for the point of each ray, divided by the sigmas."""
+        arms = points[self.measures.point] - self.centres
+        local = (arms[:, None, :] @ self.rotations)[:, 0]
+        residuals, jacobian = np.empty((len(local), 2)), np.empty((len(local), 2, 3))
+        for camera, rows in self.groups:
+            residuals[rows], jacobian[rows] = camera.project_with_jacobian(local[rows])
+        turned = jacobian @ np.swapaxes(self.rotations, 1, 2)
+        sigmas = self.measures.sigmas
+        return (residuals - self.measures.xy) / sigmas, turned / sigmas[:, :, None]
+
+    def in_front(self, points: FloatArray) -> BoolArray:
+        """(m,) whether the point of each ray is where its camera can see it."""
+        local = ((points[self.measures.point] - self.centres)[:, None, :] @ self.rotations)[:, 0]
+        seen = np.empty(len(local), dtype=bool)
+        for camera, rows in self.groups:
+            seen[rows] = camera.is_in_front(local[rows])
+        return seen
+
+
+def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> Intersection:
+    """The points that measures name, from known poses and cameras.
+
+    Args:
+        measures: of at least two images per point, or the point is not placed.
+        poses: of all images of the measures.
+        cameras: camera of each image of `poses`.
+
+    Raises:
+        InputError: an image has no pose.
+    """
+    rays = _Rays.of(measures, poses, cameras)
+    n = len(measures.point_names)
+    counts = np.bincount(measures.point, minlength=n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        start, spread = closest_to_rays(rays.centres, rays.directions(), measures.point, n)
+        reasons = np.where(spread <= PARALLEL, "its rays are parallel", "").astype(object)
+        reasons[~np.isfinite(spread)] = "a ray cannot be formed: the distortion has no inverse there"
+        reasons[counts < 2] = "fewer than two rays"
+        start[reasons != ""] = np.nan
+        points, covariances = _refined(rays, start)
+        behind = np.unique(measures.point[~rays.in_front(points) & np.isfinite(points[measures.point, 0])])
+        reasons[behind] = "its rays meet behind a camera"
+        lost = ~np.isfinite(points).all(axis=1) & (reasons == "")
+        reasons[lost] = "its rays do not meet"
+        points[reasons != ""], covariances[reasons != ""] = np.nan, np.nan
+        residuals = rays.project(points)[0] * measures.sigmas
+    return Intersection(measures.point_names, points, covariances, counts, tuple(reasons), residuals)
+
+
+def closest_to_rays(
+    centres: FloatArray, directions: FloatArray, point: IntArray, n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 3) with the least sum of squared distances to their rays.
+
+    Args:
+        centres: (m, 3) a point of each ray.
+        directions: (m, 3) unit vectors.
+        point: (m,) which point a ray belongs to.
+        n: number of points.
+
+    Returns:
+        The points, and (n,) how well they are determined: the mean squared sine of the angles of the rays to
+        the direction that is closest to all of them; 0 for parallel rays.
+    """
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    reference = _sums(centres, point, n) / np.maximum(np.bincount(point, minlength=n), 1)[:, None]
+    normal = _sums(across, point, n)
+    right = _sums((across @ (centres - reference[point])[:, :, None])[:, :, 0], point, n)
+    sound = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+    spread = np.full(n, np.nan)
+    counts = np.maximum(np.bincount(point, minlength=n), 1)
+    spread[sound] = np.linalg.eigvalsh(normal[sound])[:, 0] / counts[sound]
+    found = reference + (inverse3(normal) @ right[:, :, None])[:, :, 0]
+    return found, spread
+
+
+def _refined(rays: _Rays, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points of least reprojection error, and their covariances; a step that makes it worse is halved."""
+    points, n = start.copy(), len(start)
+    residuals, jacobian = rays.project(points)
+    cost = _costs(rays, residuals, n)
+    share = np.ones(n)
+    for _ in range(STEPS):
+        normal, gradient = _normals(rays, residuals, jacobian, n)
+        step = -(inverse3(normal) @ gradient[:, :, None])[:, :, 0]
+        trial = points + share[:, None] * step
+        residuals_there, jacobian_there = rays.project(trial)
+        cost_there = _costs(rays, residuals_there, n)
+        better = cost_there <= cost
+        points[better], cost[better] = trial[better], cost_there[better]
+        kept = better[rays.measures.point]
+        residuals[kept], jacobian[kept] = residuals_there[kept], jacobian_there[kept]
+        share = np.where(better, 1.0, 0.25 * share)
+        moved = np.abs((jacobian @ step[rays.measures.point][:, :, None])[:, :, 0])
+        if np.nanmax(moved, initial=0.0) <= TOLERANCE:
+            break
+    return points, inverse3(_normals(rays, residuals, jacobian, n)[0])
+
+
+def _costs(rays: _Rays, residuals: FloatArray, n: int) -> FloatArray:
+    squares = np.sum(residuals**2, axis=1)
+    return np.bincount(rays.measures.point, squares, n).astype(np.float64)
+
+
+def _normals(
+    rays: _Rays, residuals: FloatArray, jacobian: FloatArray, n: int
+) -> tuple[FloatArray, FloatArray]:
+    transposed = np.swapaxes(jacobian, 1, 2)
+    point = rays.measures.point
+    gradient = _sums((transposed @ residuals[:, :, None])[:, :, 0], point, n)
+    return _sums(transposed @ jacobian, point, n), gradient
+
+
+def _sums(rows: FloatArray, owner: IntArray, n: int) -> FloatArray:
+    """(n, ...) sums of rows (m, ...) by their owner."""
+    flat = rows.reshape(len(rows), -1)
+    columns = [np.bincount(owner, flat[:, k], n) for k in range(flat.shape[1])]
+    return np.asarray(np.stack(columns, axis=1).reshape(n, *rows.shape[1:]))

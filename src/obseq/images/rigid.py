@@ -1,0 +1,253 @@
+"""Rigid blocks: cameras that are fixed to one another and exposed together.
+
+The pose of a camera in its block takes its frame to that of the block, which is the frame of the master.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.geometry import Pose, closest_rotation, logarithm
+from obseq.images.names import index_of, numbered, unique_names
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+
+GROSS = 4.0
+"""An exposure that is off by this many times the typical scatter does not fit the block."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exposures:
+    """Which images were taken together, by which camera of a block.
+
+    Attributes:
+        cameras: (k,) identifiers of the cameras in the block.
+        names: (e,) identifiers of the exposures.
+        images: (m,) names of images.
+        camera: (m,) camera of each, a position in `cameras`.
+        exposure: (m,) exposure of each, a position in `names`.
+        others: images that the pattern does not match.
+    """
+
+    cameras: tuple[str, ...]
+    names: tuple[str, ...]
+    images: tuple[str, ...]
+    camera: IntArray
+    exposure: IntArray
+    others: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, images: Sequence[str], pattern: str, camera_group: int = 1, exposure_group: int = 2
+    ) -> Exposures:
+        """The exposures that a pattern sees in image names.
+
+        Args:
+            images: names.
+            pattern: regular expression that matches a whole name, `(.*)_(.*).tif`.
+            camera_group: number of the group that is the camera of the block.
+            exposure_group: number of the group that is the exposure.
+
+        Raises:
+            InputError: the pattern is no expression, has not these groups, or gives two images the same pair.
+        """
+        try:
+            expression = re.compile(pattern)
+        except re.error as error:
+            raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+        if max(camera_group, exposure_group) > expression.groups:
+            raise InputError(
+                f"{pattern!r} has {expression.groups} groups in parentheses; camera and exposure are said to "
+                f"be groups {camera_group} and {exposure_group}"
+            )
+        found = {image: expression.fullmatch(image) for image in images}
+        pairs = {
+            image: (match[camera_group], match[exposure_group]) for image, match in found.items() if match
+        }
+        unique_names([f"{camera}, {exposure}" for camera, exposure in pairs.values()], "camera and exposure")
+        cameras, camera = numbered([pair[0] for pair in pairs.values()])
+        names, exposure = numbered([pair[1] for pair in pairs.values()])
+        others = tuple(image for image, match in found.items() if match is None)
+        return cls(cameras, names, tuple(pairs), camera, exposure, others)
+
+    def pairs(self, first: int, second: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Rows of the images of two cameras that were exposed together, and the exposures."""
+        row = np.full((len(self.cameras), len(self.names)), -1, dtype=np.int64)
+        row[self.camera, self.exposure] = np.arange(len(self.images))
+        both = np.flatnonzero((row[first] >= 0) & (row[second] >= 0))
+        return row[first, both], row[second, both], both
+
+
+@dataclass(frozen=True, eq=False)
+class PairStatistics:
+    """How constant the pose of one camera is in the frame of another.
+
+    Attributes:
+        first: identifier of the camera whose frame it is.
+        second: identifier of the other.
+        exposures: (n,) identifiers of the exposures that have both.
+        translations: (n, 3) of the second in the frame of the first.
+        rotations: (n, 3, 3).
+        mean: mean translation, and rotation closest to the mean matrix.
+        sigma_translation: square root of the mean squared distance to the mean (n - 1); NaN for one exposure.
+        sigma_rotation: the same for the Frobenius norm of the difference of matrices (MMVII's; about
+            sqrt(2) times an angle).
+        fits: (n,) False for exposures that are off by far more than the others.
+    """
+
+    first: str
+    second: str
+    exposures: tuple[str, ...]
+    translations: FloatArray
+    rotations: FloatArray
+    mean: Pose
+    sigma_translation: float
+    sigma_rotation: float
+    fits: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBlock:
+    """Cameras fixed to one another, and how firmly.
+
+    Attributes:
+        name: of the block.
+        master: identifier of the camera whose frame is that of the block.
+        exposures: which images were taken together.
+        places: poses of the cameras in the block, named by their identifiers.
+        sigma_translation: of a relative translation, per coordinate, in the unit of the world.
+        sigma_rotation: of a relative rotation, per axis, radians.
+        is_fixed: True when the places are known exactly.
+        place_sigmas: (translation, rotation) of the places as given, when they are observations; None when
+            they are free.
+    """
+
+    name: str
+    master: str
+    exposures: Exposures
+    places: Poses
+    sigma_translation: float
+    sigma_rotation: float
+    is_fixed: bool = False
+    place_sigmas: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        index_of(self.places.images, [self.master, *self.exposures.cameras], f"block {self.name}: camera")
+        for sigma in (self.sigma_translation, self.sigma_rotation, *(self.place_sigmas or ())):
+            if not (np.isfinite(sigma) and sigma > 0.0):
+                raise InputError(f"block {self.name}: a sigma must be positive, not {sigma}")
+
+
+def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str) -> PairStatistics:
+    """The relative poses of two cameras over the exposures that have both.
+
+    Raises:
+        InputError: no exposure has both, or an image has no pose.
+    """
+    a, b = index_of(exposures.cameras, [first, second], "block: camera")
+    rows_a, rows_b, common = exposures.pairs(int(a), int(b))
+    if not common.size:
+        raise InputError(f"block: no exposure has both camera {first} and camera {second}")
+    images = [exposures.images[row] for row in (*rows_a, *rows_b)]
+    both = poses.select(images).motions
+    n = len(common)
+    relative = Pose(both.centre[n:], both.rotation[n:]).relative_to(Pose(both.centre[:n], both.rotation[:n]))
+    mean = Pose(relative.centre.mean(axis=0), closest_rotation(relative.rotation.mean(axis=0)))
+    shifts = np.linalg.norm(relative.centre - mean.centre, axis=1)
+    turns = np.linalg.norm(relative.rotation - mean.rotation, axis=(1, 2))
+    return PairStatistics(
+        first,
+        second,
+        tuple(exposures.names[k] for k in common),
+        relative.centre,
+        relative.rotation,
+        mean,
+        _spread(shifts),
+        _spread(turns),
+        _fitting(relative),
+    )
+
+
+def _spread(distances: FloatArray) -> float:
+    n = len(distances)
+    return float(np.sqrt(np.sum(distances**2) / (n - 1))) if n > 1 else float("nan")
+
+
+def _fitting(relative: Pose) -> BoolArray:
+    """(n,) exposures whose translation and rotation are near the medians, in units of their typical distance.
+
+    Of two exposures nobody can say which one is off.
+    """
+    n = len(relative.centre)
+    if n < 3:
+        return np.ones(n, dtype=bool)
+    middle = np.median(relative.centre, axis=0)
+    shifts = np.linalg.norm(relative.centre - middle, axis=1)
+    about = closest_rotation(np.median(relative.rotation, axis=0))
+    turns = np.linalg.norm(logarithm(about.T @ relative.rotation), axis=1)
+    near = [values <= GROSS * max(float(np.median(values)), 1e-12) for values in (shifts, turns)]
+    return np.asarray(near[0] & near[1])
+
+
+def initial_block(
+    poses: Poses,
+    exposures: Exposures,
+    master: str | None = None,
+    name: str = "TheBloc",
+    sigma_translation: float | None = None,
+    sigma_rotation: float | None = None,
+) -> tuple[RigidBlock, tuple[PairStatistics, ...]]:
+    """A rigid block from poses that are known: the mean places of its cameras (MMVII's `BlockCamInit`).
+
+    Args:
+        poses: of the images.
+        exposures: which images were taken together.
+        master: identifier of the camera whose frame is that of the block; that of the first image when None.
+        name: of the block.
+        sigma_translation: of the block; the largest scatter of its pairs, per coordinate, when None.
+        sigma_rotation: of the block, radians; the same.
+
+    Returns:
+        The block, and the statistics of every pair with the master.
+
+    Raises:
+        InputError: a camera has no exposure in common with the master.
+    """
+    known = [row for row, image in enumerate(exposures.images) if image in set(poses.images)]
+    used = Exposures(
+        exposures.cameras,
+        exposures.names,
+        tuple(exposures.images[row] for row in known),
+        exposures.camera[known],
+        exposures.exposure[known],
+        exposures.others,
+    )
+    chief = master or used.cameras[0]
+    pairs = tuple(pair_statistics(poses, used, chief, camera) for camera in used.cameras if camera != chief)
+    places = Poses.of(
+        [chief, *(pair.second for pair in pairs)],
+        [np.zeros(3), *(pair.mean.centre for pair in pairs)],
+        [np.eye(3), *(pair.mean.rotation for pair in pairs)],
+    )
+    translation = sigma_translation or _largest(pair.sigma_translation / np.sqrt(3.0) for pair in pairs)
+    rotation = sigma_rotation or _largest(pair.sigma_rotation / np.sqrt(6.0) for pair in pairs)
+    return RigidBlock(name, chief, used, places, translation, rotation), pairs
+
+
+def _largest(values) -> float:  # type: ignore[no-untyped-def]
+    found = [value for value in values if np.isfinite(value)]
+    if not found:
+        raise InputError(
+            "block: one exposure says nothing of how firm the block is; give sigma_translation and "
+            "sigma_rotation"
+        )
+    return float(max(max(found), 1e-12))
