@@ -28,7 +28,21 @@ from obseq.formulas.projections import CENTRAL_PROJECTIONS
 from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
 from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
-from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
+from obseq.formulas.topography import (
+    TopoDH,
+    TopoDist,
+    TopoDistOff,
+    TopoDX,
+    TopoDXOff,
+    TopoDY,
+    TopoDYOff,
+    TopoDZ,
+    TopoDZOff,
+    TopoHz,
+    TopoHzOff,
+    TopoZen,
+    TopoZenOff,
+)
 
 REGISTRY: tuple[Formula, ...] = (
     Dist3D(),
@@ -41,6 +55,12 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDY(),
     TopoDZ(),
     TopoDH(),
+    TopoHzOff(),
+    TopoZenOff(),
+    TopoDistOff(),
+    TopoDXOff(),
+    TopoDYOff(),
+    TopoDZOff(),
     SumSquare(8),
     Dist2DCons(),
     RatioDist2DCons(),

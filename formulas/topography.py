@@ -16,6 +16,7 @@ Target = Annotated[Point3, "P_to"]
 From = Annotated[Point3, "P_from"]
 MeasuredAngle = Annotated[Angle, "val"]
 MeasuredLength = Annotated[Length, "val"]
+Offset = Annotated[Point3, "off"]
 
 TOPO = "MMVII Formulas_Topo.h"
 
@@ -119,6 +120,99 @@ class TopoDZ(Formula):
     def residual(self, station: Station, target: Target, *, dz: MeasuredLength) -> Scalar:
         """The component computed, minus the component observed (m)."""
         return (station.inverse() @ target).z - dz
+
+
+class TopoHzOff(Formula):
+    """Horizontal direction between two points that stand beside or above their marks.
+
+    Residual: that of `TopoHz`, with the target moved by `off`: the offset of the target (height of the target
+    along its vertical) minus that of the instrument, in the frame of the points.
+    """
+
+    source = "TopoHz with heights of instrument and target"
+    typical = TopoHz.typical
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, hz: MeasuredAngle) -> Scalar:
+        """The direction computed, minus the direction observed (rad)."""
+        return TopoHz().residual(station, target + offset, hz=hz)
+
+
+class TopoZenOff(Formula):
+    """Zenith angle between two points that stand beside or above their marks.
+
+    Residual: that of `TopoZen`, with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoZen with heights of instrument and target"
+    typical = TopoZen.typical
+
+    def residual(
+        self,
+        station: Station,
+        target: Target,
+        *,
+        offset: Offset,
+        refraction: Annotated[Angle, "ref_cor"],
+        zenith: MeasuredAngle,
+    ) -> Scalar:
+        """The zenith angle computed, corrected for refraction, minus the angle observed (rad)."""
+        return TopoZen().residual(station, target + offset, refraction=refraction, zenith=zenith)
+
+
+class TopoDistOff(Formula):
+    """Spatial distance between two points that stand beside or above their marks.
+
+    Residual: that of `TopoDist`, with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDist with heights of instrument and target"
+    typical = TopoDist.typical
+
+    def residual(self, origin: From, target: Target, *, offset: Offset, distance: MeasuredLength) -> Scalar:
+        """The distance computed, minus the distance observed (m)."""
+        return TopoDist().residual(origin, target + offset, distance=distance)
+
+
+class TopoDXOff(Formula):
+    """First component of the vector between two points that stand beside or above their marks.
+
+    Residual: that of `TopoDX`, with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDX with heights of instrument and target"
+    typical = TopoDX.typical
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, dx: MeasuredLength) -> Scalar:
+        """The component computed, minus the component observed (m)."""
+        return TopoDX().residual(station, target + offset, dx=dx)
+
+
+class TopoDYOff(Formula):
+    """Second component of the vector between two points that stand beside or above their marks.
+
+    Residual: that of `TopoDY`, with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDY with heights of instrument and target"
+    typical = TopoDY.typical
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, dy: MeasuredLength) -> Scalar:
+        """The component computed, minus the component observed (m)."""
+        return TopoDY().residual(station, target + offset, dy=dy)
+
+
+class TopoDZOff(Formula):
+    """Third component of the vector between two points that stand beside or above their marks.
+
+    Residual: that of `TopoDZ`, with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDZ with heights of instrument and target"
+    typical = TopoDZ.typical
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, dz: MeasuredLength) -> Scalar:
+        """The component computed, minus the component observed (m)."""
+        return TopoDZ().residual(station, target + offset, dz=dz)
 
 
 class TopoDH(Formula):

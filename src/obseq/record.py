@@ -112,6 +112,20 @@ class ObservationRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ConstraintRecord:
+    """A known coordinate: as given, in the unit of its system; sigma and residual (adjusted - given) in m."""
+
+    point: str
+    coordinate: str
+    value: float
+    sigma: float
+    residual: float
+    normalised_residual: float
+    file: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
 class GlobalTestRecord:
     """The two-sided chi-square test of the variance factor against 1.
 
@@ -176,7 +190,11 @@ class AdjustmentRecord:
         variance_factor: Sum of all weighted squared residuals, those of known points included, over the
             redundancy.
         precision: "a posteriori": precisions are multiplied by the estimated sigma0; "a priori": not.
-        points_crs_unit: Unit of crs_x and crs_y: "m" (also when absent) or "degree"; crs_z is in metres.
+        points_crs_unit: Unit of crs_x and crs_y: "m" (also when absent), "degree", "grad", "kilometre", ...
+        points_crs_height_unit: Unit of crs_z; metres when absent.
+        points_crs_is_angular: Whether crs_x and crs_y are a longitude and a latitude.
+        constraints: The known coordinates that have a sigma.
+        notes: What was computed and how far it holds: refraction, validity of a plane frame.
         global_test: None without redundancy.
         run: Which run made it.
     """
@@ -198,7 +216,11 @@ class AdjustmentRecord:
     stop_reason: str | None = None
     precision: str | None = None
     points_crs_unit: str | None = None
+    points_crs_height_unit: str | None = None
+    points_crs_is_angular: bool | None = None
+    constraints: tuple[ConstraintRecord, ...] = ()
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
     replaced: tuple[ReplacedRecord, ...] = ()
     phases: tuple[PhaseRecord, ...] = ()

@@ -202,14 +202,7 @@ def test_no_redundancy_gives_a_priori_precisions(tmp_path):
 def test_plumb_station_needs_a_vertical(tmp_path):
     points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n"
     with pytest.raises(InputError, match=r"Hz A -> B \(.*net.obs:1\): a #VERT station needs a frame"):
-        read(tmp_path, "7 A B 0 0.001\n", points, frame="Local").adjust()
-
-
-def test_zenith_angle_needs_a_place_on_the_earth(tmp_path):
-    points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n0 C 5 5 5\n"
-    observations = "#FIX\n5 A C 50 0.001\n6 A C 60 0.001\n3 A C 8.66 0.01\n"
-    with pytest.raises(InputError, match=r"Zen A -> C .*refraction"):
-        read(tmp_path, observations, points, frame="Local").adjust()
+        read(tmp_path, "7 A B 0 0.001\n", points, frame=LAMBERT).adjust()
 
 
 def test_points_with_too_few_observations_are_named(tmp_path):

@@ -92,10 +92,63 @@ def test_station_without_active_observation_is_dropped(tmp_path):
     assert (len(book.stations), list(book.observations.stations)) == (1, [-1, 0])
 
 
-def test_numbers_after_the_sigma_are_told(tmp_path):
-    book = book_of(tmp_path, "3 A B 10 0.1 0 0 0\n3 A B 10 0.1 0.000 1.2 0\n3 A B 10 0.1 seen at noon 3")
+def test_numbers_after_the_sigma_are_relative_sigma_and_heights(tmp_path):
+    book = book_of(tmp_path, "3 A B 10 0.1 0 0 0\n3 A B 10 0.1 1e-6 1.2 -0.3\n5 A B 10 0.1 0.002")
+    observations = book.observations
+    assert observations.relative_sigmas.tolist() == [0.0, 1e-6, 0.002]
+    assert observations.from_heights.tolist() == [0.0, 1.2, 0.0]
+    assert observations.to_heights.tolist() == [0.0, -0.3, 0.0]
+    assert book.warnings == ()
+    assert book_of(tmp_path, "3 A B 10 0.1 seen at noon 3").observations.relative_sigmas.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("rest", "message"),
+    [
+        ("1e-6 1.5", "2 numbers after the sigma, where one"),
+        ("1e-6 1.5 1.5 7", "4 numbers after the sigma"),
+        ("0.001 seen at noon", "1 number and a remark after the sigma"),
+        ("0.2", "a relative sigma of 0.2 of the distance is not between 0 and 0.1"),
+        ("-1e-6", "is not between 0 and 0.1"),
+        ("0 1500 0", "a height of instrument or target of 1500 m is beyond 100 m"),
+        ("nan", "not a finite number (after the sigma)"),
+    ],
+)
+def test_what_follows_the_sigma_is_used_or_refused(tmp_path, rest, message):
+    with pytest.raises(InputError) as caught:
+        book_of(tmp_path, f"* head\n3 A B 10 0.1 {rest}\n")
+    assert message in str(caught.value)
+    assert "net.obs:2" in str(caught.value) or ".obs:2" in str(caught.value)
+
+
+def test_what_follows_the_sigma_is_ignored_on_demand_and_counted(tmp_path):
+    path = tmp_path / "net.obs"
+    path.write_text("3 A B 10 0.1 1e-6 1.2 0\n3 A B 10 0.1 0 1.2 0\n3 A B 10 0.1\n")
+    book = read_obs(path, ignore=["heights"])
+    assert book.observations.relative_sigmas.tolist() == [1e-6, 0.0, 0.0]
+    assert not book.observations.from_heights.any()
     assert len(book.warnings) == 1
-    assert "1 lines carry numbers after the sigma that are not 0 (first: line 2)" in book.warnings[0]
+    assert "heights of instrument and target in OBS lines: ignored in 2 lines" in book.warnings[0]
+    path.write_text("3 A B 10 0.1 17 4 note 3\n")
+    assert len(read_obs(path, ignore=["after-sigma"]).warnings) == 1
+    with pytest.raises(InputError, match="--ignore height: unknown"):
+        read_obs(path, ignore=["height"])
+
+
+def test_an_azimuth_is_no_part_of_a_round(tmp_path):
+    book = book_of(
+        tmp_path, "7 A B 0 0.001\n8 A B 100 0.001\n5 A C 50 0.001\n9 A D 0 0.002 0.003\n5 A D 60 0.001"
+    )
+    assert [book.stations.observations(k).tolist() for k in range(3)] == [[0, 2, 5], [1], [3, 4]]
+    assert book.stations.orientations.tolist() == [Orientation.VERT, Orientation.FIX, Orientation.FIX]
+    assert book.observations.types.tolist() == [5, 8, 5, 14, 15, 5]
+    assert book.observations.sigmas[3:5].tolist() == [0.002, 0.003]
+
+
+def test_a_minus_before_the_code_switches_the_line_off(tmp_path):
+    book = book_of(tmp_path, "-3 A B 10 0.1\n1 A B 10 0.1")
+    assert book.observations.active.tolist() == [False, True]
+    assert book.observations.types.tolist() == [3, 3]
 
 
 @pytest.mark.parametrize(
@@ -105,8 +158,7 @@ def test_numbers_after_the_sigma_are_told(tmp_path):
         ("#FIX 5 A B", "unknown keyword"),
         ("#fix", "unknown keyword"),
         ("23 A B 1 1", "unknown code 23"),
-        ("-5 A B 1 1", "give it a negative sigma"),
-        ("8 A B 1 1", "an azimuth (code 8 of Comp3D) is written as a line of code 5 after a line #FIX"),
+        ("2 A B 1 1", "a distance at height 0 (code 2 of Comp3D) is not read"),
         ("Hz A B 1 1", "'Hz' is neither a code"),
         ("5.5 A B 1 1", "neither a code"),
         ("9" * 5000 + " A B 1 1", "neither a code"),
@@ -224,8 +276,8 @@ def test_real_files(shared_data, tmp_path):
     assert (len(book.observations), len(book.stations)) == (12, 2)
     book = read_obs(shared_data / "comp3d-init-cap" / "obs.obs")
     assert (len(book.observations), len(book.stations)) == (40, 4)
-    with pytest.raises(InputError, match=r"figure.obs:1: unknown code 8.*an azimuth"):
-        read_obs(shared_data / "comp3d-figure" / "figure.obs")
+    book = read_obs(shared_data / "comp3d-figure" / "figure.obs")
+    assert (len(book.observations), len(book.stations)) == (535, 8)
 
 
 @pytest.mark.slow

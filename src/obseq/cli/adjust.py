@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
+from obseq.cli.parsing import Commands, add_command, finite_number, positive_integer, positive_number
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
 from obseq.errors import InputError
 from obseq.record import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
+
+IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma")
 
 MORE = """
 The observations are read from OBS files, the points from COR files: known points with their
@@ -22,7 +24,8 @@ observations. Prints a summary; --out writes all the results in a folder."""
 EXAMPLE = """\
 example:
   obseq adjust --obs day1.obs day2.obs --cor points.cor --points-crs IGNF:LAMB93 \\
-      --frame 'RTL*657700*6860700*0*IGNF:LAMB93' --point-sigma 0.001 --out results
+      --point-sigma 0.001 --out results
+  obseq adjust --obs levels.obs --cor levels.cor
 
 exit code: 0 adjusted; 1 the iterations did not converge, or points were left out; 2 could not run"""
 
@@ -74,8 +77,8 @@ def register(commands: Commands) -> None:
         "--frame",
         metavar="SYSCO",
         help="system of the computation, for instance RTL*E*N*h*IGNF:LAMB93: axes along east, north and up "
-        "at that origin; RTL alone takes the mean of the points as origin (without --frame: Local, where "
-        "nothing is known of the Earth)",
+        "at that origin; RTL alone takes the mean of the points as origin (without --frame: that at the mean "
+        "of the known points; without --points-crs either: a plane with heights)",
     )
     systems.add_argument(
         "--points-crs",
@@ -88,6 +91,20 @@ def register(commands: Commands) -> None:
         type=positive_number,
         metavar="S",
         help="sigma in metres of the known points whose line gives none (without it, they are an error)",
+    )
+    computation.add_argument(
+        "--refraction",
+        type=finite_number,
+        metavar="K",
+        help="refraction coefficient of zenith angles (without it: 0.12; 0: no refraction; 1: neither "
+        "refraction nor curvature)",
+    )
+    computation.add_argument(
+        "--ignore",
+        nargs="+",
+        choices=IGNORABLE,
+        metavar="WHAT",
+        help="leave out of the files, with a warning: " + ", ".join(IGNORABLE),
     )
     computation.add_argument(
         "--iterations",
@@ -110,6 +127,8 @@ def run(arguments: argparse.Namespace) -> int:
         "frame": arguments.frame,
         "points_crs": arguments.points_crs,
         "point_sigma": arguments.point_sigma,
+        "refraction": arguments.refraction,
+        "ignore": arguments.ignore,
         **_point_format(arguments),
     }
     solving = {"max_iterations": arguments.iterations, "strict": arguments.strict}

@@ -1,7 +1,7 @@
 """Coordinate systems: Local, GeoC, LEuc, RTL, and anything that PROJ knows.
 
 Axes are x, easting or longitude first, always. Metres and radians, except coordinates in a PROJ definition,
-which are in its own units (degrees for most geographic systems). PROJ itself is loaded when first needed.
+which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded when first needed.
 """
 
 from obseq.arrays import FloatArray
@@ -19,12 +19,14 @@ from obseq.crs.refraction import (
 from obseq.crs.rigid import LocalTangent, RigidSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.crs.transformer import Transformer
+from obseq.crs.units import METRE, Unit
 from obseq.crs.unreferenced import UnreferencedSystem
 from obseq.errors import CrsError
 
 __all__ = [
     "ALIASES",
     "EQUATORIAL_RADIUS",
+    "METRE",
     "REFRACTION_COEFFICIENT",
     "SQUARED_ECCENTRICITY",
     "CoordinateSystem",
@@ -36,6 +38,7 @@ __all__ = [
     "ProjSystem",
     "RigidSystem",
     "Transformer",
+    "Unit",
     "UnreferencedSystem",
     "complete_rtl",
     "curvature_radius",

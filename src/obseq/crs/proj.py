@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy.typing as npt
 
@@ -9,6 +10,7 @@ from obseq.arrays import FloatArray
 from obseq.crs.operations import Operation, from_geocentric, known_crs, operation_of
 from obseq.crs.points import as_points, check_finite
 from obseq.crs.system import CoordinateSystem, Kind
+from obseq.crs.units import METRE, Unit
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,16 @@ class ProjSystem(CoordinateSystem):
     def is_geographic(self) -> bool:
         """Whether the first two coordinates are longitude and latitude."""
         return bool(known_crs(self.definition).is_geographic)
+
+    @property
+    def plan_unit(self) -> Unit:
+        """Unit of the first two coordinates: degrees, grads, metres, feet, ..."""
+        return _units_of(self.definition)[0]
+
+    @property
+    def height_unit(self) -> Unit:
+        """Unit of heights: metres, unless the definition has a vertical system in another unit."""
+        return _units_of(self.definition)[1]
 
     @property
     def operation(self) -> Operation:
@@ -63,3 +75,15 @@ def proj_system(definition: str) -> ProjSystem:
     """
     known_crs(definition)
     return ProjSystem(definition)
+
+
+@lru_cache(maxsize=256)
+def _units_of(definition: str) -> tuple[Unit, Unit]:
+    """Units of plan and height of a PROJ definition."""
+    known = known_crs(definition)
+    first, _, height = known.to_3d().axis_info
+    plan, up = (
+        METRE if axis.unit_name == "metre" else Unit(axis.unit_name, axis.unit_conversion_factor, angular)
+        for axis, angular in ((first, bool(known.is_geographic)), (height, False))
+    )
+    return plan, up

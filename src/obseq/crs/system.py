@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
+from obseq.crs.units import METRE, Unit
 from obseq.errors import CrsError
 
 
@@ -48,8 +49,18 @@ class CoordinateSystem(ABC):
 
     @property
     def is_geographic(self) -> bool:
-        """Whether the first two coordinates are longitude and latitude, in degrees for most systems."""
+        """Whether the first two coordinates are longitude and latitude, in the unit `plan_unit`."""
         return False
+
+    @property
+    def plan_unit(self) -> Unit:
+        """Unit of the first two coordinates."""
+        return METRE
+
+    @property
+    def height_unit(self) -> Unit:
+        """Unit of the third coordinate."""
+        return METRE
 
     @property
     def is_complete(self) -> bool:

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
-from obseq.report.summary import expected, how_it_ended, kinds, left_out, run_line, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, left_out, notes, run_line, warnings
 from obseq.report.table import lines_of
 from obseq.report.units import significant
-from obseq.report.verdict import Verdict
+from obseq.report.verdict import Verdict, worst_constraints_first
 
 
 def listing(record: AdjustmentRecord) -> str:
@@ -20,7 +20,12 @@ def listing(record: AdjustmentRecord) -> str:
     tables.append(
         rows.observation_table(record, "Observations, in the order of the files", record.observations)
     )
-    heads = ["\n".join(_head(record)), "\n".join(warnings(record, len(record.warnings)))]
+    known = worst_constraints_first(record)
+    if known:
+        title = "Known coordinates, the worst normalised residual first"
+        tables.append(rows.constraint_table(record, title, known))
+    parts = (_head(record), warnings(record, len(record.warnings)), notes(record))
+    heads = ["\n".join(part) for part in parts]
     sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
     return printable("\n\n".join(section for section in sections if section) + "\n")
 

@@ -8,9 +8,9 @@ from obseq.record import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.figure import network_figure
 from obseq.report.html import escaped
-from obseq.report.summary import expected, how_it_ended, kinds, run_line, warnings
+from obseq.report.summary import expected, how_it_ended, kinds, notes, run_line, warnings
 from obseq.report.units import significant
-from obseq.report.verdict import Verdict, worst_first
+from obseq.report.verdict import Verdict, worst_constraints_first, worst_first
 
 MOST_ROWS = 2000
 MOST_WARNINGS = 20
@@ -42,6 +42,7 @@ def _facts(record: AdjustmentRecord) -> str:
         ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
         ("", verdict.explanation, ""),
         ("run", run_line(record), ""),
+        *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
         *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
     ]
     cells = (
@@ -54,6 +55,10 @@ def _sections(record: AdjustmentRecord) -> Iterator[str]:
     worst, points = worst_first(record), record.points
     title = "Observations, the worst normalised residual first"
     yield _section(rows.observation_table(record, title, worst[:MOST_ROWS]), len(worst))
+    known = worst_constraints_first(record)
+    if known:
+        title = "Known coordinates, the worst normalised residual first"
+        yield _section(rows.constraint_table(record, title, known[:MOST_ROWS]), len(known))
     yield _section(rows.frame_table(record, points[:MOST_ROWS]), len(points))
     if record.points_crs != record.frame:
         yield _section(rows.crs_table(record, points[:MOST_ROWS]), len(points))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from obseq.record import AdjustmentRecord, ObservationRecord, PointRecord
+from obseq.record import AdjustmentRecord, ConstraintRecord, ObservationRecord, PointRecord
 from obseq.report import units
 
 
@@ -42,21 +42,22 @@ def frame_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Tabl
 
 def crs_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Table:
     """Coordinates in the system of the point files, with precisions if the record has them."""
-    is_angular = record.points_crs_unit == "degree"
-    unit = "degrees, m" if is_angular else "m"
+    plan, height = record.points_crs_unit or "m", record.points_crs_height_unit or "m"
+    unit = units.plural(plan) if plan == height else f"{units.plural(plan)}, {units.plural(height)}"
     title = f"Coordinates in {record.points_crs} ({unit})"
     header: tuple[str, ...] = ("point", "x", "y", "z")
-    rows = [_crs_cells(point, 9 if is_angular else 4) for point in points]
+    rows = [_crs_cells(point, plan, height) for point in points]
     if any(point.crs_sx is not None for point in points):
         title = f"{title}, {_precisions(record)}"
+        is_angular = record.points_crs_is_angular or plan == "degree"
         header += ("east", "north", "up") if is_angular else ("sx", "sy", "sz")
         rows = [cells + _crs_precisions(point) for cells, point in zip(rows, points, strict=True)]
     return Table(title, header, tuple(rows))
 
 
-def _crs_cells(point: PointRecord, decimals: int) -> tuple[str, ...]:
-    plan = (units.fixed(value, decimals) for value in (point.crs_x, point.crs_y))
-    return (point.name, *plan, units.metres(point.crs_z))
+def _crs_cells(point: PointRecord, plan: str, height: str) -> tuple[str, ...]:
+    shown = ((point.crs_x, plan), (point.crs_y, plan), (point.crs_z, height))
+    return (point.name, *(units.coordinate(value, unit) for value, unit in shown))
 
 
 def _crs_precisions(point: PointRecord) -> tuple[str, ...]:
@@ -104,4 +105,23 @@ def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
         units.small(kind, row.sigma),
         units.small(kind, row.residual) if row.active else "not used",
         units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,
+    )
+
+
+def constraint_table(record: AdjustmentRecord, title: str, constraints: Sequence[ConstraintRecord]) -> Table:
+    """Known coordinates with their residuals, and where they were read."""
+    header = ("coordinate", "point", "file", "given", "sigma", "residual", "normalised")
+    return Table(title, header, tuple(_constraint_cells(record, row) for row in constraints), 3)
+
+
+def _constraint_cells(record: AdjustmentRecord, row: ConstraintRecord) -> tuple[str, ...]:
+    unit = (record.points_crs_height_unit if row.coordinate == "z" else record.points_crs_unit) or "m"
+    return (
+        row.coordinate,
+        row.point,
+        f"{PurePath(row.file).name}:{row.line}" if row.file else units.ABSENT,
+        f"{units.coordinate(row.value, unit)} {unit}",
+        f"{units.millimetres(row.sigma)} mm",
+        f"{units.millimetres(row.residual)} mm",
+        units.fixed(row.normalised_residual, 2),
     )

@@ -8,13 +8,15 @@ from obseq.printable import printable
 from obseq.record import AdjustmentRecord, GlobalTestRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.table import lines_of
-from obseq.report.verdict import Verdict, worst_first
+from obseq.report.verdict import Verdict, worst_constraints_first, worst_first
 
 WIDTH = 100
 MOST_POINTS = 8
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
 WORST = 5
+NOTABLE = 2.0
+"""Normalised residual beyond which the summary shows a known coordinate."""
 
 
 def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
@@ -28,8 +30,10 @@ def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
         _counts(record),
         _fit(record),
         _worst(record),
+        _known(record),
         _coordinates(record),
         warnings(record, MOST_WARNINGS),
+        notes(record),
         _end(record, written),
     )
     texts = ("\n".join(section) for section in sections)
@@ -88,6 +92,11 @@ def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
         yield f"and {len(found) - most} more warnings; the listing and the JSON file have them"
 
 
+def notes(record: AdjustmentRecord) -> Iterator[str]:
+    """What was computed and how far it holds, one line each."""
+    yield from (f"Note: {text}" for text in record.notes)
+
+
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
     yield f"{len(record.points)} points, {len(record.stations)} stations: {how_it_ended(record)}"
     yield from left_out(record)
@@ -115,6 +124,13 @@ def _worst(record: AdjustmentRecord) -> Iterator[str]:
     yield from lines_of(
         rows.observation_table(record, "Largest normalised residuals (residual / sigma)", worst)
     )
+
+
+def _known(record: AdjustmentRecord) -> Iterator[str]:
+    """The known coordinates that fit worst, when some are beyond what one expects of a few."""
+    worst = [row for row in worst_constraints_first(record) if abs(row.normalised_residual) > NOTABLE]
+    if worst:
+        yield from lines_of(rows.constraint_table(record, "Known coordinates that fit worst", worst[:WORST]))
 
 
 def _coordinates(record: AdjustmentRecord) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import math
 
-ANGLES = frozenset({"Hz", "Zen"})
+ANGLES = frozenset({"Hz", "Zen", "Azim"})
 """Observation types whose values are angles; all others are lengths."""
 
 GON_PER_RADIAN = 200.0 / math.pi
@@ -42,6 +42,20 @@ def gon(value: float | None) -> str:
 def metres(value: float | None) -> str:
     """A coordinate to a tenth of a millimetre, without the unit."""
     return fixed(value, 4)
+
+
+DECIMALS = {"degree": 9, "grad": 9, "kilometre": 7}
+"""Decimals of coordinates, by their unit: a tenth of a millimetre; 4 for what is not listed."""
+
+
+def coordinate(value: float | None, unit: str) -> str:
+    """A coordinate to a tenth of a millimetre or better, without its unit."""
+    return fixed(value, DECIMALS.get(unit, 4))
+
+
+def plural(unit: str) -> str:
+    """What a title calls a unit."""
+    return unit if len(unit) == 1 else unit.replace("foot", "feet") if "foot" in unit else f"{unit}s"
 
 
 def fixed(value: float | None, decimals: int) -> str:

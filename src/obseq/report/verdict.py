@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from obseq.record import AdjustmentRecord, GlobalTestRecord, ObservationRecord
+from obseq.record import AdjustmentRecord, ConstraintRecord, GlobalTestRecord, ObservationRecord
 
 
 @dataclass(frozen=True)
@@ -54,3 +54,8 @@ def worst_first(record: AdjustmentRecord) -> list[ObservationRecord]:
     """The active observations that have a normalised residual, the largest in absolute value first."""
     tested = [row for row in record.observations if row.active and row.normalised_residual is not None]
     return sorted(tested, key=lambda row: -abs(row.normalised_residual or 0.0))
+
+
+def worst_constraints_first(record: AdjustmentRecord) -> list[ConstraintRecord]:
+    """The known coordinates, the largest normalised residual in absolute value first."""
+    return sorted(record.constraints, key=lambda row: -abs(row.normalised_residual))

@@ -21,12 +21,16 @@ IntArray = npt.NDArray[np.int32]
 
 
 class ObservationType(enum.IntEnum):
-    """What was measured; the value is the code of OBS files, the name is MMVII's."""
+    """What was measured; the value is the code of OBS files, the name is MMVII's.
+
+    `Azim`, an azimuth from geographic north, is Comp3D's: a direction on a `#FIX` station of its own.
+    """
 
     Dist = 3
     DH = 4
     Hz = 5
     Zen = 6
+    Azim = 8
     DX = 14
     DY = 15
     DZ = 16
@@ -34,12 +38,16 @@ class ObservationType(enum.IntEnum):
     @property
     def is_angle(self) -> bool:
         """True for the types whose value and sigma are angles (radians inside, gon in OBS files)."""
-        return self in (ObservationType.Hz, ObservationType.Zen)
+        return self in ANGLES
 
     @property
     def needs_station(self) -> bool:
         """True for the types read on an instrument, false for `Dist` and `DH`."""
         return self not in (ObservationType.Dist, ObservationType.DH)
+
+
+ANGLES = frozenset({ObservationType.Hz, ObservationType.Zen, ObservationType.Azim})
+HORIZONTAL = frozenset({ObservationType.Hz, ObservationType.Azim})
 
 
 class Orientation(enum.IntEnum):
@@ -63,6 +71,8 @@ class Points:
         names: unique names.
         coordinates: (n, 3) float64 metres; NaN where the file gives none.
         sigmas: (n, 3) float64 metres; NaN for a free component, 0 for a held one, else its constraint.
+        deflections: (n, 2) float64 rad, east (eta) and north (xi) deflection of the vertical; NaN where the
+            file gives none.
         infos: additional text of the point, empty when there is none.
         files: names of the files the points come from.
         file_indices: (n,) int32 index in `files`; -1 for a point that only observations name.
@@ -72,6 +82,7 @@ class Points:
     names: tuple[str, ...]
     coordinates: FloatArray
     sigmas: FloatArray
+    deflections: FloatArray
     infos: tuple[str, ...]
     files: tuple[str, ...]
     file_indices: IntArray
@@ -107,6 +118,7 @@ class Points:
             names=tuple(self.names[row] for row in rows.tolist()),
             coordinates=self.coordinates[rows],
             sigmas=self.sigmas[rows],
+            deflections=self.deflections[rows],
             infos=tuple(self.infos[row] for row in rows.tolist()),
             file_indices=self.file_indices[rows],
             lines=self.lines[rows],
@@ -133,7 +145,8 @@ def make_points(
     xyz = np.array(coordinates, dtype=np.float64).reshape(n, 3)
     sigma = np.full((n, 3), np.nan) if sigmas is None else np.array(sigmas, dtype=np.float64).reshape(n, 3)
     nowhere, no_line = np.full(n, -1, np.int32), np.zeros(n, np.int32)
-    points = Points(tuple(names), xyz, sigma, ("",) * n, (), nowhere, no_line)
+    deflections = np.full((n, 2), np.nan)
+    points = Points(tuple(names), xyz, sigma, deflections, ("",) * n, (), nowhere, no_line)
     _require_unique(points)
     return points
 
@@ -153,6 +166,7 @@ def merge_points(parts: Sequence[Points]) -> Points:
         names=tuple(name for part in parts for name in part.names),
         coordinates=np.concatenate([np.zeros((0, 3))] + [part.coordinates for part in parts]),
         sigmas=np.concatenate([np.zeros((0, 3))] + [part.sigmas for part in parts]),
+        deflections=np.concatenate([np.zeros((0, 2))] + [part.deflections for part in parts]),
         infos=tuple(info for part in parts for info in part.infos),
         files=tuple(file for part in parts for file in part.files),
         file_indices=np.concatenate([np.zeros(0, np.int32), *indices]).astype(np.int32),
@@ -183,6 +197,10 @@ class Observations:
         to_points: (n,) int32, likewise.
         values: (n,) float64 m or rad, as read (angles are not normalised).
         sigmas: (n,) float64 m or rad, positive (the absolute value for inactive ones).
+        relative_sigmas: (n,) float64 what is added to the sigma: of lengths, this share of the distance; of
+            angles, this length (m) over the distance.
+        from_heights: (n,) float64 m, height of the instrument above its point.
+        to_heights: (n,) float64 m, height of the target above its point.
         active: (n,) bool, false when the file switches the observation off.
         stations: (n,) int32 station of the observation; -1 for `Dist` and `DH`.
         file_indices: (n,) int32 index in the field book's `files`.
@@ -194,6 +212,9 @@ class Observations:
     to_points: IntArray
     values: FloatArray
     sigmas: FloatArray
+    relative_sigmas: FloatArray
+    from_heights: FloatArray
+    to_heights: FloatArray
     active: BoolArray
     stations: IntArray
     file_indices: IntArray
@@ -280,8 +301,8 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
         (m,) int8 values of `Orientation`.
     """
     observations = book.observations
-    orienting = np.isin(observations.types, (ObservationType.Hz, ObservationType.DX, ObservationType.DY))
-    orienting &= (observations.types == ObservationType.Hz) | (observations.values != 0.0)
+    orienting = np.isin(observations.types, (*HORIZONTAL, ObservationType.DX, ObservationType.DY))
+    orienting &= np.isin(observations.types, list(HORIZONTAL)) | (observations.values != 0.0)
     kept = orienting & observations.active & (observations.stations >= 0)
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True

@@ -15,6 +15,9 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.frame import Frame, frame_of
+from obseq.survey.adjustment.notes import notes
+from obseq.survey.adjustment.plumb import Plumb
+from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
@@ -24,7 +27,7 @@ from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -86,43 +89,52 @@ class Network:
         encoding: str = "utf-8",
         point_format: str | None = None,
         point_options: PointFileOptions | None = None,
+        ignore: Collection[str] = (),
+        refraction: float = crs.REFRACTION_COEFFICIENT,
     ) -> Network:
         """Reads OBS files and point files.
 
         Args:
             observation_files: OBS files; each starts afresh, their observations are put together.
             point_files: COR files, or files of another format (`point_format`).
-            frame: Definition of the computation frame; without it a Local system. A bare `RTL` takes its
+            frame: Definition of the computation frame; without it a plane with heights, or a local tangent
+                frame at the mean of the known points when their system is given. A bare `RTL` takes its
                 origin from the mean of the points.
             points_crs: Definition of the system of the points; without it the frame.
             point_sigma: Sigma (m) of known points whose line gives none.
             encoding: Encoding of names in the files.
             point_format: Fields of a line of the point files, as MMVII's ImportGCP names them (`ANXYZ`).
             point_options: Everything else about such files; `point_sigma` and `encoding` go before it.
+            ignore: What is to be left out of the files, with a warning: "heights", "relative-sigmas",
+                "deflections", "after-sigma" (everything after the sigma of an observation).
+            refraction: Coefficient k of zenith angles: rays are arcs of radius (radius of the Earth) / k.
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         watch = Stopwatch()
         with watch.phase("read"):
-            book = read_obs(observation_files, encoding)
+            book = read_obs(observation_files, encoding, ignore)
             if point_format is None:
-                points = read_cor(point_files, point_sigma, encoding)
+                points = read_cor(point_files, point_sigma, encoding, ignore)
             else:
                 options = replace(point_options or PointFileOptions(), encoding=encoding)
                 if point_sigma is not None:
                     options = replace(options, sigma=point_sigma)
                 points = _read_free_format(point_files, point_format, options)
         with watch.phase("coordinate systems"):
-            computation, given = frame_of(frame, points_crs, points.coordinates, points.names)
+            computation, given = frame_of(frame, points_crs, points)
             placed = points.has_coordinates
             coordinates = np.full_like(points.coordinates, np.nan)
             names = [points.names[row] for row in np.flatnonzero(placed)]
-            coordinates[placed] = crs.Transformer(given, computation.system).forward(
-                points.coordinates[placed], names
-            )
+            coordinates[placed] = PointSystem(computation, given).placed(points.coordinates[placed], names)
         points, book = join(replace(points, coordinates=coordinates), book)
-        return cls(points, book, computation, given, watch.seconds)
+        return cls(points, book, Frame(computation, refraction), given, watch.seconds)
+
+    @property
+    def point_system(self) -> PointSystem:
+        """The coordinates of points in the system of their files."""
+        return PointSystem(self.frame.system, self.points_crs)
 
     def initial_values(self) -> InitialValues:
         """Coordinates of all points and orientations of all stations, from the known points and observations.
@@ -187,10 +199,9 @@ class Network:
         if not rows:
             return ()
         names = [self.points.names[row] for row in rows]
-        transformer = crs.Transformer(self.frame.system, self.points_crs)
         both = self.points.coordinates[rows], initial.coordinates[rows]
         moved = np.linalg.norm(both[1] - both[0], axis=1).tolist()
-        given, used = (map(tuple, transformer.forward(xyz, names).tolist()) for xyz in both)
+        given, used = (map(tuple, self.point_system.coordinates(xyz, names).tolist()) for xyz in both)
         places = [self.points.place(row) for row in rows]
         return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
 
@@ -209,15 +220,7 @@ class Network:
     def _equations(self, start: Determined) -> Equations:
         from obseq.survey.adjustment.equations import Equations
 
-        initial = start.initial
-        return Equations(
-            self.frame,
-            start.points,
-            start.book,
-            initial.orientations,
-            initial.coordinates,
-            initial.rotations,
-        )
+        return Equations(self.frame, self.point_system, start.points, start.book, start.initial)
 
     def _adjusted(
         self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch
@@ -225,6 +228,7 @@ class Network:
         """Adjusts what is determined of this network."""
         network, initial = replace(self, points=start.points, book=start.book), start.initial
         check_sights(start.book, initial)
+        Plumb(self.frame, start.points).check(start.book, initial.orientations)
         with watch.phase("equations"):
             equations = self._equations(start)
         with watch.phase("iterations and covariances"):
@@ -256,8 +260,10 @@ class Network:
         is_estimated = solution.variance_factor is not None
         coordinates = solution.values(equations.points)
         residuals = np.full(len(self.book.observations), np.nan)
+        sigmas = self.book.observations.sigmas.copy()
         for rows, batch in equations.batches.values():
             residuals[rows] = solution.residuals(batch)[:, 0]
+            sigmas[rows] = batch.sigmas[:, 0]
         return Adjustment(
             solution=solution,
             points=self._adjusted_points(
@@ -266,36 +272,24 @@ class Network:
             stations=self._adjusted_stations(equations.instrument_rotations(solution), orientations),
             book=self.book,
             residuals=residuals,
+            sigmas=sigmas,
             frame=self.frame.system.definition,
             points_crs=self.points_crs.definition,
-            points_crs_unit="degree" if self.points_crs.is_geographic else "m",
+            points_crs_units=(self.points_crs.plan_unit, self.points_crs.height_unit),
             precision="a posteriori" if is_estimated else "a priori",
+            known=equations.known.residuals(solution),
             warnings=self.book.warnings,
+            notes=notes(self.frame, self.book, coordinates),
             phases={},
             run=new_run(),
         )
 
     def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
-        names = self.points.names
-        given = crs.Transformer(self.frame.system, self.points_crs).forward(coordinates, names)
-        axes = self._result_axes(coordinates)
+        given = self.point_system.coordinates(coordinates, self.points.names)
+        axes, _ = self.point_system.axes(coordinates)
         turned = axes @ covariances @ axes.transpose(0, 2, 1)
-        precisions = np.sqrt(np.diagonal(turned, axis1=1, axis2=2))
-        return AdjustedPoints(names, coordinates, covariances, given, precisions)
-
-    def _result_axes(self, coordinates: FloatArray) -> FloatArray:
-        """(n, 3, 3) derivatives of the result coordinates (m) with respect to those of the frame."""
-        if self.points_crs.is_geographic:
-            return self.frame.vertical(coordinates)
-        transformer = crs.Transformer(self.frame.system, self.points_crs)
-        if transformer.is_identity:
-            return np.broadcast_to(np.eye(3), (len(coordinates), 3, 3))
-        steps = np.eye(3)
-        columns = [
-            (transformer.forward(coordinates + step) - transformer.forward(coordinates - step)) / 2.0
-            for step in steps
-        ]
-        return np.stack(columns, axis=2)
+        precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
+        return AdjustedPoints(self.points, coordinates, covariances, given, precisions)
 
     def _adjusted_stations(self, rotations: FloatArray, orientations: NDArray[np.int8]) -> AdjustedStations:
         return AdjustedStations(

@@ -91,7 +91,7 @@ class Batch:
     """Observations of one formula: the blocks they join, what was measured, sigmas and labels.
 
     The measured values may be replaced between two iterations (`batch.observations = ...`), and so may
-    `loss`, which gives robust weights (None: none).
+    `loss`, which gives robust weights (None: none). `is_constraint` says that its rows count as constraints.
     """
 
     def __init__(
@@ -115,12 +115,12 @@ class Batch:
             raise InputError(f"{shape.name}: {len(labels)} labels for {self.n} observations")
         self.observation_tiles = np.zeros((len(shape.observation_rows), padded_length(self.n)))
         self.observations = observations
-        self.sigmas = self._checked_sigmas(sigmas)
         self.active = self._checked_active(active)
         self.loss: Loss | None = None
+        self.is_constraint = False
         self.roots: FloatArray = np.zeros((0, 0))
         self.weights = np.zeros((shape.n_residuals, padded_length(self.n)))
-        self.weights[:, : self.n] = np.where(self.active, 1.0 / self.sigmas.T, 0.0)
+        self.reweigh(sigmas)
         self._lay_out()
 
     def __len__(self) -> int:
@@ -154,6 +154,11 @@ class Batch:
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")
         self.observation_tiles[:] = _padded(array.T, np.float64)
+
+    def reweigh(self, sigmas: ArrayLike) -> None:
+        """Gives the observations other sigmas (number, (n,) or (n, n_residuals)), between two iterations."""
+        self.sigmas = self._checked_sigmas(sigmas)
+        self.weights[:, : self.n] = np.where(self.active, 1.0 / self.sigmas.T, 0.0)
 
     def reweight(self, residuals: FloatArray) -> None:
         """Sets the weights that the loss gives to residuals (n, n_residuals)."""

@@ -169,6 +169,7 @@ class Definition:
         sigmas: ArrayLike,
         labels: Sequence[str] | None = None,
         group: str | None = None,
+        is_constraint: bool = False,
     ) -> Batch:
         """Adds plain linear rows: sum of coefficients times unknowns = value.
 
@@ -179,8 +180,11 @@ class Definition:
             sigmas: one number or (n,).
             labels: (n,) what to call the rows in messages.
             group: name under which sums of squares are kept; "linear" when None.
+            is_constraint: True for rows that count as constraints, as priors do, not as observations.
         """
-        return self._added(self._linear(columns, coefficients, values, sigmas, labels, group))
+        batch = self._linear(columns, coefficients, values, sigmas, labels, group)
+        batch.is_constraint = is_constraint
+        return self._added(batch)
 
     def _linear(
         self,
@@ -358,12 +362,13 @@ class Definition:
     @property
     def n_observations(self) -> int:
         """Number of scalar equations of active observations."""
-        return sum(batch.n_scalars for batch in self._batches)
+        return sum(batch.n_scalars for batch in self._batches if not batch.is_constraint)
 
     @property
     def n_constraints(self) -> int:
-        """Number of scalar equations of priors."""
-        return sum(prior.n_scalars for prior in self._priors)
+        """Number of scalar equations of priors, and of rows that count as constraints."""
+        rows = sum(batch.n_scalars for batch in self._batches if batch.is_constraint)
+        return rows + sum(prior.n_scalars for prior in self._priors)
 
 
 def _table_of_rows(values: ArrayLike, n: int, what: str) -> FloatArray:

@@ -75,7 +75,7 @@ class LeastSquaresResult:
         converged: True when the iterations ended by themselves.
         stop_reason: why they ended.
         n_observations: scalar equations of the active observations.
-        n_constraints: scalar equations of the priors.
+        n_constraints: scalar equations of the priors, and of rows that count as constraints.
         n_unknowns: free scalar unknowns.
         redundancy: n_observations + n_constraints - n_unknowns.
         sigma0: square root of the sum of squares of the chosen groups, at the solution, over the

@@ -11,6 +11,7 @@ from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.record import (
     AdjustmentRecord,
+    ConstraintRecord,
     EllipseRecord,
     GlobalTestRecord,
     IterationRecord,
@@ -20,6 +21,7 @@ from obseq.record import (
     StationRecord,
     defined,
 )
+from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.model import ObservationType, Orientation
 
 if TYPE_CHECKING:
@@ -28,11 +30,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray
+    from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
     from obseq.record import RunRecord
+    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
-    from obseq.survey.model import FieldBook
+    from obseq.survey.model import FieldBook, Points
 
 
 COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
@@ -44,19 +48,24 @@ class AdjustedPoints:
     """Adjusted points, one row each.
 
     Attributes:
-        names: Their names.
+        points: The points as they were given.
         coordinates: (n, 3) in the computation frame, m.
         covariances: (n, 3, 3) in the computation frame, m^2.
         crs_coordinates: (n, 3) in the system of the points.
-        crs_precisions: (n, 3) m: along the axes of the system of the points when it is in metres, along
-            east, north and up when it is geographic.
+        crs_precisions: (n, 3) m: along the axes of the system of the points; along east, north and up when
+            it is in degrees or grads.
     """
 
-    names: tuple[str, ...]
+    points: Points
     coordinates: FloatArray
     covariances: FloatArray
     crs_coordinates: FloatArray
     crs_precisions: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return self.points.names
 
     @property
     def precisions(self) -> FloatArray:
@@ -91,12 +100,15 @@ class Adjustment:
         stations: The adjusted stations.
         book: The observations.
         residuals: (n,) computed minus observed, m or rad; NaN for inactive observations.
+        sigmas: (n,) m or rad, what they were adjusted with: relative parts included.
         frame: Definition of the computation frame.
         points_crs: Definition of the system of the points.
-        points_crs_unit: Unit of its first two coordinates: "m" or "degree".
+        points_crs_units: Units of its plan and of its heights.
         precision: "a posteriori" when precisions are scaled by the variance factor, "a priori" when there
             is no redundancy to estimate it.
+        known: How the known coordinates fit.
         warnings: What the user should know of the input, one sentence each.
+        notes: What was computed and how far it holds, one sentence each.
         phases: Seconds of each phase of the work.
         run: Which run made it.
         left_out: The points and stations that nothing determined, left out with their observations.
@@ -108,11 +120,14 @@ class Adjustment:
     stations: AdjustedStations
     book: FieldBook
     residuals: FloatArray
+    sigmas: FloatArray
     frame: str
     points_crs: str
-    points_crs_unit: str
+    points_crs_units: tuple[Unit, Unit]
     precision: str
+    known: CoordinateResiduals
     warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     phases: Mapping[str, float]
     run: RunRecord
     left_out: tuple[LeftOut, ...] = ()
@@ -131,7 +146,7 @@ class Adjustment:
     @property
     def normalised_residuals(self) -> FloatArray:
         """(n,) residual over sigma; NaN for inactive observations."""
-        return np.asarray(self.residuals / self.book.observations.sigmas)
+        return np.asarray(self.residuals / self.sigmas)
 
     def record(self) -> AdjustmentRecord:
         """What the result file holds and the reports print."""
@@ -150,11 +165,15 @@ class Adjustment:
             precision=self.precision,
             frame=self.frame,
             points_crs=self.points_crs,
-            points_crs_unit=self.points_crs_unit,
+            points_crs_unit=self.points_crs_units[0].name,
+            points_crs_height_unit=self.points_crs_units[1].name,
+            points_crs_is_angular=self.points_crs_units[0].is_angle,
             points=tuple(_point_records(self.points)),
             stations=tuple(self._stations()),
             observations=tuple(self._observations()),
+            constraints=tuple(self._constraints()),
             warnings=self.warnings,
+            notes=self.notes,
             left_out=tuple(item.record() for item in self.left_out),
             replaced=tuple(item.record() for item in self.replaced),
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
@@ -172,6 +191,23 @@ class Adjustment:
         ):
             yield StationRecord(origin, Orientation(status).keyword, g0)
 
+    def _constraints(self) -> Iterator[ConstraintRecord]:
+        points, known = self.points.points, self.known
+        for k, (row, component) in enumerate(
+            zip(known.points.tolist(), known.components.tolist(), strict=True)
+        ):
+            sigma, residual = float(known.sigmas[k]), float(known.residuals[k])
+            yield ConstraintRecord(
+                point=points.names[row],
+                coordinate=COMPONENTS[component],
+                value=float(known.values[k]),
+                sigma=sigma,
+                residual=residual,
+                normalised_residual=residual / sigma,
+                file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
+                line=int(points.lines[row]),
+            )
+
     def _observations(self) -> Iterator[ObservationRecord]:
         book, rows = self.book, self.book.observations
         names = {int(kind): kind.name for kind in ObservationType}
@@ -180,7 +216,7 @@ class Adjustment:
             rows.from_points.tolist(),
             rows.to_points.tolist(),
             rows.values.tolist(),
-            rows.sigmas.tolist(),
+            self.sigmas.tolist(),
             defined(self.residuals),
             defined(self.normalised_residuals),
             rows.file_indices.tolist(),

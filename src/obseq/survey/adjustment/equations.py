@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.model import ObservationType, Orientation
+from obseq.survey.adjustment.known_coordinates import KnownCoordinates
+from obseq.survey.adjustment.plumb import Plumb
+from obseq.survey.model import ANGLES, ObservationType, Orientation
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, Points
 
 
@@ -23,15 +25,18 @@ FORMULAS = {
     ObservationType.Dist: "TopoDist",
     ObservationType.DH: "TopoDH",
     ObservationType.Hz: "TopoHz",
+    ObservationType.Azim: "TopoHz",
     ObservationType.Zen: "TopoZen",
     ObservationType.DX: "TopoDX",
     ObservationType.DY: "TopoDY",
     ObservationType.DZ: "TopoDZ",
 }
+WITH_OFFSETS = "Off"
+"""What ends the name of a formula that takes offsets of instrument and target."""
+SHORTEST_SIGHT = 1e-6
+"""Distance (m) that stands for shorter ones where a sigma is divided by it."""
 FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
 """Components of the small rotation (right, front, up) that an orientation keeps."""
-POINTS = "points"
-"""The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""
 
 
 class Labels(Sequence[str]):
@@ -59,57 +64,78 @@ class Equations:
         points: Block of every point.
         stations: Block of the rotation of every station.
         batches: Rows of the field book and batch of every observation type present.
+        known: The equations of known coordinates.
     """
 
     def __init__(
         self,
         frame: Frame,
+        point_system: PointSystem,
         points: Points,
         book: FieldBook,
-        orientations: NDArray[np.int8],
-        coordinates: FloatArray,
-        rotations: FloatArray,
+        initial: InitialValues,
     ) -> None:
         self._frame = frame
+        self._plumb = Plumb(frame, points)
         self._book = book
         self.system = LeastSquares()
-        self.points = self.system.add_points(points.names, coordinates)
-        self.stations = self.system.add_rotations(station_names(points, book), rotations)
-        self._verticals = frame.vertical(coordinates[book.stations.origins])
-        self._constrain(points)
+        self.points = self.system.add_points(points.names, initial.coordinates)
+        self._verticals = self._plumb.axes(book.stations.origins, initial.coordinates)
+        self.stations = self.system.add_rotations(
+            station_names(points, book), self._plumbed(initial, frame.vertical)
+        )
+        self.known = KnownCoordinates(self.system, self.points, points, point_system)
         for status, components in FROZEN_TURNS.items():
-            ids = self.stations[orientations == status]
+            ids = self.stations[initial.orientations == status]
             if ids.size:
                 self.system.freeze(ids, components)
-        self.batches = self._add_observations(coordinates)
+        self.batches = self._add_observations(initial.coordinates)
 
-    def _constrain(self, points: Points) -> None:
-        for component in range(3):
-            held = self.points[points.is_held[:, component]]
-            if held.size:
-                self.system.freeze(held, (component,))
-        sigmas = np.where(points.is_free | points.is_held, np.inf, points.sigmas)
-        given = np.isfinite(sigmas).any(axis=1)
-        if given.any():
-            self.system.add_prior(self.points[given], points.coordinates[given], sigmas[given], group=POINTS)
+    def _plumbed(self, initial: InitialValues, vertical: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
+        origins = self._book.stations.origins
+        before = vertical(initial.coordinates[origins])
+        return np.asarray(self._verticals.transpose(0, 2, 1) @ before @ initial.rotations)
 
     def _add_observations(self, coordinates: FloatArray) -> dict[ObservationType, tuple[IntArray, Batch]]:
         observations = self._book.observations
         batches = {}
-        for kind, formula in FORMULAS.items():
+        for kind in FORMULAS:
             rows = np.flatnonzero((observations.types == kind) & observations.active)
             if rows.size:
-                batches[kind] = (
-                    rows,
-                    self.system.add(
-                        formula,
-                        self._blocks(kind, rows),
-                        self._measured(kind, rows, coordinates),
-                        observations.sigmas[rows],
-                        labels=Labels(self._book, rows),
-                    ),
-                )
+                is_plane = kind is ObservationType.DH and self._frame.is_plane
+                add = self._plane_heights if is_plane else self._observed
+                batches[kind] = (rows, add(kind, rows, coordinates))
         return batches
+
+    def _observed(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> Batch:
+        """Observations of a formula."""
+        return self.system.add(
+            FORMULAS[kind] + (WITH_OFFSETS if self._has_offsets(kind, rows) else ""),
+            self._blocks(kind, rows),
+            self._measured(kind, rows, coordinates),
+            self.sigmas(rows, coordinates),
+            labels=Labels(self._book, rows),
+            group=kind.name,
+        )
+
+    def _plane_heights(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> Batch:
+        """Height differences in a plane frame: linear rows, differences of z."""
+        observations = self._book.observations
+        measured = self._measured(kind, rows, coordinates)
+        return self.system.add_linear(
+            [self.points[end[rows]] for end in (observations.from_points, observations.to_points)],
+            [measured[:, :3], measured[:, 3:6]],
+            measured[:, 6],
+            self.sigmas(rows, coordinates),
+            labels=Labels(self._book, rows),
+            group=kind.name,
+        )
+
+    def _has_offsets(self, kind: ObservationType, rows: IntArray) -> bool:
+        observations = self._book.observations
+        heights = (observations.from_heights[rows], observations.to_heights[rows])
+        return kind is not ObservationType.DH and any(column.any() for column in heights)
 
     def _blocks(self, kind: ObservationType, rows: IntArray) -> dict[str, IntArray]:
         observations = self._book.observations
@@ -122,31 +148,54 @@ class Equations:
 
     def _measured(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, m) what the formula takes besides blocks, the value last."""
-        values = self._book.observations.values[rows, None]
-        if kind is ObservationType.Zen:
-            return np.hstack([self._frame.refraction(self._book, rows, coordinates)[:, None], values])
+        values = self._book.observations.values[rows]
         if kind is ObservationType.DH:
-            return np.hstack([self._frame.height_context(self._book, rows), values])
-        return values
+            levelled = self._plumb.levelled(self._book, rows, coordinates)
+            if self._frame.is_plane:
+                down, up = (np.tile((0.0, 0.0, sign), (len(rows), 1)) for sign in (-1.0, 1.0))
+                return np.column_stack([down, up, levelled])
+            return np.column_stack([self._frame.height_context(self._book, rows), levelled])
+        columns = [values]
+        if kind is ObservationType.Zen:
+            columns.insert(0, self._frame.refraction(self._book, rows, coordinates))
+        if self._has_offsets(kind, rows):
+            columns.insert(0, self._plumb.offsets(self._book, rows, coordinates))
+        return np.column_stack(columns)
+
+    def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) sigmas of observations, with their relative parts at the distances between points there."""
+        observations = self._book.observations
+        relative = observations.relative_sigmas[rows]
+        if not relative.any():
+            return observations.sigmas[rows]
+        sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]
+        sights = sights + self._plumb.offsets(self._book, rows, coordinates)
+        distances = np.linalg.norm(sights, axis=1)
+        is_angle = np.isin(observations.types[rows], list(ANGLES))
+        share = np.where(is_angle, 1.0 / np.maximum(distances, SHORTEST_SIGHT), distances)
+        return np.asarray(observations.sigmas[rows] + relative * share)
 
     def follow(self, system: LeastSquares, _: int) -> None:
-        """Before an evaluation: turns the stations with their verticals, and corrects refraction."""
+        """Before an evaluation: turns the stations with their verticals, renews what depends on positions."""
+        self.known.follow(system)
         coordinates = system.values(self.points)
         if self._frame.has_vertical and self.stations.size:
-            verticals = self._frame.vertical(coordinates[self._book.stations.origins])
+            verticals = self._plumb.axes(self._book.stations.origins, coordinates)
             rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
             system.set_values(self.stations, rotations)
             self._verticals = verticals
-        if ObservationType.Zen in self.batches:
-            rows, batch = self.batches[ObservationType.Zen]
-            batch.observations = self._measured(ObservationType.Zen, rows, coordinates)
+        for kind, (rows, batch) in self.batches.items():
+            if kind is ObservationType.Zen or self._has_offsets(kind, rows) or self._plumb.is_deflected:
+                batch.observations = self._measured(kind, rows, coordinates)
+            if self._book.observations.relative_sigmas[rows].any():
+                batch.reweigh(self.sigmas(rows, coordinates))
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""
         if not self.stations.size:
             return np.zeros((0, 3, 3))
         coordinates = solution.values(self.points)
-        verticals = self._frame.vertical(coordinates[self._book.stations.origins])
+        verticals = self._plumb.axes(self._book.stations.origins, coordinates)
         rotations = solution.values(self.stations)
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
 

@@ -11,13 +11,13 @@ from obseq import crs
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.model import FieldBook
+    from obseq.survey.model import FieldBook, Points
 
 
 RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
+MEAN_RADIUS = 6371008.8
+"""Radius (m) of the Earth where its place is not known: the mean one of GRS 80."""
 
 _FARTHEST = 1000.0
 """Distance from the middle of the points, in typical ones, beyond which a point has no part in the origin."""
@@ -27,37 +27,51 @@ _FARTHEST = 1000.0
 class Frame:
     """The coordinate system of the computation.
 
-    The vertical of a station (its local east, north and up) is defined in RTL systems only, as in MMVII;
-    elsewhere a `#FIX` station has the axes of the system.
+    The vertical of a station (its local east, north and up) is that of the ellipsoid in RTL systems, as in
+    MMVII. In a Local system, a plane with heights, all verticals are parallel to z, and zenith angles are
+    corrected for the curvature of the Earth. Elsewhere a `#FIX` station has the axes of the system.
 
     Attributes:
         system: The coordinate system.
+        refraction_coefficient: k of zenith angles: rays are arcs of radius (radius of the Earth) / k.
     """
 
     system: crs.CoordinateSystem
+    refraction_coefficient: float = crs.REFRACTION_COEFFICIENT
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether it is a plane with heights, without a place on the Earth."""
+        return self.system.kind is crs.Kind.LOCAL
 
     @property
     def has_vertical(self) -> bool:
         """Whether stations have a vertical."""
-        return self.system.kind is crs.Kind.LOCAL_TANGENT
+        return self.is_plane or self.system.kind is crs.Kind.LOCAL_TANGENT
 
     def vertical(self, points: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up at points; identity without vertical."""
-        if self.has_vertical:
+        if self.has_vertical and not self.is_plane:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
     def refraction(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n,) refraction corrections (rad) of some zenith angles, at the coordinates (n_points, 3) given."""
+        """(n,) corrections (rad) of some zenith angles, at the coordinates (n_points, 3) given.
+
+        They are for refraction; in a plane for curvature as well, which makes them (k - 1) D / (2 R).
+        """
         if not rows.size:
             return np.zeros(0)
         observations = book.observations
+        origins, targets = (
+            coordinates[observations.from_points[rows]],
+            coordinates[observations.to_points[rows]],
+        )
+        if self.is_plane:
+            distances = np.hypot(*(targets - origins)[:, :2].T)
+            return np.asarray((self.refraction_coefficient - 1.0) * distances / (2.0 * MEAN_RADIUS))
         try:
-            return crs.refraction_correction(
-                self.system,
-                coordinates[observations.from_points[rows]],
-                coordinates[observations.to_points[rows]],
-            )
+            return crs.refraction_correction(self.system, origins, targets, self.refraction_coefficient)
         except crs.CrsError as error:
             raise InputError(
                 f"{book.label(rows[0])}: a zenith angle is corrected for refraction, which needs a place on "
@@ -78,31 +92,36 @@ class Frame:
 
 
 def frame_of(
-    definition: str | None, points_crs: str | None, coordinates: FloatArray, names: Sequence[str]
-) -> tuple[Frame, crs.CoordinateSystem]:
-    """The computation frame and the system of the points, from their definitions.
+    definition: str | None, points_crs: str | None, points: Points
+) -> tuple[crs.CoordinateSystem, crs.CoordinateSystem]:
+    """The system of the computation and that of the points, from their definitions.
 
-    Without a frame the computation is in a Local system; without a system of the points they are in the
-    frame. A bare `RTL` gets its origin from the mean of the points, those that lie far away left out.
+    Without either, the computation is in a plane with heights (Local). Without a system of the points they
+    are in the frame. Without a frame it is that of the points where one can compute in it, else a local
+    tangent frame at the mean of the known points. A bare `RTL` has its origin at the mean of all points.
+    Points that lie far away from the others do not count in a mean.
 
     Args:
         definition: Definition of the frame.
         points_crs: Definition of the system of the points.
-        coordinates: (n, 3) in the system of the points; rows that are not finite do not count in the mean.
-        names: Names of the points, for messages.
+        points: The points, in their system; those without coordinates do not count in a mean.
     """
-    frame = crs.parse(definition or "Local")
-    points = crs.parse(points_crs) if points_crs else frame
-    if not frame.is_complete:
-        if not points_crs:
-            raise InputError(
-                "the frame RTL takes its origin from the points: say their system (--points-crs)"
-            )
-        given = np.isfinite(coordinates).all(axis=1)
-        if not given.any():
-            raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
-        frame = crs.complete_rtl(_together(coordinates[given]), points)
-    return Frame(frame), points
+    given = crs.parse(points_crs) if points_crs else None
+    if definition is None:
+        if given is None or given.kind in (crs.Kind.LOCAL, crs.Kind.LOCAL_TANGENT):
+            frame = given or crs.parse("Local")
+            return (frame, frame) if frame.is_complete else frame_of("RTL", None, points)
+        known = points.has_coordinates & ~points.is_free.all(axis=1)
+        chosen = points.coordinates[known if known.any() else points.has_coordinates]
+        return crs.complete_rtl(_together(chosen), given), given
+    frame = crs.parse(definition)
+    if frame.is_complete:
+        return frame, given or frame
+    if given is None:
+        raise InputError("the frame RTL takes its origin from the points: say their system (--points-crs)")
+    if not points.has_coordinates.any():
+        raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
+    return crs.complete_rtl(_together(points.coordinates[points.has_coordinates]), given), given
 
 
 def _together(coordinates: FloatArray) -> FloatArray:

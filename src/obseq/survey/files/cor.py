@@ -1,6 +1,8 @@
 """COR files (Comp3D point files): reading (`read_cor`) and writing (`write_cor`).
 
-A line is `flag name x y z [sx sy sz | s] [anything]`; a `*` begins a comment.
+A line is `flag name x y z [sx sy sz | s] [eta xi] [text]`; a `*` begins a comment. Coordinates are in the
+units of their system, sigmas in metres, deflections of the vertical (eta east, xi north) in arc seconds; they
+follow three sigmas, or directly the coordinates of a free point.
 
 | flag | the point is |
 |---|---|
@@ -17,12 +19,15 @@ switched off and the component is free. This is Comp3D's reading; MMVII has no s
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
@@ -36,8 +41,11 @@ from obseq.survey.model import Points, merge_points
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
+RADIANS_PER_ARC_SECOND = math.pi / 648_000.0
+LARGEST_DEFLECTION = 600.0
+"""Arc seconds; beyond it a deflection is a mistake."""
 _FREE, _GIVEN, _HELD = "free", "given", "held"
 _FLAGS = {
     0: (_FREE, _FREE, _FREE),
@@ -50,11 +58,27 @@ _FLAGS = {
     7: (_GIVEN, _GIVEN, _HELD),
 }
 _KNOWN_FLAGS = frozenset(str(flag) for flag in _FLAGS)
+_HELP = "flag name x y z [sx sy sz, or s] [eta xi]"
 _FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 and 7 plane only"
 
 
+@dataclass(frozen=True)
+class _Rest:
+    """What follows the coordinates of a line: none or three sigmas, a deflection (rad) or NaN, and text."""
+
+    sigmas: tuple[float, ...]
+    deflection: tuple[float, float]
+    info: str
+
+
+_NO_DEFLECTION = (math.nan, math.nan)
+
+
 def read_cor(
-    paths: str | Path | Sequence[str | Path], default_sigma: float | None = None, encoding: str = "utf-8"
+    paths: str | Path | Sequence[str | Path],
+    default_sigma: float | None = None,
+    encoding: str = "utf-8",
+    ignore: Collection[str] = (),
 ) -> Points:
     """Reads COR files.
 
@@ -62,6 +86,7 @@ def read_cor(
         paths: one file, or several.
         default_sigma: sigma (m) of known points whose line gives none; without it they are an error.
         encoding: of the point names; comments may be in any encoding.
+        ignore: "deflections" to leave them out.
 
     Raises:
         InputError: naming file and line, what is wrong and what to do; also for a point given twice.
@@ -69,22 +94,25 @@ def read_cor(
     if default_sigma is not None:
         check_default_sigma(default_sigma, "the default sigma of known points (--point-sigma, default_sigma)")
     files = [paths] if isinstance(paths, str | Path) else paths
-    return merge_points([_read_one(read_text(path, encoding), default_sigma) for path in files])
+    points = merge_points([_read_one(read_text(path, encoding), default_sigma) for path in files])
+    if "deflections" in checked_ignore(ignore):
+        return replace(points, deflections=np.full_like(points.deflections, np.nan))
+    return points
 
 
 def _read_one(file: TextFile, default_sigma: float | None) -> Points:
-    names, rows, sigmas, infos, lines = [], [], [], [], []
+    names, rows, sigmas, rests, lines = [], [], [], [], []
     for index, line in enumerate(file.lines):
         fields = line.partition("*")[0].split()
         if not fields:
             continue
         flag = _flag(file, index, fields)
         file.check_name(index, fields[1])
-        given, info = _given_sigmas(file, index, fields[5:])
+        rest = _rest(file, index, fields[5:], _GIVEN in _FLAGS[flag])
         names.append(fields[1])
         rows.append([_number(file, index, text) for text in fields[2:5]])
-        sigmas.append(_sigmas(file, index, flag, given, default_sigma))
-        infos.append(info)
+        sigmas.append(_sigmas(file, index, flag, rest.sigmas, default_sigma))
+        rests.append(rest)
         lines.append(index + 1)
     if not names:
         raise InputError(f"{file.name}: holds no point (every line is empty or a comment)")
@@ -92,7 +120,8 @@ def _read_one(file: TextFile, default_sigma: float | None) -> Points:
         names=tuple(names),
         coordinates=np.array(rows, np.float64),
         sigmas=np.array(sigmas, np.float64),
-        infos=tuple(infos),
+        deflections=np.array([rest.deflection for rest in rests], np.float64),
+        infos=tuple(rest.info for rest in rests),
         files=(file.name,),
         file_indices=np.zeros(len(names), np.int32),
         lines=np.array(lines, np.int32),
@@ -106,9 +135,7 @@ def _flag(file: TextFile, index: int, fields: list[str]) -> int:
             index, f"unknown flag {quoted(fields[0])!r}; a line begins with a flag: {_FLAG_HELP}"
         )
     if len(fields) < 5:
-        raise file.error(
-            index, f"{len(fields)} fields where at least 5 are needed: flag name x y z [sx sy sz, or s]"
-        )
+        raise file.error(index, f"{len(fields)} fields where at least 5 are needed: {_HELP}")
     return flag
 
 
@@ -116,28 +143,51 @@ def _number(file: TextFile, index: int, text: str) -> float:
     try:
         return parse_number(text)
     except ValueError as error:
-        raise file.error(index, f"{error} (fields are: flag name x y z [sx sy sz, or s])") from error
+        raise file.error(index, f"{error} (fields are: {_HELP})") from error
 
 
-def _given_sigmas(file: TextFile, index: int, fields: list[str]) -> tuple[list[float], str]:
-    """The three sigmas of a line (or none), and the text that follows."""
+def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Rest:
+    """The numbers after the coordinates, by how many they are, and the text after them."""
     numbers: list[float] = []
-    for text in fields[:3]:
+    for text in fields:
         try:
-            numbers.append(float(text))
+            float(text)
         except ValueError:
             break
+        numbers.append(_number(file, index, text))
+    info = quoted(" ".join(fields[len(numbers) :]))
+    if len(numbers) == 2 and not is_known:
+        return _Rest((), _deflection(file, index, numbers), info)
     if len(numbers) == 2:
         raise file.error(index, "two sigmas are given where one (for x, y, z) or three are needed")
-    checked = [_number(file, index, text) for text in fields[: len(numbers)]]
-    if any(0.0 < sigma < LEAST_SIGMA for sigma in checked):
+    if len(numbers) not in (0, 1, 3, 5):
+        raise file.error(
+            index,
+            f"{len(numbers)} numbers after the coordinates, where one or three sigmas may stand, and after "
+            "three "
+            "the deflections eta xi; begin a remark with *",
+        )
+    sigmas = tuple(numbers * 3 if len(numbers) == 1 else numbers[:3])
+    if any(0.0 < sigma < LEAST_SIGMA for sigma in sigmas):
         raise file.error(index, "the sigma makes the weight infinite; give 0 to hold the coordinate")
-    info = " ".join(fields[len(numbers) :])
-    return (checked * 3 if len(checked) == 1 else checked), quoted(info)
+    deflection = _deflection(file, index, numbers[3:]) if len(numbers) == 5 else _NO_DEFLECTION
+    return _Rest(sigmas, deflection, info)
+
+
+def _deflection(file: TextFile, index: int, seconds: list[float]) -> tuple[float, float]:
+    east, north = seconds
+    if max(abs(east), abs(north)) > LARGEST_DEFLECTION:
+        raise file.error(
+            index,
+            f"a deflection of the vertical of {east:g} {north:g} arc seconds is beyond "
+            f"{LARGEST_DEFLECTION:g}; "
+            "correct it, or begin a remark with *",
+        )
+    return east * RADIANS_PER_ARC_SECOND, north * RADIANS_PER_ARC_SECOND
 
 
 def _sigmas(
-    file: TextFile, index: int, flag: int, given: list[float], default_sigma: float | None
+    file: TextFile, index: int, flag: int, given: tuple[float, ...], default_sigma: float | None
 ) -> list[float]:
     kinds = _FLAGS[flag]
     if _GIVEN in kinds and not given:
@@ -147,7 +197,7 @@ def _sigmas(
                 "a known point without sigma; add sx sy sz (m) to the line, or give the sigma of all such "
                 "points (--point-sigma, default_sigma)",
             )
-        given = [default_sigma] * 3
+        given = (default_sigma,) * 3
     return [_sigma(kind, given[k] if given else 0.0) for k, kind in enumerate(kinds)]
 
 
@@ -180,6 +230,9 @@ def _cor_line(points: Points, row: int) -> str:
     if not np.isfinite(xyz).all():
         raise InputError(f"point {name} has no coordinates; leave it out of the COR file")
     start = " ".join([name, *(repr(float(value)) for value in xyz)])
+    plumb = points.deflections[row] / RADIANS_PER_ARC_SECOND
+    deflection = [] if np.isnan(plumb).any() else [f"{seconds:.9g}" for seconds in plumb]
     if np.isnan(sigmas).all():
-        return f"0 {start}"
-    return " ".join(["1", start, *("-1" if np.isnan(s) else repr(float(s)) for s in sigmas)])
+        return " ".join(["0", start, *deflection])
+    spreads = ("-1" if np.isnan(s) else repr(float(s)) for s in sigmas)
+    return " ".join(["1", start, *spreads, *deflection])

@@ -6,8 +6,11 @@ The grammar is MMVII's (`src/Topo/ctopodata.cpp`). We differ where it lets a mis
 * an observation from a point to itself is an error;
 * a line switched off by a negative sigma is kept, inactive; a code 7 line that is switched off still opens
   a new station (MMVII skips it, and the following readings join the previous set-up of that point);
-* numbers after the sigma that are not zero (Comp3D: relative sigma, heights of instrument and target) are not
-  used, as in MMVII, but the field book carries a warning.
+* numbers after the sigma are relative sigma and heights of instrument and target, as in Comp3D (see
+  `after_sigma`); MMVII ignores them.
+
+Codes that only Comp3D has: 1, the same as 3; 8, an azimuth, which belongs to no round; 9, a plane centring,
+two components of value 0; a minus before the code switches a line off.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.files.after_sigma import NOTHING, AfterSigma, Triple, checked_ignore
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
@@ -29,6 +33,7 @@ from obseq.survey.files.text import (
     read_text,
 )
 from obseq.survey.model import (
+    ANGLES,
     FieldBook,
     Observations,
     ObservationType,
@@ -39,35 +44,53 @@ from obseq.survey.model import (
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
 RADIANS_PER_GON = math.pi / 200.0
 _WHITE_SPACE = " \t\r\f\v"
 _FULL_TURN_GON = 400.0
 _OPENS_STATION = 7
-_CODES = {str(kind.value): kind.value for kind in ObservationType} | {str(_OPENS_STATION): _OPENS_STATION}
+_SLOPE, _CENTRING = 1, 9
+_KINDS = {kind.value: (kind.value,) for kind in ObservationType} | {
+    _OPENS_STATION: (ObservationType.Hz.value,),
+    _SLOPE: (ObservationType.Dist.value,),
+    _CENTRING: (ObservationType.DX.value, ObservationType.DY.value),
+}
+"""Types of the observations that a line of each code makes."""
+_CODES = {str(code): code for code in _KINDS}
+_WITHOUT_STATION = (ObservationType.Dist.value, ObservationType.DH.value, _SLOPE)
+_ALONE = (ObservationType.Azim.value, _CENTRING)
+"""Codes whose lines are stations of their own, in the axes of the place."""
 _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
 _NEW = "#NEW"
-_COMP3D_HINTS = {
-    1: "code 1 of Comp3D (horizontal distance) is not supported; give the slope distance with code 3",
-    2: "code 2 of Comp3D (horizontal distance) is not supported; give the slope distance with code 3",
-    8: "an azimuth (code 8 of Comp3D) is written as a line of code 5 after a line #FIX, then #VERT again",
-    9: "a centring (code 9 of Comp3D) is written as lines of codes 14 and 15 after a line #FIX",
-    11: "a sub-frame (code 11 of Comp3D) is written as lines of codes 14, 15 and 16 after a line #BASC",
+_KNOWN = "1 and 3 Dist, 4 DH, 5 Hz, 6 Zen, 7 Hz of a new station, 8 Azim, 9 centring, 14 DX, 15 DY, 16 DZ"
+_HINTS = {
+    2: "a distance at height 0 (code 2 of Comp3D) is not read; give the slope distance with code 3",
+    11: "a sub-frame (code 11 of Comp3D) is read in Comp3D projects; in an OBS file write its lines with "
+    "codes "
+    "14, 15 and 16 after a line #BASC",
+    12: "a polar sub-frame (code 12 of Comp3D) is read in Comp3D projects only",
+    18: "an axis of rotation (code 18 of Comp3D) is read in Comp3D projects only",
+    19: "a baseline (code 19 of Comp3D) is read in Comp3D projects only",
+    21: "equal height differences (code 21 of Comp3D) are read in Comp3D projects only",
+    22: "equal distances (code 22 of Comp3D) are read in Comp3D projects only",
 }
 
 
-def read_obs(paths: str | Path | Sequence[str | Path], encoding: str = "utf-8") -> FieldBook:
+def read_obs(
+    paths: str | Path | Sequence[str | Path], encoding: str = "utf-8", ignore: Collection[str] = ()
+) -> FieldBook:
     """Reads OBS files; each starts afresh (`#VERT`, no open station), all go in one field book.
 
     Args:
         paths: one file, or several.
         encoding: of the point names; comments may be in any encoding.
+        ignore: what is to be left out, with a warning (see `after_sigma.IGNORABLE`).
 
     Raises:
         InputError: naming file and line, what is wrong and what to do.
     """
-    reader = _Reader()
+    reader = _Reader(checked_ignore(ignore))
     for path in [paths] if isinstance(paths, str | Path) else paths:
         reader.read(read_text(path, encoding))
     return reader.field_book()
@@ -76,13 +99,15 @@ def read_obs(paths: str | Path | Sequence[str | Path], encoding: str = "utf-8") 
 class _Reader:
     """Collects the columns of a field book, one file after another."""
 
-    def __init__(self) -> None:
+    def __init__(self, ignored: frozenset[str]) -> None:
+        self.ignored = ignored
         self.names: dict[str, int] = {}
         self.files: list[str] = []
         self.warnings: list[str] = []
         self.types, self.active = array("b"), array("b")
         self.from_points, self.to_points = array("i"), array("i")
         self.values, self.sigmas = array("d"), array("d")
+        self.relative_sigmas, self.from_heights, self.to_heights = array("d"), array("d"), array("d")
         self.stations, self.file_indices, self.lines = array("i"), array("i"), array("i")
         self.origins, self.orientations = array("i"), array("b")
         self.orientation = Orientation.VERT
@@ -92,19 +117,18 @@ class _Reader:
         """Adds the observations of one file."""
         self.orientation, self.open_stations = Orientation.VERT, {}
         self.files.append(file.name)
-        before, surplus = len(self.values), []
+        before, rest = len(self.values), AfterSigma(file, self.ignored)
         for index, line in enumerate(file.lines):
             fields = line.partition("*")[0].split()
             if not fields:
                 continue
             if fields[0].startswith("#"):
                 self._read_status(file, index, line)
-            elif self._read_measure(file, index, fields):
-                surplus.append(index)
+            else:
+                self._read_measure(file, index, fields, rest)
         if len(self.values) == before:
             raise InputError(f"{file.name}: holds no observation (every line is empty or a comment)")
-        if surplus:
-            self.warnings.append(_surplus_warning(file, surplus))
+        self.warnings.extend(rest.warnings())
 
     def _read_status(self, file: TextFile, index: int, line: str) -> None:
         word = line.partition("*")[0].strip(_WHITE_SPACE)
@@ -117,9 +141,9 @@ class _Reader:
         self.open_stations = {}
         self.orientation = _KEYWORDS.get(word, self.orientation)
 
-    def _read_measure(self, file: TextFile, index: int, fields: list[str]) -> bool:
-        """Adds one observation; true when non-zero numbers follow the sigma."""
-        code = _CODES.get(fields[0]) or _slow_code(file, index, fields[0])
+    def _read_measure(self, file: TextFile, index: int, fields: list[str], rest: AfterSigma) -> None:
+        """Adds the observations of one line."""
+        code, is_off = _code(file, index, fields[0])
         if len(fields) < 5:
             raise file.error(
                 index,
@@ -129,24 +153,48 @@ class _Reader:
             value, sigma = parse_number(fields[3]), parse_number(fields[4])
         except ValueError as error:
             raise file.error(index, f"{error} (fields are: code from to value sigma)") from error
-        kind = ObservationType.Hz if code == _OPENS_STATION else code
-        if sigma >= 0.0:
-            _check_measure(file, index, kind, fields, value, sigma)
-        self._append(file, index, code, kind, fields, value, sigma)
-        return len(fields) > 5 and _any_non_zero(fields[5:])
+        kinds = _KINDS[code]
+        is_active = sigma >= 0.0 and not is_off
+        if is_active:
+            _check_measure(file, index, kinds[0], fields, value, sigma)
+        is_length = kinds[0] in ANGLES or code == _CENTRING
+        after = rest.read(index, is_length, fields[5:]) if len(fields) > 5 else NOTHING
+        origin, target = self._point(file, index, fields[1]), self._point(file, index, fields[2])
+        station = self._station(code, origin)
+        if code == _CENTRING:
+            self._append_centring(index, (origin, target, station), sigma, is_off, after)
+        else:
+            self._append(index, kinds[0], (origin, target, station), value, sigma, is_active, after)
+
+    def _append_centring(
+        self, index: int, ends: tuple[int, int, int], sigma: float, is_off: bool, after: Triple
+    ) -> None:
+        """Two components of value 0; the number after the sigma is the sigma of the second, if any."""
+        second = after[0] if after[0] > 0.0 else sigma
+        for kind, spread in zip(_KINDS[_CENTRING], (sigma, second), strict=True):
+            self._append(index, kind, ends, 0.0, spread, spread >= 0.0 and not is_off, (0.0, *after[1:]))
 
     def _append(
-        self, file: TextFile, index: int, code: int, kind: int, fields: list[str], value: float, sigma: float
+        self,
+        index: int,
+        kind: int,
+        ends: tuple[int, int, int],
+        value: float,
+        sigma: float,
+        is_active: bool,
+        after: Triple,
     ) -> None:
-        origin, target = self._point(file, index, fields[1]), self._point(file, index, fields[2])
-        unit = RADIANS_PER_GON if kind in (ObservationType.Hz, ObservationType.Zen) else 1.0
+        unit = RADIANS_PER_GON if kind in ANGLES else 1.0
         self.types.append(kind)
-        self.from_points.append(origin)
-        self.to_points.append(target)
+        self.from_points.append(ends[0])
+        self.to_points.append(ends[1])
         self.values.append(value * unit)
         self.sigmas.append(abs(sigma) * unit)
-        self.active.append(sigma >= 0.0)
-        self.stations.append(self._station(code, origin))
+        self.relative_sigmas.append(after[0])
+        self.from_heights.append(after[1])
+        self.to_heights.append(after[2])
+        self.active.append(is_active)
+        self.stations.append(ends[2])
         self.file_indices.append(len(self.files) - 1)
         self.lines.append(index + 1)
 
@@ -158,9 +206,16 @@ class _Reader:
         return row
 
     def _station(self, code: int, origin: int) -> int:
-        """Station of a measure, opened if needed; code 7 hides the open station of its point."""
-        if code in (ObservationType.Dist, ObservationType.DH):
+        """Station of a measure, opened if needed; code 7 hides the open station of its point.
+
+        An azimuth or a centring is a station of its own, and leaves the open ones as they are.
+        """
+        if code in _WITHOUT_STATION:
             return -1
+        if code in _ALONE:
+            self.origins.append(origin)
+            self.orientations.append(Orientation.FIX)
+            return len(self.origins) - 1
         station = self.open_stations.get(origin, -1)
         if station < 0 or code == _OPENS_STATION:
             station = self.open_stations[origin] = len(self.origins)
@@ -187,6 +242,9 @@ class _Reader:
                 to_points=np.array(self.to_points, np.int32),
                 values=np.array(self.values, np.float64),
                 sigmas=np.array(self.sigmas, np.float64),
+                relative_sigmas=np.array(self.relative_sigmas, np.float64),
+                from_heights=np.array(self.from_heights, np.float64),
+                to_heights=np.array(self.to_heights, np.float64),
                 active=active,
                 stations=stations,
                 file_indices=np.array(self.file_indices, np.int32),
@@ -203,23 +261,23 @@ class _Reader:
         )
 
 
-def _slow_code(file: TextFile, index: int, text: str) -> int:
-    """Code of a line that is not written in the usual way, such as `05`; or the error it deserves."""
+def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
+    """Code of a line, and whether a minus before it switches the line off."""
+    code = _CODES.get(text)
+    if code is not None:
+        return code, False
     try:
         code = int(text) if text.isascii() and "_" not in text else None
     except ValueError:
         code = None
-    known = "3 Dist, 4 DH, 5 Hz, 6 Zen, 7 Hz of a new station, 14 DX, 15 DY, 16 DZ"
     if code is None:
         raise file.error(
-            index, f"{quoted(text)!r} is neither a code ({known}) nor a keyword (#FIX, #VERT, #BASC, #NEW)"
+            index, f"{quoted(text)!r} is neither a code ({_KNOWN}) nor a keyword (#FIX, #VERT, #BASC, #NEW)"
         )
-    if str(code) in _CODES:
-        return code
-    hint = _COMP3D_HINTS.get(code, "")
-    if code < 0:
-        hint = "to switch an observation off, give it a negative sigma"
-    raise file.error(index, f"unknown code {code} (known: {known})" + (f"; {hint}" if hint else ""))
+    if abs(code) not in _KINDS:
+        hint = _HINTS.get(abs(code), "")
+        raise file.error(index, f"unknown code {code} (known: {_KNOWN})" + (f"; {hint}" if hint else ""))
+    return abs(code), code < 0
 
 
 def _check_measure(
@@ -232,31 +290,13 @@ def _check_measure(
         )
     if kind == ObservationType.Dist and value <= 0.0:
         raise file.error(index, f"the distance {fields[3]} is not positive; correct it or switch it off")
-    if kind in (ObservationType.Hz, ObservationType.Zen) and abs(value) > _FULL_TURN_GON:
+    if kind in ANGLES and abs(value) > _FULL_TURN_GON:
         raise file.error(
             index,
             f"the angle {fields[3]} gon is beyond one turn (-400 to 400 gon)",
         )
     if fields[1] == fields[2]:
         raise file.error(index, f"point {fields[1]} is observed from itself; correct one of the two names")
-
-
-def _any_non_zero(fields: list[str]) -> bool:
-    """True when numbers directly after the sigma are not all zero; other text is a remark."""
-    for text in fields[:3]:
-        try:
-            if float(text) != 0.0:
-                return True
-        except ValueError:
-            return False
-    return False
-
-
-def _surplus_warning(file: TextFile, indices: list[int]) -> str:
-    return (
-        f"{file.name}: {len(indices)} lines carry numbers after the sigma that are not 0 (first: line "
-        f"{indices[0] + 1}); relative sigmas and heights of instrument or target are not used"
-    )
 
 
 def write_obs(path: str | Path, book: FieldBook) -> None:
@@ -304,4 +344,15 @@ def _obs_line(book: FieldBook, row: int) -> str:
     signed = sigma if observations.active[row] else -sigma
     origin = book.point_names[observations.from_points[row]]
     target = book.point_names[observations.to_points[row]]
-    return f"{kind.value} {origin} {target} {value:.15g} {signed:.6g}"
+    return f"{kind.value} {origin} {target} {value:.15g} {signed:.6g}{_rest(observations, row)}"
+
+
+def _rest(observations: Observations, row: int) -> str:
+    """Relative sigma and heights, when there are some."""
+    relative, origin, target = (
+        float(column[row])
+        for column in (observations.relative_sigmas, observations.from_heights, observations.to_heights)
+    )
+    if origin or target:
+        return f" {relative:.6g} {origin:.9g} {target:.9g}"
+    return f" {relative:.6g}" if relative else ""

@@ -105,6 +105,7 @@ def read_points(path: str | Path, field_format: str, options: PointFileOptions |
         names=names,
         coordinates=np.array(coordinates, np.float64) * chosen.multiplier,
         sigmas=np.array(sigmas, np.float64),
+        deflections=np.full((len(names), 2), np.nan),
         infos=infos,
         files=(file.name,),
         file_indices=np.zeros(len(names), np.int32),

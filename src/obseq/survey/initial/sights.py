@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.model import FieldBook, ObservationType, Orientation
+from obseq.survey.model import ANGLES, FieldBook, ObservationType, Orientation
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -22,6 +22,7 @@ Measure = tuple[float, int]
 
 _SLOTS = {
     ObservationType.Hz.value: "hz",
+    ObservationType.Azim.value: "hz",
     ObservationType.Zen.value: "zenith",
     ObservationType.DX.value: "dx",
     ObservationType.DY.value: "dy",
@@ -116,7 +117,7 @@ def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int
         orientations=[Orientation(value) for value in orientations.tolist()],
         origins=book.stations.origins.tolist(),
         sigmas=book.observations.sigmas.tolist(),
-        is_angle=np.isin(book.observations.types, (ObservationType.Hz, ObservationType.Zen)).tolist(),
+        is_angle=np.isin(book.observations.types, list(ANGLES)).tolist(),
         sights_from=[[] for _ in range(len(book.stations))],
         sights_to=[[] for _ in range(n_points)],
         stations_at=[[] for _ in range(n_points)],

@@ -1,0 +1,144 @@
+"""Known coordinates as equations: held or with a sigma, in the system in which the points are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.model import Points
+
+
+GROUP = "points"
+"""The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""
+COMPONENTS = ("x", "y", "z")
+SAME_PLACE = 1e-3
+"""After moves (m) below it the equations still hold to 1e-13 m; made anew, they would change by rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateResiduals:
+    """How the known coordinates fit, one row for each that was given with a sigma.
+
+    Attributes:
+        points: (k,) rows of the points.
+        components: (k,) 0 for x, 1 for y, 2 for z of the system of the points.
+        values: (k,) as given, in the units of that system.
+        sigmas: (k,) m.
+        residuals: (k,) adjusted minus given, m.
+    """
+
+    points: IntArray
+    components: IntArray
+    values: FloatArray
+    sigmas: FloatArray
+    residuals: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+class Labels(Sequence[str]):
+    """What known coordinates are called in messages, made when somebody asks."""
+
+    def __init__(self, points: Points, rows: IntArray, components: IntArray) -> None:
+        self._points = points
+        self._rows = rows
+        self._components = components
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        row = int(self._rows[index])
+        name = COMPONENTS[self._components[index]]
+        return f"{name} of {self._points.names[row]} ({self._points.place(row)})"
+
+
+class KnownCoordinates:
+    """The equations of known coordinates, linearised anew at each position of the points."""
+
+    def __init__(
+        self, system: LeastSquares, ids: IntArray, points: Points, point_system: PointSystem
+    ) -> None:
+        self._points = points
+        self._system = point_system
+        self._ids = ids
+        self._values = np.full((len(points), 3), np.nan)
+        some = np.flatnonzero(~points.is_free.all(axis=1))
+        names = [points.names[row] for row in some]
+        self._values[some] = point_system.coordinates(points.coordinates[some], names)
+        self._sigmas = points.sigmas
+        self._linearised_at = system.values(ids)
+        self._rows, self._components = np.nonzero(~(points.is_free | points.is_held))
+        self._held_rows, self._held_components = self._freeze(system)
+        self._soft = self._add_soft(system)
+        self._hard = self._add_hard(system)
+
+    def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
+        """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
+        held = self._points.is_held
+        along = np.broadcast_to(held.all(axis=1)[:, None] | self._system.is_frame, held.shape)
+        for component in range(3):
+            frozen = self._ids[held[:, component] & along[:, component]]
+            if frozen.size:
+                system.freeze(frozen, (component,))
+        return np.nonzero(held & ~along)
+
+    def _add_soft(self, system: LeastSquares) -> Batch | None:
+        rows, components = self._rows, self._components
+        if not rows.size:
+            return None
+        equations = self._linearised(system, rows, components)
+        return system.add_linear(
+            [self._ids[rows]],
+            [equations[:, :3]],
+            equations[:, 3],
+            self._sigmas[rows, components],
+            labels=Labels(self._points, rows, components),
+            group=GROUP,
+            is_constraint=True,
+        )
+
+    def _add_hard(self, system: LeastSquares) -> Batch | None:
+        rows, components = self._held_rows, self._held_components
+        if not rows.size:
+            return None
+        equations = self._linearised(system, rows, components)
+        labels = Labels(self._points, rows, components)
+        return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
+
+    def _linearised(self, system: LeastSquares, rows: IntArray, components: IntArray) -> FloatArray:
+        """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
+        found, position = np.unique(rows, return_inverse=True)
+        here = system.values(self._ids[found])
+        axes, metres = self._system.axes(here)
+        gaps = self._system.differences(self._values[found], self._system.coordinates(here)) * metres
+        coefficients = axes[position, components]
+        values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here[position])
+        return np.column_stack([coefficients, values])
+
+    def follow(self, system: LeastSquares) -> None:
+        """Linearises at the current positions; along axes of the frame nothing changes."""
+        here = system.values(self._ids)
+        if self._system.is_frame or np.abs(here - self._linearised_at).max(initial=0.0) < SAME_PLACE:
+            return
+        self._linearised_at = here
+        if self._soft is not None:
+            self._soft.observations = self._linearised(system, self._rows, self._components)
+        if self._hard is not None:
+            self._hard.observations = self._linearised(system, self._held_rows, self._held_components)
+
+    def residuals(self, solution: LeastSquaresResult) -> CoordinateResiduals:
+        """How the coordinates given with a sigma fit a solution."""
+        rows, components = self._rows, self._components
+        residuals = np.zeros(0) if self._soft is None else solution.residuals(self._soft)[:, 0]
+        return CoordinateResiduals(
+            rows, components, self._values[rows, components], self._sigmas[rows, components], residuals
+        )

@@ -1,0 +1,60 @@
+"""What an adjustment took for granted, with numbers: how far a plane serves, what refraction did."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.adjustment.frame import MEAN_RADIUS
+from obseq.survey.model import ObservationType
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.model import FieldBook
+
+
+MILLIGON = np.pi / 200_000.0
+
+
+def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, ...]:
+    """One sentence for each, of a network with its adjusted coordinates (n, 3) in the frame."""
+    found = [*_refraction(frame, book, coordinates)]
+    if frame.is_plane:
+        found.append(_plane(coordinates))
+    return tuple(found)
+
+
+def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:
+    observations = book.observations
+    rows = np.flatnonzero((observations.types == ObservationType.Zen) & observations.active)
+    if not rows.size:
+        return
+    corrections = frame.refraction(book, rows, coordinates)
+    largest = int(np.abs(corrections).argmax())
+    row = rows[largest]
+    sight = coordinates[observations.to_points[row]] - coordinates[observations.from_points[row]]
+    length = float(np.linalg.norm(sight))
+    what = "for refraction and the curvature of the Earth" if frame.is_plane else "for refraction"
+    yield (
+        f"refraction coefficient {frame.refraction_coefficient:g}: zenith angles are corrected {what} by up "
+        "to "
+        f"{abs(corrections[largest]) / MILLIGON:.2g} mgon, {abs(corrections[largest]) * length * 1e3:.2g} "
+        "mm of "
+        f"height at {length:.0f} m ({book.label(int(row))})"
+    )
+
+
+def _plane(coordinates: FloatArray) -> str:
+    """What a plane leaves out of distances: the convergence of verticals, and arcs taken as straight."""
+    extent = np.ptp(coordinates, axis=0) if len(coordinates) else np.zeros(3)
+    across, rise = float(np.hypot(*extent[:2])), float(extent[2])
+    neglected = across * rise / (2.0 * MEAN_RADIUS) + across**3 / (6.0 * MEAN_RADIUS**2)
+    return (
+        f"plane frame with parallel verticals: over this network, {across:.4g} m across and {rise:.3g} m of "
+        f"height, it neglects up to {neglected * 1e3:.2g} mm in plan; where that matters, give the system "
+        "of the "
+        "points (--points-crs)"
+    )

@@ -1,0 +1,137 @@
+"""The plumb line of each point: vertical of the frame, deflected where a deflection is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.model import ObservationType, Orientation
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.model import FieldBook, Points
+
+
+LISTED = 8
+"""Names given in a message before it says how many more there are."""
+
+
+def deflecting(deflections: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations from east, north, up to axes along the plumb line; deflections (n, 2) eta, xi."""
+    (cos_eta, cos_xi), (sin_eta, sin_xi) = np.cos(deflections.T), np.sin(deflections.T)
+    zero, one = np.zeros(len(deflections)), np.ones(len(deflections))
+    about_north = np.array([[cos_eta, zero, -sin_eta], [zero, one, zero], [sin_eta, zero, cos_eta]])
+    about_east = np.array([[one, zero, zero], [zero, cos_xi, -sin_xi], [zero, sin_xi, cos_xi]])
+    return np.asarray(np.einsum("ijn,jkn->nik", about_north, about_east))
+
+
+@dataclass(frozen=True, eq=False)
+class Plumb:
+    """Plumb lines of the points of a network.
+
+    Attributes:
+        frame: The computation frame.
+        points: The points, with their deflections.
+    """
+
+    frame: Frame
+    points: Points
+
+    @property
+    def is_deflected(self) -> bool:
+        """Whether a deflection is given somewhere."""
+        return bool(np.isfinite(self.points.deflections).any())
+
+    def axes(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3, 3) rotations from the frame to east, north, up of points, at coordinates (n_points, 3)."""
+        verticals = self.frame.vertical(coordinates[rows])
+        if not self.is_deflected or not self.frame.has_vertical:
+            return verticals
+        return np.asarray(deflecting(np.nan_to_num(self.points.deflections[rows])) @ verticals)
+
+    def offsets(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3) of observations: offset of the target above its point minus that of the instrument (m)."""
+        observations = book.observations
+        total = np.zeros((len(rows), 3))
+        for ends, heights, sign in (
+            (observations.to_points, observations.to_heights, 1.0),
+            (observations.from_points, observations.from_heights, -1.0),
+        ):
+            chosen = heights[rows] != 0.0
+            if chosen.any():
+                up = self.axes(ends[rows[chosen]], coordinates)[:, 2]
+                total[chosen] += sign * heights[rows[chosen], None] * up
+        return total
+
+    def levelled(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k,) height differences between the points themselves, along the vertical of the frame (m).
+
+        Of observed ones: without the heights of instrument and target, and with the slope of level surfaces
+        (the mean deflection along the line times its length).
+        """
+        observations = book.observations
+        heights = observations.from_heights[rows] - observations.to_heights[rows]
+        values = np.asarray(observations.values[rows] + heights)
+        if not self.is_deflected:
+            return values
+        origins, targets = observations.from_points[rows], observations.to_points[rows]
+        sights = np.einsum(
+            "nij,nj->ni",
+            self.frame.vertical(coordinates[origins]),
+            coordinates[targets] - coordinates[origins],
+        )
+        mean = np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0
+        return values - np.einsum("nj,nj->n", mean, sights[:, :2])
+
+    def check(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
+        """Raises InputError when what the observations need of plumb lines is not given.
+
+        With deflections, every plumb set-up and both ends of height differences need one; a height of
+        instrument or target needs a vertical.
+        """
+        observations = book.observations
+        with_heights = (observations.from_heights != 0.0) | (observations.to_heights != 0.0)
+        if not self.frame.has_vertical and (with_heights & observations.active).any():
+            row = int(np.flatnonzero(with_heights & observations.active)[0])
+            raise InputError(
+                f"{book.label(row)}: a height of instrument or target is along the vertical, which the "
+                "frame does "
+                "not have; compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
+            )
+        if self.is_deflected and not self.frame.has_vertical:
+            raise InputError(
+                "deflections of the vertical are given, and the frame has no vertical; compute in a local "
+                "tangent "
+                "frame (--frame RTL*X0*Y0*Z0*DEFINITION), or leave them out with --ignore deflections"
+            )
+        if self.is_deflected:
+            self._require_deflections(book, orientations)
+
+    def _require_deflections(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
+        observations = book.observations
+        active = observations.active
+        levelled = active & (observations.types == ObservationType.DH)
+        plumb = orientations != Orientation.BASC
+        needed = np.zeros(len(self.points), np.bool_)
+        needed[book.stations.origins[plumb]] = True
+        for ends, heights in (
+            (observations.from_points, observations.from_heights),
+            (observations.to_points, observations.to_heights),
+        ):
+            needed[ends[levelled | (active & (heights != 0.0))]] = True
+        lacking = np.flatnonzero(needed & np.isnan(self.points.deflections).any(axis=1))
+        if lacking.size:
+            listed = ", ".join(self.points.names[row] for row in lacking[:LISTED])
+            more = f" and {lacking.size - LISTED} more" if lacking.size > LISTED else ""
+            raise InputError(
+                "some points have a deflection of the vertical, and these have none where one is needed: "
+                f"{listed}"
+                f"{more}. Give them eta xi (arc seconds) in the point file, or leave all of them out with "
+                "--ignore deflections"
+            )

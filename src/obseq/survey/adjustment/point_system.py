@@ -1,0 +1,76 @@
+"""The system in which the points are given: their coordinates there, and how these change in the frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq import crs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
+
+
+STEP = 10.0
+"""Step (m) of the differences that give derivatives: curvature of the Earth and rounding stay below 1e-9."""
+
+
+@dataclass(frozen=True)
+class PointSystem:
+    """Coordinates of points in their own system, for points of the computation frame.
+
+    A known height holds the height of this system, and a known plan its plan: a constraint is an equation in
+    these coordinates, with its sigma in metres along their axes.
+
+    Attributes:
+        frame: The computation frame.
+        system: The system of the point files.
+    """
+
+    frame: crs.CoordinateSystem
+    system: crs.CoordinateSystem
+
+    @property
+    def is_frame(self) -> bool:
+        """Whether the points are given in the computation frame."""
+        return self.frame == self.system
+
+    def coordinates(self, points: FloatArray, names: Sequence[str] | None = None) -> FloatArray:
+        """(n, 3) coordinates in the system, in its units, of points (n, 3) of the frame."""
+        return crs.Transformer(self.frame, self.system).forward(points, names)
+
+    def placed(self, coordinates: FloatArray, names: Sequence[str] | None = None) -> FloatArray:
+        """(n, 3) points of the frame of coordinates (n, 3) of the system."""
+        return crs.Transformer(self.system, self.frame).forward(coordinates, names)
+
+    def axes(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of the coordinates at points (n, 3) of the frame, and what one unit of them is.
+
+        Returns:
+            (n, 3, 3), by rows, of the coordinates in metres with respect to the frame; (n, 3) metres in
+            one unit of each coordinate (along the parallel and the meridian for longitude and latitude).
+        """
+        if self.is_frame or not len(points):
+            return np.broadcast_to(np.eye(3), (len(points), 3, 3)), np.ones((len(points), 3))
+        differences = [
+            self.differences(self.coordinates(points + step), self.coordinates(points - step))
+            for step in STEP * np.eye(3)
+        ]
+        rows = np.stack(differences, axis=2) / (2.0 * STEP)
+        metres = np.empty((len(points), 3))
+        metres[:, :2], metres[:, 2] = self.system.plan_unit.factor, self.system.height_unit.factor
+        if self.system.plan_unit.is_angle:
+            metres[:, :2] = 1.0 / np.linalg.norm(rows[:, :2], axis=2)
+        return rows * metres[:, :, None], metres
+
+    def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
+        """(n, 3) coordinates minus others, in the units of the system; also across the date line."""
+        result = np.asarray(coordinates - others)
+        if self.system.plan_unit.is_angle:
+            turn = 2.0 * np.pi / self.system.plan_unit.factor
+            result[:, 0] -= turn * np.round(result[:, 0] / turn)
+        return result
