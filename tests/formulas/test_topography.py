@@ -6,7 +6,21 @@ import mpmath
 import numpy as np
 import pytest
 
-from obseq.formulas.topography import TopoDH, TopoDist, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
+from obseq.formulas.topography import (
+    TopoDH,
+    TopoDist,
+    TopoDistOff,
+    TopoDX,
+    TopoDXOff,
+    TopoDY,
+    TopoDYOff,
+    TopoDZ,
+    TopoDZOff,
+    TopoHz,
+    TopoHzOff,
+    TopoZen,
+    TopoZenOff,
+)
 from obseq.kernels import calculator
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
@@ -137,3 +151,25 @@ def test_height_differences_carry_the_rounding_of_the_points_only(size):
         ]
     errors = np.abs(found - np.array(exact, dtype=float))
     assert (errors <= 1e-15 * np.linalg.norm(ends - starts, axis=1)).all(), errors.max() / size
+
+
+@pytest.mark.parametrize(
+    ("formula", "moved", "rest"),
+    [
+        (TopoHz(), TopoHzOff(), [0.1]),
+        (TopoZen(), TopoZenOff(), [1e-5, 0.1]),
+        (TopoDX(), TopoDXOff(), [0.1]),
+        (TopoDY(), TopoDYOff(), [0.1]),
+        (TopoDZ(), TopoDZOff(), [0.1]),
+    ],
+)
+def test_an_offset_moves_the_target(formula, moved, rest):
+    # A prism 1 m east, 2 m south and 3 m above its mark, relative to the instrument.
+    target, offset = (103, 204, 50), (1.0, -2.0, 3.0)
+    expected = residual(formula, (104, 202, 53), rest)
+    assert residual(moved, target, [*offset, *rest]) == pytest.approx(expected, abs=1e-15)
+
+
+def test_an_offset_moves_the_end_of_a_distance():
+    (value,) = TopoDistOff().evaluate((1, 1, 1, 4, 5, 10), [0.0, 0.0, 3.0, 12.5])
+    assert value == pytest.approx(0.5, abs=1e-15)

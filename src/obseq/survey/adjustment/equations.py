@@ -78,9 +78,10 @@ class Equations:
         self._frame = frame
         self._plumb = Plumb(frame, points)
         self._book = book
+        self._origins = book.stations.origins.astype(np.int64)
         self.system = LeastSquares()
         self.points = self.system.add_points(points.names, initial.coordinates)
-        self._verticals = self._plumb.axes(book.stations.origins, initial.coordinates)
+        self._verticals = self._plumb.axes(self._origins, initial.coordinates)
         self.stations = self.system.add_rotations(
             station_names(points, book), self._plumbed(initial, frame.vertical)
         )
@@ -93,8 +94,7 @@ class Equations:
 
     def _plumbed(self, initial: InitialValues, vertical: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
-        origins = self._book.stations.origins
-        before = vertical(initial.coordinates[origins])
+        before = vertical(initial.coordinates[self._origins])
         return np.asarray(self._verticals.transpose(0, 2, 1) @ before @ initial.rotations)
 
     def _add_observations(self, coordinates: FloatArray) -> dict[ObservationType, tuple[IntArray, Batch]]:
@@ -180,7 +180,7 @@ class Equations:
         self.known.follow(system)
         coordinates = system.values(self.points)
         if self._frame.has_vertical and self.stations.size:
-            verticals = self._plumb.axes(self._book.stations.origins, coordinates)
+            verticals = self._plumb.axes(self._origins, coordinates)
             rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
             system.set_values(self.stations, rotations)
             self._verticals = verticals
@@ -195,7 +195,7 @@ class Equations:
         if not self.stations.size:
             return np.zeros((0, 3, 3))
         coordinates = solution.values(self.points)
-        verticals = self._plumb.axes(self._book.stations.origins, coordinates)
+        verticals = self._plumb.axes(self._origins, coordinates)
         rotations = solution.values(self.stations)
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
 

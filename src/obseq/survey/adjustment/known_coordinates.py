@@ -84,12 +84,14 @@ class KnownCoordinates:
     def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
         """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
         held = self._points.is_held
-        along = np.broadcast_to(held.all(axis=1)[:, None] | self._system.is_frame, held.shape)
+        whole = np.asarray(held.all(axis=1))
+        along = np.tile(whole[:, None], 3) | self._system.is_frame
         for component in range(3):
             frozen = self._ids[held[:, component] & along[:, component]]
             if frozen.size:
                 system.freeze(frozen, (component,))
-        return np.nonzero(held & ~along)
+        rows, components = np.nonzero(held & ~along)
+        return rows, components
 
     def _add_soft(self, system: LeastSquares) -> Batch | None:
         rows, components = self._rows, self._components

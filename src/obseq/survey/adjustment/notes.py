@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,8 @@ from obseq.survey.adjustment.frame import MEAN_RADIUS
 from obseq.survey.model import ObservationType
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.arrays import FloatArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook

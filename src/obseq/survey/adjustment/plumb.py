@@ -87,7 +87,7 @@ class Plumb:
             coordinates[targets] - coordinates[origins],
         )
         mean = np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0
-        return values - np.einsum("nj,nj->n", mean, sights[:, :2])
+        return np.asarray(values - np.einsum("nj,nj->n", mean, sights[:, :2]))
 
     def check(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
         """Raises InputError when what the observations need of plumb lines is not given.
