@@ -1,0 +1,93 @@
+"""Project trees of MMVII (`MMVII-PhgrProj`) and MicMac's files, as objects of `obseq.images` and back."""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from obseq.project.blocks import BlockFile, block_text, read_block
+    from obseq.project.cameras import (
+        calibration_text,
+        pose_text,
+        read_calibration,
+        read_orientation,
+        read_pose,
+        write_orientation,
+    )
+    from obseq.project.metadata import Rules, chosen, names_text, read_names, read_rules, rules_text
+    from obseq.project.micmac_v1 import read_v1_orientation
+    from obseq.project.points import (
+        measures_text,
+        points_text,
+        read_control_points,
+        read_image_measures,
+        read_system,
+        system_text,
+    )
+    from obseq.project.tie_points import find_pairs, pairs_text, read_pairs, read_tracks
+    from obseq.project.tree import read_tree, tree_text
+
+_HOMES = {
+    "blocks": ("BlockFile", "block_text", "read_block"),
+    "cameras": (
+        "calibration_text",
+        "pose_text",
+        "read_calibration",
+        "read_orientation",
+        "read_pose",
+        "write_orientation",
+    ),
+    "metadata": ("Rules", "chosen", "names_text", "read_names", "read_rules", "rules_text"),
+    "micmac_v1": ("read_v1_orientation",),
+    "points": (
+        "measures_text",
+        "points_text",
+        "read_control_points",
+        "read_image_measures",
+        "read_system",
+        "system_text",
+    ),
+    "tie_points": ("find_pairs", "pairs_text", "read_pairs", "read_tracks"),
+    "tree": ("read_tree", "tree_text"),
+}
+_MODULES = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "BlockFile",
+    "Rules",
+    "block_text",
+    "calibration_text",
+    "chosen",
+    "find_pairs",
+    "measures_text",
+    "names_text",
+    "pairs_text",
+    "points_text",
+    "pose_text",
+    "read_block",
+    "read_calibration",
+    "read_control_points",
+    "read_image_measures",
+    "read_names",
+    "read_orientation",
+    "read_pairs",
+    "read_pose",
+    "read_rules",
+    "read_system",
+    "read_tracks",
+    "read_tree",
+    "read_v1_orientation",
+    "rules_text",
+    "system_text",
+    "tree_text",
+    "write_orientation",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'obseq.project' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"obseq.project.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

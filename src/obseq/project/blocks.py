@@ -1,0 +1,122 @@
+"""Rigid blocks of a project (`CalibBlocCam`): relative poses of cameras, and what image names tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.geometry import Pose
+from obseq.project.metadata import whole_match
+from obseq.project.tree import Reader, pairs, read_tree, tree_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from obseq.project.tree import Tree
+
+BLOCK = "CalibBlocCam"
+_INVERSE = ("PatternInv", "ReplaceInv", "SeparatorInv")
+
+
+@dataclass(frozen=True)
+class BlockFile:
+    """A rigid block of cameras as a project describes it.
+
+    Attributes:
+        name: of the block.
+        master: identifier of the camera whose frame is that of the block.
+        pattern: of the names of its images.
+        camera_group: number of the group of the pattern that is the identifier of the camera, from 1.
+        exposure_group: number of the group that is the identifier of the exposure, from 1.
+        poses: by camera, the pose camera to block.
+        inverse: `PatternInv`, `ReplaceInv`, `SeparatorInv` where the file has them.
+    """
+
+    name: str
+    master: str
+    pattern: str
+    camera_group: int
+    exposure_group: int
+    poses: dict[str, Pose]
+    inverse: dict[str, str]
+
+    def camera_and_exposure(self, image: str) -> tuple[str, str]:
+        """Identifiers of the camera and of the exposure of an image.
+
+        Raises:
+            InputError: if its name does not match.
+        """
+        match = whole_match(self.pattern, image, f"block {self.name}")
+        if match is None:
+            raise InputError(f"block {self.name}: the image {image} does not match {self.pattern!r}")
+        if max(self.camera_group, self.exposure_group) > match.re.groups:
+            raise InputError(f"block {self.name}: {self.pattern!r} has only {match.re.groups} groups")
+        return match[self.camera_group], match[self.exposure_group]
+
+    def exposures(self, images: Iterable[str]) -> dict[str, dict[str, str]]:
+        """Images by exposure and camera.
+
+        Raises:
+            InputError: if two images are of one camera and exposure.
+        """
+        found: dict[str, dict[str, str]] = {}
+        for image in images:
+            camera, exposure = self.camera_and_exposure(image)
+            there = found.setdefault(exposure, {})
+            if camera in there:
+                raise InputError(
+                    f"block {self.name}: {there[camera]} and {image} are both of camera {camera}, "
+                    f"exposure {exposure}"
+                )
+            there[camera] = image
+        return found
+
+
+def read_block(path: str | Path) -> BlockFile:
+    """The block of a file ``RigBlock/<Folder>/RigidBloc_<name>.xml``; those of 2024 lack the inverse names.
+
+    Raises:
+        InputError: with file and field.
+    """
+    fields = Reader(read_tree(path), str(path)).fields(BLOCK)
+    poses = {}
+    for key, value in pairs(fields.list("PoseRel"), f"{path}: PoseRel"):
+        one = Reader(value, f"{path}: PoseRel: {key}")
+        axes = one.fields("RotMatrix")
+        rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
+        poses[str(key)] = Pose(np.array(one.numbers("Center", 3), dtype=np.float64), rotation)
+    return BlockFile(
+        fields.text("Name"),
+        fields.text("Master"),
+        fields.text("Pattern"),
+        fields.integer("KBloc"),
+        fields.integer("KSync"),
+        poses,
+        {key: fields.text(key) for key in _INVERSE if fields.has(key)},
+    )
+
+
+def block_text(block: BlockFile, *, as_json: bool = False) -> str:
+    """The file of a block."""
+    relative: list[Tree] = [{"K": camera, "V": _pose(pose)} for camera, pose in block.poses.items()]
+    content: dict[str, Tree] = {
+        "Name": block.name,
+        "Master": block.master,
+        "Pattern": block.pattern,
+        "KBloc": (block.camera_group,),
+        "KSync": (block.exposure_group,),
+        **block.inverse,
+        "PoseRel": relative,
+    }
+    return tree_text(BLOCK, content, as_json=as_json)
+
+
+def _pose(pose: Pose) -> Tree:
+    axes: Tree = {
+        f"Axe{letter}": tuple(float(value) for value in pose.rotation[:, k]) for k, letter in enumerate("IJK")
+    }
+    return {"Center": tuple(float(value) for value in pose.centre), "RotMatrix": axes}

@@ -1,0 +1,188 @@
+"""Calibrations and poses of a project: `cPerspCamIntrCalib` and `cSensorCamPC` files, read and written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.geometry import Pose, attitudes
+from obseq.images import Camera, Poses
+from obseq.images.names import unique_names
+from obseq.project.tree import Reader, read_tree, tree_text
+from obseq.writing import write_all
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from obseq.arrays import FloatArray
+    from obseq.project.tree import Number, Tree
+
+CALIBRATION, POSE = "InternalCalibration", "CameraPose"
+POSE_PREFIX = "Ori-PerspCentral-"
+NO_CALIBRATION = "NONE"
+ORTHONORMAL = 1e-6
+"""How far the axes of a pose may be from orthonormal: files of fewer digits than usual still are."""
+_KINDS = {"K": "Radial", "p": "Decentric"}
+
+
+def read_calibration(path: str | Path) -> Camera:
+    """The camera of a calibration file, any projection and degree.
+
+    Raises:
+        InputError: with file and field; the name inside is not that of the file.
+    """
+    place = Path(path)
+    fields = Reader(read_tree(place), str(path)).fields(CALIBRATION)
+    name = fields.text("Name")
+    if name != place.stem:
+        raise InputError(f"{path}: the calibration inside is called {name!r}; it must be called as its file")
+    width, height = fields.fields("PixelFrame").numbers("NbPix", 2)
+    auxiliary, perfect = fields.fields("Auxiliary"), fields.fields("PerfectProj")
+    radial, decentric, general = (int(part) for part in auxiliary.numbers("Degree", 3))
+    coefficients: dict[str, float] = {}
+    distortion = fields.fields("Distorsion")
+    for kind in ("Radial", "Decentric", "Polynomial"):
+        if distortion.has(kind):
+            part = Reader(distortion.mapping(kind), f"{path}: Distorsion: {kind}")
+            coefficients |= {key: float(part.number(key)) for key in distortion.mapping(kind)}
+    return Camera(
+        name,
+        int(width),
+        int(height),
+        focal=float(perfect.number("F")),
+        principal_point=np.array(perfect.numbers("PP", 2), dtype=np.float64),
+        degree=(radial, decentric, general),
+        distortion=coefficients,
+        projection=fields.text("Projection"),
+        fraser=bool(auxiliary.integer("IsFraserMode", 1)),
+    )
+
+
+def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
+    """The file of a calibration."""
+    values = dict(zip(camera.coefficient_names, map(float, camera.coefficients), strict=True))
+    parts: dict[str, dict[str, Tree]] = {"Radial": {}, "Decentric": {}, "Polynomial": {}}
+    for key, value in values.items():
+        parts[_KINDS.get(key[0], "Polynomial")][key] = (value,)
+    degree: Tree = tuple(camera.degree)
+    content: Tree = {
+        "Name": camera.name,
+        "PixelFrame": {"NbPix": (int(camera.width), int(camera.height))},
+        "Projection": camera.projection,
+        "Auxiliary": {
+            "SzBuffer": (-1,),
+            "Degree": degree,
+            "DegreeApproxInv": degree,
+            "IsFraserMode": (int(camera.fraser),),
+        },
+        "PerfectProj": {"F": (float(camera.focal),), "PP": _tuple(camera.principal_point)},
+        "Distorsion": {kind: part for kind, part in parts.items() if part},
+        "Informations": [],
+    }
+    return tree_text(CALIBRATION, content, as_json=as_json)
+
+
+def read_pose(path: str | Path) -> tuple[str, str, Pose]:
+    """Name of the image, name of its calibration, and pose (camera to world) of a pose file.
+
+    Raises:
+        InputError: with file and field; axes that are not orthonormal.
+    """
+    fields = Reader(read_tree(path), str(path)).fields(POSE)
+    axes = fields.fields("RotMatrix")
+    rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(rotation) < 0.0:
+        raise InputError(f"{path}: RotMatrix is no rotation: its axes are not orthonormal and right-handed")
+    centre = np.array(fields.numbers("Center", 3), dtype=np.float64)
+    return fields.text("NameImage"), fields.text("NameInternalCalib"), Pose(centre, rotation)
+
+
+def pose_text(image: str, calibration: str, pose: Pose, *, as_json: bool = False) -> str:
+    """The file of a pose; quaternion and angles are there for information, as in the original."""
+    rotation = pose.rotation[None]
+    content: Tree = {
+        "NameImage": image,
+        "NameInternalCalib": calibration or NO_CALIBRATION,
+        "Center": _tuple(pose.centre),
+        "RotMatrix": {f"Axe{letter}": _tuple(pose.rotation[:, k]) for k, letter in enumerate("IJK")},
+        "EQ": _tuple(attitudes(rotation, "quaternion")[0]),
+        "WPK": _tuple(np.rad2deg(attitudes(rotation, "wpk")[0])),
+        "YPR": _tuple(np.rad2deg(attitudes(rotation, "ypr")[0])),
+    }
+    return tree_text(POSE, content, as_json=as_json)
+
+
+def read_orientation(
+    folder: str | Path, images: Iterable[str] | None = None
+) -> tuple[Poses, dict[str, Camera]]:
+    """The poses of a folder of orientations and the calibrations they refer to, by name.
+
+    Args:
+        folder: ``MMVII-PhgrProj/Ori/<Folder>``.
+        images: names of images, or None for all that have a pose.
+
+    Raises:
+        InputError: a pose or its calibration is missing, or a file is wrong.
+    """
+    place = Path(folder)
+    files = _pose_files(place) if images is None else [_pose_file(place, image) for image in images]
+    read = [read_pose(path) for path in files]
+    cameras = {
+        name: read_calibration(_calibration_file(place, name, image))
+        for name, image in {calibration: image for image, calibration, _ in read}.items()
+        if name != NO_CALIBRATION
+    }
+    poses = Poses(  # matrices as they stand in the files, not orthonormalised: the round trip is exact
+        unique_names([image for image, _, _ in read], f"{folder}: image"),
+        np.array([pose.centre for _, _, pose in read]).reshape(-1, 3),
+        np.array([pose.rotation for _, _, pose in read]).reshape(-1, 3, 3),
+        tuple("" if calibration == NO_CALIBRATION else calibration for _, calibration, _ in read),
+    )
+    return poses, cameras
+
+
+def write_orientation(
+    folder: str | Path, poses: Poses, cameras: dict[str, Camera], *, as_json: bool = False
+) -> None:
+    """Poses and calibrations as files of a folder of orientations, all or none."""
+    place = Path(folder)
+    ending = "json" if as_json else "xml"
+    texts = {
+        place / f"{POSE_PREFIX}{image}.{ending}": pose_text(image, camera, poses[image], as_json=as_json)
+        for image, camera in zip(poses.images, poses.cameras, strict=True)
+    }
+    texts |= {
+        place / f"{camera.name}.{ending}": calibration_text(camera, as_json=as_json)
+        for camera in cameras.values()
+    }
+    write_all(texts)
+
+
+def _pose_files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder of orientations")
+    found = sorted(path for path in folder.glob(f"{POSE_PREFIX}*") if path.suffix in (".xml", ".json"))
+    if not found:
+        raise InputError(f"{folder}: holds no pose ({POSE_PREFIX}<image>.xml or .json)")
+    return found
+
+
+def _pose_file(folder: Path, image: str) -> Path:
+    for ending in ("xml", "json"):
+        if (path := folder / f"{POSE_PREFIX}{image}.{ending}").is_file():
+            return path
+    raise InputError(f"{folder}: there is no pose of the image {image} ({POSE_PREFIX}{image}.xml)")
+
+
+def _calibration_file(folder: Path, name: str, image: str) -> Path:
+    for ending in ("xml", "json"):
+        if (path := folder / f"{name}.{ending}").is_file():
+            return path
+    raise InputError(f"{folder}: the image {image} needs the calibration {name}.xml, which is not there")
+
+
+def _tuple(values: FloatArray) -> tuple[Number, ...]:
+    return tuple(float(value) for value in values)

@@ -1,0 +1,136 @@
+"""Metadata of images by rules (`CalcMTD`), and lists of names."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+from obseq.project.tree import Reader, read_tree, tree_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from obseq.project.tree import Tree
+
+RULES, NAMES = "MetaData", "SetOfName"
+MODES = ("Focalmm", "FocalPix", "PPPix", "Aperture", "ModelCam", "NbPixel", "AdditionalName")
+UNSET = "NONE"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Rules that give metadata of images from their names.
+
+    Attributes:
+        tries: by mode, patterns and values in the order they are tried.
+        where: what messages begin with.
+    """
+
+    tries: dict[str, tuple[tuple[str, str], ...]]
+    where: str = "metadata"
+
+    def value(self, mode: str, image: str) -> str | None:
+        """The value of the first rule whose pattern matches the whole name and does not give NONE; else None.
+
+        Raises:
+            InputError: an unknown mode, or a pattern that is no regular expression.
+        """
+        if mode not in MODES:
+            raise InputError(f"{self.where}: unknown mode {mode!r}; modes are {', '.join(MODES)}")
+        for pattern, value in self.tries.get(mode, ()):
+            match = whole_match(pattern, image, self.where)
+            if match:
+                found = replaced(match, value)
+                if found != UNSET:
+                    return found
+        return None
+
+    def calibration_name(self, image: str) -> str:
+        """``CalibIntr_Cam<model>[_Add<additional>]_Foc<1000 f>``, blanks of the model as underscores.
+
+        Raises:
+            InputError: no rule gives the model or the focal length of the image.
+        """
+        model, focal = self.value("ModelCam", image), self.value("Focalmm", image)
+        if model is None or focal is None:
+            missing = "ModelCam" if model is None else "Focalmm"
+            raise InputError(f"{self.where}: no rule of mode {missing} matches the image {image}")
+        additional = self.value("AdditionalName", image)
+        part = f"_Add{additional}" if additional else ""
+        thousandth = round(1000.0 * self._number(focal, "Focalmm", image))
+        return f"CalibIntr_Cam{model.replace(' ', '_')}{part}_Foc{thousandth}"
+
+    def _number(self, text: str, mode: str, image: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            raise InputError(f"{self.where}: {mode} of {image} is {text!r}, not a number") from None
+
+
+def read_rules(path: str | Path) -> Rules:
+    """The rules of a file ``MetaData/<Folder>/CalcMTD.xml``."""
+    tree = read_tree(path)
+    entries = Reader(tree, str(path)).list(RULES)
+    tries: dict[str, tuple[tuple[str, str], ...]] = {}
+    for entry in entries:
+        fields = Reader(entry, f"{path}: {RULES}")
+        mode = fields.text("Mode")
+        rules = [Reader(one, f"{path}: {mode}") for one in fields.list("Tries")]
+        tries[mode] = tuple((one.text("Pat"), one.text("Val")) for one in rules)
+    return Rules(tries, str(path))
+
+
+def rules_text(rules: Rules, *, as_json: bool = False) -> str:
+    """The file of rules."""
+    content: list[Tree] = [
+        {"Mode": mode, "Tries": [{"Pat": pattern, "Val": value} for pattern, value in tries]}
+        for mode, tries in rules.tries.items()
+    ]
+    return tree_text(RULES, content, as_json=as_json)
+
+
+def read_names(path: str | Path) -> list[str]:
+    """The names of a list (``SetOfName``)."""
+    found = Reader(read_tree(path), str(path)).list(NAMES)
+    for name in found:
+        if not isinstance(name, str):
+            raise InputError(f"{path}: {NAMES} should hold texts in quotes")
+    return [str(name) for name in found]
+
+
+def names_text(names: Sequence[str], *, as_json: bool = False) -> str:
+    """The file of a list of names."""
+    return tree_text(NAMES, list(names), as_json=as_json)
+
+
+def chosen(names: Iterable[str], pattern: str) -> list[str]:
+    """The names that a pattern matches as a whole, in order; an empty pattern accepts all."""
+    return [name for name in names if not pattern or whole_match(pattern, name, "pattern")]
+
+
+def whole_match(pattern: str, name: str, where: str) -> re.Match[str] | None:
+    """The match of a regular expression with a whole name.
+
+    Raises:
+        InputError: if the pattern is no regular expression.
+    """
+    try:
+        return re.fullmatch(pattern, name)
+    except re.error as error:
+        raise InputError(f"{where}: {pattern!r} is no regular expression: {error}") from None
+
+
+def replaced(match: re.Match[str], value: str) -> str:
+    """A value with ``$1`` ... ``$9`` and ``$&`` replaced by what matched."""
+
+    def part(found: re.Match[str]) -> str:
+        which = found[1]
+        if which == "&":
+            return match[0]
+        number = int(which)
+        return (match[number] or "") if number <= (match.re.groups) else ""
+
+    return re.sub(r"\$([1-9&])", part, value)

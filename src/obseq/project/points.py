@@ -1,0 +1,186 @@
+"""Points of a project: measures in images (`MesIm`), coordinates (`MesGCP`), and the system they are in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images import ControlPoints, ImagePoints
+from obseq.project.tree import Reader, read_tree, tree_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from obseq.arrays import FloatArray
+    from obseq.project.tree import Tree
+
+MEASURES, POINTS, SYSTEM = "SetMesIm", "SetGCP", "SysCoData"
+MEASURES_PREFIX, POINTS_PREFIX, SYSTEM_FILE = "MesIm-", "MesGCP", "CurSysCo"
+UNCODED = "NONE"
+"""What the names of targets begin with that carry no code: they are no tie between images."""
+NO_SYSTEM = "LocalNONE"
+ENDINGS = (".xml", ".json")
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def read_image_measures(folder: str | Path, images: Iterable[str] | None = None) -> ImagePoints:
+    """The measures of a folder ``ObjMesInstr/<Folder>`` (2023: ``PointsMeasure``); no uncoded targets.
+
+    Sigmas are the square roots of the variances of the files (the original never uses them).
+
+    Args:
+        folder: the folder.
+        images: names of images, or None for all that have a file.
+
+    Raises:
+        InputError: with file and field; a point measured twice in an image; an image without file.
+    """
+    place = _folder(folder)
+    files = _files(place, MEASURES_PREFIX) if images is None else [_measure_file(place, i) for i in images]
+    if not files:
+        raise InputError(f"{folder}: holds no measures ({MEASURES_PREFIX}<image>.xml or .json)")
+    names: list[str] = []
+    points: list[str] = []
+    pixels: list[tuple[float, ...]] = []
+    sigmas: list[tuple[float, ...]] = []
+    for path in files:
+        fields = Reader(read_tree(path), str(path)).fields(MEASURES)
+        image = fields.text("NameIm")
+        for one in _entries(fields, "Measures"):
+            if one.text("Name").startswith(UNCODED):
+                continue
+            names.append(image)
+            points.append(one.text("Name"))
+            pixels.append(one.numbers("Pt", 2))
+            sigmas.append(_pixel_sigmas(one))
+    return ImagePoints.of(
+        names, points, np.array(pixels).reshape(-1, 2), np.array(sigmas).reshape(-1, 2) if sigmas else 1.0
+    )
+
+
+def measures_text(image: str, measures: ImagePoints, *, as_json: bool = False) -> str:
+    """The file of the measures of one image."""
+    mine = measures.of_image(image)
+    entries: list[Tree] = [
+        {
+            "Name": mine.point_names[point],
+            "Pt": _floats(xy),
+            "Sigma2": (float(sigma[0] ** 2), 0.0, float(sigma[1] ** 2)),
+        }
+        for point, xy, sigma in zip(mine.point, mine.xy, mine.sigmas, strict=True)
+    ]
+    return tree_text(MEASURES, {"NameIm": image, "Measures": entries}, as_json=as_json)
+
+
+def read_control_points(
+    folder: str | Path,
+    *,
+    is_chosen: Callable[[str, str], bool] = lambda name, information: True,
+) -> ControlPoints:
+    """The points of all ``MesGCP*`` files of a folder; those without variances are free.
+
+    Args:
+        folder: ``ObjCoordWorld/<Folder>`` (2023: ``PointsMeasure/<Folder>``).
+        is_chosen: of name and additional information, whether a point is taken.
+
+    Raises:
+        InputError: no file, a field that is wrong, a name given twice.
+    """
+    place = _folder(folder)
+    files = _files(place, POINTS_PREFIX)
+    if not files:
+        raise InputError(f"{folder}: holds no points ({POINTS_PREFIX}*.xml or .json)")
+    names, places, covariances = [], [], []
+    for path in files:
+        fields = Reader(read_tree(path), str(path)).fields(POINTS)
+        for one in _entries(fields, "Measures"):
+            name = one.text("Name")
+            if is_chosen(name, one.text("AdditionalInfo", "")):
+                names.append(name)
+                places.append(one.numbers("Pt", 3))
+                covariances.append(_covariance(one))
+    return _control(names, np.array(places, dtype=np.float64).reshape(-1, 3), covariances)
+
+
+def points_text(points: ControlPoints, name: str, *, as_json: bool = False) -> str:
+    """The file of control points; free ones without variances, held ones with zeros."""
+    entries: list[Tree] = []
+    for one, place, covariance in zip(points.names, points.coordinates, points.covariances, strict=True):
+        entry: dict[str, Tree] = {"Name": one, "Pt": _floats(place), "AdditionalInfo": ""}
+        if np.isfinite(covariance).all():
+            entry["__Opt__Sigma2"] = tuple(float(covariance[index]) for index in _UPPER)
+        elif not np.isinf(np.diag(covariance)).all():
+            raise InputError(f"control point {one}: a project holds points known in x, y and z, or free")
+        entries.append(entry)
+    return tree_text(POINTS, {"NameSet": name, "Measures": entries}, as_json=as_json)
+
+
+def read_system(folder: str | Path) -> str:
+    """The definition of the coordinate system of a folder; ``LocalNONE`` where it has none."""
+    for ending in ENDINGS:
+        if (path := Path(folder) / f"{SYSTEM_FILE}{ending}").is_file():
+            return Reader(read_tree(path), str(path)).fields(SYSTEM).text("Def")
+    return NO_SYSTEM
+
+
+def system_text(definition: str, *, as_json: bool = False) -> str:
+    """The file of a coordinate system."""
+    return tree_text(SYSTEM, {"Def": definition}, as_json=as_json)
+
+
+def _folder(folder: str | Path) -> Path:
+    place = Path(folder)
+    if not place.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
+    return place
+
+
+def _files(folder: Path, prefix: str) -> list[Path]:
+    return sorted(path for path in folder.glob(f"{prefix}*") if path.suffix in ENDINGS)
+
+
+def _measure_file(folder: Path, image: str) -> Path:
+    for ending in ENDINGS:
+        if (path := folder / f"{MEASURES_PREFIX}{image}{ending}").is_file():
+            return path
+    raise InputError(f"{folder}: there are no measures of the image {image} ({MEASURES_PREFIX}{image}.xml)")
+
+
+def _entries(fields: Reader, name: str) -> list[Reader]:
+    return [Reader(tree, f"{fields.where}: entry {k + 1}") for k, tree in enumerate(fields.list(name))]
+
+
+def _pixel_sigmas(one: Reader) -> tuple[float, float]:
+    """Standard deviations of column and line; one pixel where the file gives none."""
+    if not one.has("Sigma2"):
+        return 1.0, 1.0
+    xx, _, yy = one.numbers("Sigma2", 3)
+    if not (xx > 0 and yy > 0):
+        raise InputError(f"{one.where}: point {one.text('Name')}: Sigma2 must be positive variances")
+    return float(xx) ** 0.5, float(yy) ** 0.5
+
+
+def _covariance(one: Reader) -> FloatArray:
+    """Infinite variances where the file gives none."""
+    matrix = np.zeros((3, 3))
+    if not one.has("Sigma2"):
+        np.fill_diagonal(matrix, np.inf)
+        return matrix
+    for (i, j), value in zip(_UPPER, one.numbers("Sigma2", 6), strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    if np.linalg.eigvalsh(matrix)[0] < 0.0:
+        raise InputError(f"{one.where}: point {one.text('Name')}: Sigma2 is no covariance: not positive")
+    return matrix
+
+
+def _control(names: list[str], places: FloatArray, covariances: list[FloatArray]) -> ControlPoints:
+    whole = np.array(covariances).reshape(-1, 3, 3)
+    plain = ControlPoints.of(names, places)
+    return ControlPoints(plain.names, plain.coordinates, whole)
+
+
+def _floats(values: FloatArray) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

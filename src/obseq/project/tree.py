@@ -1,0 +1,289 @@
+"""MMVII's serialised trees, in both spellings: XML and JSON to the same Python values, and back.
+
+A tree is made of mappings (tags in order), lists (XML's ``el``), strings, and tuples of numbers: a bare
+number is a tuple of one, a point one of two or three. What a file holds that its reader does not know stays
+in the tree, so that a file that is read and written loses nothing but its comments.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+Number: TypeAlias = "int | float"
+Tree: TypeAlias = "dict[str, Tree] | list[Tree] | str | tuple[Number, ...]"
+
+HEADER = '<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>\n'
+KIND, VERSION = "MMVII_Serialization", "0.0.0"
+LARGEST = 512 * 2**20
+"""Bytes of the largest file that is read: a project's measures take a thousandth of it."""
+DEEPEST = 64
+"""Levels of the deepest tree that is read."""
+INDENT = "   "
+_COMMENT = re.compile(r"<!--comment\d+-->")
+_PAIR = "Pair"
+
+
+def read_tree(path: str | Path) -> dict[str, Tree]:
+    """What stands under ``Data`` in a file, XML or JSON by its first character.
+
+    Raises:
+        InputError: absent, too large, broken, hostile (entities), or not MMVII's serialisation.
+    """
+    place = Path(path)
+    data = _bytes(place)
+    if data.lstrip()[:1] == b"{":
+        return _envelope(place, _from_json(place, data))
+    return _envelope(place, _from_xml(place, data))
+
+
+def tree_text(name: str, content: Tree, *, as_json: bool = False) -> str:
+    """A file that holds one named value, with 17 significant digits (the original keeps 15 decimals)."""
+    if as_json:
+        whole = {"Type": KIND, "Version": VERSION, "Data": {name: _jsonable(content)}}
+        return json.dumps(whole, indent=3, ensure_ascii=False) + "\n"
+    inner = _xml(name, content, 2)
+    return (
+        f'{HEADER}<Root>\n{INDENT}<Type>"{KIND}"</Type>\n{INDENT}<Version>"{VERSION}"</Version>\n'
+        f"{INDENT}<Data>\n{inner}{INDENT}</Data>\n</Root>\n"
+    )
+
+
+class Reader:
+    """The fields of a mapping, asked for by name, with errors that name the file and the field.
+
+    Args:
+        tree: the mapping.
+        where: what messages begin with.
+    """
+
+    def __init__(self, tree: Tree, where: str) -> None:
+        if not isinstance(tree, dict):
+            raise InputError(f"{where}: holds a value where fields are expected")
+        self._tree, self.where = tree, where
+
+    def has(self, name: str) -> bool:
+        """Whether the field is there, under its name or as optional."""
+        return self._key(name) is not None
+
+    def _key(self, name: str) -> str | None:
+        return next((key for key in (name, f"__Opt__{name}", f"Opt:{name}") if key in self._tree), None)
+
+    def value(self, name: str) -> Tree:
+        """The field, whatever it is."""
+        key = self._key(name)
+        if key is None:
+            raise InputError(f"{self.where}: {name} is missing")
+        return self._tree[key]
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """A string."""
+        if default is not None and not self.has(name):
+            return default
+        found = self.value(name)
+        if found == [] or found == {}:
+            return ""
+        if not isinstance(found, str):
+            raise InputError(f"{self.where}: {name} should be a text in quotes")
+        return found
+
+    def numbers(self, name: str, count: int | None = None) -> tuple[Number, ...]:
+        """Numbers, as many as wanted."""
+        found = self.value(name)
+        if not isinstance(found, tuple) or (count is not None and len(found) != count):
+            raise InputError(f"{self.where}: {name} should be {count or 'some'} numbers")
+        return found
+
+    def number(self, name: str) -> Number:
+        """One number."""
+        return self.numbers(name, 1)[0]
+
+    def integer(self, name: str, default: int | None = None) -> int:
+        """One whole number."""
+        if default is not None and not self.has(name):
+            return default
+        found = self.number(name)
+        if found != int(found):
+            raise InputError(f"{self.where}: {name} should be a whole number, not {found}")
+        return int(found)
+
+    def list(self, name: str) -> list[Tree]:
+        """A list; empty where the tag is."""
+        found = self.value(name)
+        if found in ({}, ()):
+            return []
+        if not isinstance(found, list):
+            raise InputError(f"{self.where}: {name} should be a list")
+        return found
+
+    def fields(self, name: str) -> Reader:
+        """The fields of a mapping within."""
+        return Reader(self.value(name), f"{self.where}: {name}")
+
+    def mapping(self, name: str) -> dict[str, Tree]:
+        """A mapping as it is; empty where the tag is."""
+        found = self.value(name)
+        if found in ([], ()):
+            return {}
+        if not isinstance(found, dict):
+            raise InputError(f"{self.where}: {name} should hold fields")
+        return found
+
+
+def pairs(values: list[Tree], where: str) -> list[tuple[Tree, Tree]]:
+    """Keys and values of a map, which both spellings write as a list of pairs."""
+    found = []
+    for value in values:
+        if not (isinstance(value, dict) and {"K", "V"} <= value.keys()):
+            raise InputError(f"{where}: a pair needs K and V")
+        found.append((value["K"], value["V"]))
+    return found
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"{path}: is larger than {LARGEST >> 20} MiB; this is not a file of a project")
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if not data.strip():
+        raise InputError(f"{path}: the file is empty")
+    return data
+
+
+def _envelope(path: Path, whole: Tree) -> dict[str, Tree]:
+    if not isinstance(whole, dict) or whole.get("Type") != KIND or not isinstance(whole.get("Data"), dict):
+        raise InputError(f"{path}: is not a file of MMVII (no Type {KIND!r} with Data)")
+    data = whole["Data"]
+    assert isinstance(data, dict)
+    return data
+
+
+def _from_xml(path: Path, data: bytes) -> Tree:
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import fromstring
+
+    # MMVII of 2023 writes the name ISO8859-1, which expat does not know, for ISO-8859-1
+    try:
+        root = fromstring(data.replace(b'encoding="ISO8859-1"', b'encoding="ISO-8859-1"', 1))
+    except DefusedXmlException as error:
+        raise InputError(f"{path}: refused: XML with entities or external references ({error})") from None
+    except (ParseError, ValueError, LookupError) as error:
+        raise InputError(f"{path}: the XML is broken: {error}") from None
+    return _element(root, str(path), 0)
+
+
+def _element(node: Element, where: str, depth: int) -> Tree:
+    if depth > DEEPEST:
+        raise InputError(f"{where}: is nested deeper than {DEEPEST} levels")
+    children = list(node)
+    if not children:
+        return _leaf(node.text or "", f"{where}: {node.tag}")
+    if all(child.tag in ("el", _PAIR) for child in children):
+        return [_element(child, where, depth + 1) for child in children]
+    found: dict[str, Tree] = {}
+    for child in children:
+        if child.tag in found:
+            raise InputError(f"{where}: {child.tag} stands twice in {node.tag}")
+        found[child.tag] = _element(child, where, depth + 1)
+    return found
+
+
+def _leaf(text: str, where: str) -> Tree:
+    """A quoted text, numbers, or nothing."""
+    bare = text.strip()
+    if not bare:
+        return []
+    if bare[0] == '"':
+        if len(bare) < 2 or bare[-1] != '"':
+            raise InputError(f"{where}: the quotes of {bare[:40]!r} are not closed")
+        return bare[1:-1].replace('\\"', '"')
+    return tuple(_number(word, where) for word in bare.split())
+
+
+def _number(word: str, where: str) -> Number:
+    lowered = word.lower()
+    if lowered in ("true", "false"):
+        return int(lowered == "true")
+    try:
+        value: Number = int(word) if word.lstrip("+-").isdecimal() else float(word)
+    except ValueError:
+        raise InputError(f"{where}: {word[:40]!r} is not a number (texts stand in quotes)") from None
+    if value != value or value in (float("inf"), float("-inf")):
+        raise InputError(f"{where}: {word[:40]!r} is not a finite number")
+    return value
+
+
+def _from_json(path: Path, data: bytes) -> Tree:
+    try:
+        whole = json.loads(data.decode("utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: the JSON is broken: {error}") from None
+    return _plain(whole, str(path), 0)
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a finite number")
+
+
+def _plain(value: Any, where: str, depth: int) -> Tree:
+    if depth > DEEPEST:
+        raise InputError(f"{where}: is nested deeper than {DEEPEST} levels")
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | int | float):
+        return (int(value) if isinstance(value, bool) else value,)
+    if isinstance(value, list):
+        if value and all(isinstance(part, int | float) for part in value):
+            return tuple(value)
+        return [_plain(part, where, depth + 1) for part in value]
+    if isinstance(value, dict):
+        items = {key: part for key, part in value.items() if not _COMMENT.fullmatch(key)}
+        return {key: _plain(part, where, depth + 1) for key, part in items.items()}
+    raise InputError(f"{where}: a null has no meaning here")
+
+
+def _xml(name: str, value: Tree, level: int) -> str:
+    margin = INDENT * level
+    if isinstance(value, str):
+        quoted = value.replace('"', '\\"')
+        return f'{margin}<{name}>"{_escaped(quoted)}"</{name}>\n'
+    if isinstance(value, tuple):
+        return f"{margin}<{name}>{' '.join(map(repr, value))}</{name}>\n"
+    if not value:
+        return f"{margin}<{name}></{name}>\n"
+    if isinstance(value, list):
+        inner = "".join(_xml(_PAIR if _is_pair(part) else "el", part, level + 1) for part in value)
+    else:
+        inner = "".join(_xml(key, part, level + 1) for key, part in value.items())
+    return f"{margin}<{name}>\n{inner}{margin}</{name}>\n"
+
+
+def _is_pair(value: Tree) -> bool:
+    return isinstance(value, dict) and list(value) == ["K", "V"]
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def _jsonable(value: Tree) -> Any:
+    if isinstance(value, tuple):
+        return value[0] if len(value) == 1 else list(value)
+    if isinstance(value, list):
+        return [_jsonable(part) for part in value]
+    if isinstance(value, dict):
+        return {key: _jsonable(part) for key, part in value.items()}
+    return value
