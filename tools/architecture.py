@@ -27,7 +27,8 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "leastsquares": ("kernels", "geometry"),
     "survey": ("leastsquares", "kernels", "geometry", "crs"),
     "images": ("leastsquares", "kernels", "geometry", "crs", "survey"),
-    "cli": ("report", "survey", "images", "leastsquares", "kernels", "crs", "codegen"),
+    "project": ("images", "geometry"),
+    "cli": ("report", "survey", "images", "project", "leastsquares", "kernels", "crs", "codegen"),
 }
 """Each room and what it may import, type-only imports included. Codegen and the generated modules take the
 layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for."""
