@@ -5,7 +5,7 @@ from typing import Any
 
 import sympy
 
-from obseq.codegen.reading import Reading, Term
+from obseq.codegen.whole_blocks import Reading, Term
 from obseq.formulas import functions
 
 SHARED = 3

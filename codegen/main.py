@@ -9,10 +9,21 @@ from pathlib import Path
 from obseq.codegen import ondemand
 from obseq.codegen.c99 import write_headers
 from obseq.codegen.documentation import FOLDER, render_pages
-from obseq.codegen.files import Change, apply, changes, render_all, render_modules
-from obseq.codegen.modules import Module
+from obseq.codegen.files import (
+    Change,
+    apply,
+    changes,
+    families,
+    file_of,
+    package_list,
+    render_all,
+    render_modules,
+)
+from obseq.codegen.modules import REPORT, Module, recorded_operations
+from obseq.codegen.pipeline import shown
 from obseq.errors import FormulaError, ObseqError
-from obseq.formulas import REGISTRY, Formula, families
+from obseq.formulas import REGISTRY, Formula
+from obseq.formulas.families import formula as formula_named
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,9 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.list:
             print("\n".join(sorted(formula.name for formula in formulas)))
             return 0
+        if options.stages:
+            print("\n\n".join("\n".join(shown(formula)) for formula in formulas))
+            return 0
         if options.c99:
             return _write_c99(formulas, options.c99)
-        return _run(formulas, generated_folder(), options.check, partial=bool(options.names))
+        return _run(formulas, generated_folder(), options)
     except ObseqError as error:
         print(f"gencode: {error}", file=sys.stderr)
         return 2
@@ -37,7 +51,7 @@ def select(names: Sequence[str]) -> list[Formula]:
     Raises:
         FormulaError: A name means nothing; the message gives the nearest ones.
     """
-    return [families.formula(name) for name in names] if names else list(REGISTRY)
+    return [formula_named(name) for name in names] if names else list(REGISTRY)
 
 
 def generated_folder() -> Path:
@@ -48,37 +62,40 @@ def generated_folder() -> Path:
     return Path(next(iter(spec.submodule_search_locations)))
 
 
-def documentation_folder(generated: Path) -> Path | None:
-    """The folder of the pages on formulas beside the generated folder of a checkout; None elsewhere."""
+def checkout(generated: Path) -> Path | None:
+    """The root of the project whose generated folder that is; None in an installed package."""
     root = generated.resolve().parent
-    return root / FOLDER if (root / "pyproject.toml").is_file() else None
+    return root if (root / "pyproject.toml").is_file() else None
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="gencode", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas to write (default: all of them)")
     parser.add_argument("--check", action="store_true", help="write nothing; show what is stale and return 1")
+    parser.add_argument(
+        "--accept-more", action="store_true", help="write kernels that do more operations than REPORT.md records"
+    )
     parser.add_argument("--list", action="store_true", help="list the names of the formulas")
+    parser.add_argument(
+        "--stages", action="store_true", help="only show what each stage of the generator makes of them"
+    )
     parser.add_argument(
         "--c99", type=Path, metavar="DIR", help="only write a C99 header of each in this folder"
     )
     return parser
 
 
-def _run(formulas: list[Formula], folder: Path, check: bool, partial: bool) -> int:
+def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> int:
     registered = {formula.name for formula in REGISTRY}
     modules = render_modules(
         [formula for formula in formulas if formula.name in registered],
         _progress if sys.stderr.isatty() else None,
     )
-    found = changes(folder, render_all(modules))
-    if partial:
-        wanted = {f"{name}.py" for name in modules}
-        found = [change for change in found if change.path.name in wanted]
-    else:
-        found += _pages(modules, documentation_folder(folder))
-    if check:
+    found = _due(folder, modules, partial=bool(options.names))
+    if options.check:
         return _show(found)
+    if not options.accept_more and (more := _with_more_operations(folder, modules)):
+        return _refuse(more)
     apply(found)
     for change in found:
         print(f"{'deleted' if change.due is None else 'wrote'} {change.path.name}")
@@ -89,17 +106,52 @@ def _run(formulas: list[Formula], folder: Path, check: bool, partial: bool) -> i
     return 0
 
 
+def _due(folder: Path, modules: dict[str, Module], partial: bool) -> list[Change]:
+    """The files that are not what they should be: of some modules, or of the whole project."""
+    found = changes(folder, render_all(modules))
+    if partial:
+        wanted = {folder / file_of(module) for module in modules.values()}
+        return [change for change in found if change.path in wanted]
+    root = checkout(folder)
+    return found if root is None else [*found, *_packages(root, modules), *_pages(root, modules)]
+
+
+def _with_more_operations(folder: Path, modules: dict[str, Module]) -> list[str]:
+    """A line for each formula whose kernels do more than the report of the folder records."""
+    report = folder / REPORT
+    before = recorded_operations(report.read_text("utf-8")) if report.is_file() else {}
+    after = recorded_operations(render_all(modules)[REPORT])
+    return [
+        f"{name}: {before[name]} -> {counts} operations (value, value and Jacobian)"
+        for name, counts in after.items()
+        if name in before and any(now > then for now, then in zip(counts, before[name], strict=True))
+    ]
+
+
+def _refuse(more: list[str]) -> int:
+    print("\n".join(more))
+    print("gencode: these kernels would do more; nothing written (--accept-more writes them)", file=sys.stderr)
+    return 1
+
+
 def _write_c99(formulas: list[Formula], folder: Path) -> int:
     written = write_headers(formulas, folder)
     print(f"wrote {len(written)} C99 headers in {folder}")
     return 0
 
 
-def _pages(modules: dict[str, Module], folder: Path | None) -> list[Change]:
-    """The pages of the documentation that are not what they should be, in a checkout."""
-    if folder is None:
-        return []
-    return changes(folder, render_pages((module.formula, module.residuals) for module in modules.values()))
+def _packages(root: Path, modules: dict[str, Module]) -> list[Change]:
+    """The list of packages of the project, when it lacks a folder of modules."""
+    path = root / "pyproject.toml"
+    present = path.read_text("utf-8")
+    due = package_list(present, families(modules))
+    return [Change(path, present, due)] if due != present else []
+
+
+def _pages(root: Path, modules: dict[str, Module]) -> list[Change]:
+    """The pages of the documentation that are not what they should be."""
+    pages = render_pages((module.formula, module.residuals) for module in modules.values())
+    return changes(root / FOLDER, pages)
 
 
 def _show(found: list[Change]) -> int:

@@ -1,24 +1,15 @@
 """Texts of the files that gencode writes: one module per formula, the index, the report."""
 
-import ast
 import hashlib
 import inspect
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from obseq.codegen.compiler import (
-    Derived,
-    KernelText,
-    derive,
-    directional_kernel,
-    jacobian_kernel,
-    operation_counts,
-    residual_names,
-    value_kernel,
-)
+from obseq.codegen.compiler import Derived
+from obseq.codegen.dependencies import functions_hash
 from obseq.codegen.documentation import equation_text, inputs
+from obseq.codegen.kernel_text import Printed
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
@@ -26,6 +17,9 @@ from obseq.formulas.base import Formula
 WIDTH = 110
 FROM_MATH = frozenset({"sqrt"})
 PENDING = "pending"
+REPORT = "REPORT.md"
+COUNTS = re.compile(r"^\| `(\w+)` \|(?: \d+ \|){3} (\d+) \| (\d+) \|", re.MULTILINE)
+"""Name and operations of a line of the report."""
 
 ORIGINAL_OPERATIONS = {
     "Dist3D": 26,
@@ -43,6 +37,7 @@ class Module:
     Attributes:
         formula: The formula.
         residuals: Names of its residuals.
+        family: Name of the folder where it is, that of the module of the formula.
         module: Name of the module.
         text: Its text.
         report: Its line of the report.
@@ -50,9 +45,13 @@ class Module:
 
     formula: Formula
     residuals: tuple[str, ...]
+    family: str
     module: str
     text: str
     report: dict[str, object]
+
+    def __str__(self) -> str:
+        return f"{self.family}/{self.module}.py, {len(self.text)} characters"
 
 
 def module_name(formula_name: str) -> str:
@@ -61,26 +60,14 @@ def module_name(formula_name: str) -> str:
     return re.sub("_+", "_", spaced).lower()
 
 
-def render_module(formula: Formula) -> Module:
-    """The module of one formula.
-
-    Raises:
-        FormulaError: The formula cannot be generated.
-    """
-    try:
-        return _rendered(derive(formula))
-    except RecursionError:
-        raise FormulaError(
-            f"{formula.name}: its expressions are nested too deeply to be generated; take lower degrees"
-        ) from None
-
-
-def _rendered(derived: Derived) -> Module:
-    formula = derived.formula
-    kernels = [value_kernel(derived), jacobian_kernel(derived), directional_kernel(derived)]
-    pending = template("module.py.jinja").render(_context(derived, kernels))
+def render(printed: Printed) -> Module:
+    """Writes the module: its names, its equation, its kernels, and the hashes of all three."""
+    derived = printed.derived
+    formula, residuals = derived.formula, derived.residual_names
+    pending = template("module.py.jinja").render(_context(printed))
     text = pending.replace(f"text sha256:{PENDING}", f"text sha256:{text_hash(pending)}", 1)
-    return Module(formula, residual_names(derived), module_name(formula.name), text, _report(derived))
+    family = type(formula).__module__.rpartition(".")[2]
+    return Module(formula, residuals, family, module_name(formula.name), text, _report(derived))
 
 
 def render_index(modules: Iterable[tuple[str, str]]) -> str:
@@ -88,9 +75,19 @@ def render_index(modules: Iterable[tuple[str, str]]) -> str:
     return template("index.py.jinja").render(modules=sorted(modules))
 
 
+def render_family(family: str) -> str:
+    """The package of the modules of a family."""
+    return template("family.py.jinja").render(family=family)
+
+
 def render_report(rows: Iterable[dict[str, object]]) -> str:
     """The report of operations, one line per formula."""
     return template("report.md.jinja").render(rows=sorted(rows, key=lambda row: str(row["name"])))
+
+
+def recorded_operations(report: str) -> dict[str, tuple[int, int]]:
+    """Operations by formula, of value and of value and Jacobian, that a report records."""
+    return {name: (int(value), int(both)) for name, value, both in COUNTS.findall(report)}
 
 
 def text_hash(text: str) -> str:
@@ -99,52 +96,30 @@ def text_hash(text: str) -> str:
     return hashlib.sha256(blank.encode()).hexdigest()[:16]
 
 
-def functions_hash() -> str:
-    """Hash of the code that kernels call or rely on, without its comments and docstrings."""
-    import obseq.kernels.layout as layout
-
-    home = Path(inspect.getfile(layout)).parent
-    content = [_code_only((home / name).read_text("utf-8")) for name in ("functions.py", "layout.py")]
-    return hashlib.sha256("\n".join(content).encode()).hexdigest()[:16]
-
-
-def _code_only(source: str) -> str:
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [s for s in body if not _is_docstring(s)] or [ast.Pass()]  # type: ignore[attr-defined]
-    return ast.unparse(tree)
-
-
-def _is_docstring(statement: ast.stmt) -> bool:
-    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-
-
-def _context(derived: Derived, kernels: list[KernelText]) -> dict[str, object]:
+def _context(printed: Printed) -> dict[str, object]:
+    derived, called = printed.derived, sorted(printed.functions)
     formula = derived.formula
-    called = sorted(set().union(*(kernel.functions for kernel in kernels)))
     return {
         "origin": f"{type(formula).__module__}.{type(formula).__qualname__}",
         "formula_hash": derived.digest,
         "text_hash": PENDING,
-        "functions_hash": functions_hash(),
+        "functions_hash": functions_hash(called),
         "doc": _documentation(formula),
         "mathematics": [name for name in called if name in FROM_MATH],
         "functions": [name for name in called if name not in FROM_MATH],
         "name": formula.name,
         "unknowns": _tuple([_quoted(name) for name in formula.unknowns]),
         "observations": _tuple([_quoted(name) for name in formula.observations]),
-        "residuals": _tuple([_quoted(name) for name in residual_names(derived)]),
+        "residuals": _tuple([_quoted(name) for name in derived.residual_names]),
         "blocks": _tuple(_blocks(formula), one_per_line=True),
         "measured": _tuple([str(formula.observations.index(name)) for name in formula.measured]),
         "inputs": _tuple(_inputs(formula), one_per_line=True),
-        "equation": equation_text(formula, residual_names(derived)),
+        "equation": equation_text(formula, derived.residual_names),
         "source": formula.source,
         "typical": _typical(formula),
         "constants": _tuple([f"({i}, {j}, {value!r})" for i, j, value in derived.constant_entries()]),
-        "operations": _tuple([str(count) for count in operation_counts(derived)]),
-        "kernels": kernels,
+        "operations": _tuple([str(count) for count in derived.counts]),
+        "kernels": printed.kernels,
     }
 
 
@@ -205,7 +180,7 @@ def _tuple(items: Sequence[str], one_per_line: bool = False) -> str:
 
 def _report(derived: Derived) -> dict[str, object]:
     formula = derived.formula
-    value_operations, all_operations = operation_counts(derived)
+    value_operations, all_operations = derived.counts
     entries = [derived.graph.constant_value(node) for row in derived.jacobian for node in row]
     return {
         "name": formula.name,

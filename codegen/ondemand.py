@@ -5,7 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 from obseq.codegen.files import write_atomically
-from obseq.codegen.modules import render_module
+from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
@@ -13,18 +13,18 @@ from obseq.kernels.ondemand import folder
 
 
 def compile_formula(formula: Formula) -> Kernel:
-    """The kernel of a formula, in memory: no file is written, and nothing is kept for the next process.
+    """The kernel of a formula, in memory: no module is written.
 
     It serves wherever a formula's name does: `obseq.Calculator(kernel)`, `LeastSquares.add(kernel, ...)`.
 
     Raises:
         FormulaError: The formula cannot be generated.
     """
-    rendered = render_module(formula)
-    module = ModuleType(rendered.module)
+    made = generate(formula, on_demand=True)
+    module = ModuleType(made.module)
     place = f"<generated {formula.name}>"
-    linecache.cache[place] = (len(rendered.text), None, rendered.text.splitlines(keepends=True), place)
-    exec(compile(rendered.text, place, "exec"), module.__dict__)  # the one place that executes text
+    linecache.cache[place] = (len(made.text), None, made.text.splitlines(keepends=True), place)
+    exec(compile(made.text, place, "exec"), module.__dict__)  # the one place that executes text
     return describe(module)
 
 
@@ -49,6 +49,6 @@ def keep(formula: Formula) -> Path:
 
 
 def _write(formula: Formula, path: Path) -> None:
-    text = render_module(formula).text
+    text = generate(formula, on_demand=True).text
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, text)

@@ -80,20 +80,20 @@ class Printer:
         self._taken |= self.dialect.reserved
         self._inputs = {name: self._free_name(name) for name in self.places}
 
-    def loop(self, stores: list[Store], parked: Mapping[int, str] = NOTHING) -> list[str]:
+    def loop(self, stores: list[Store], spilled: Mapping[int, str] = NOTHING) -> list[str]:
         """The lines of a loop's body: loads of what it needs, operations, stores.
 
         Args:
             stores: The outputs.
-            parked: Nodes that an earlier loop computed, and the places where it left them.
+            spilled: Nodes that an earlier loop computed, and the places where it left them.
         """
         outputs = [store.node for store in stores]
-        nodes = self._needed(outputs, parked)
-        computed = [node for node in nodes if node not in parked]
+        nodes = self._needed(outputs, spilled)
+        computed = [node for node in nodes if node not in spilled]
         self._lines, self._text = [], {}
         self._uses = Counter(operand for node in computed for operand in self.graph.nodes[node].operands)
         self._uses.update(outputs)
-        self._load(nodes, parked)
+        self._load(nodes, spilled)
         comment = ""
         for store in stores:
             if store.comment != comment:
@@ -102,24 +102,24 @@ class Printer:
             self._lines.append(self.dialect.store.format(store.place, self._expression(store.node)[0]))
         return self._lines
 
-    def _needed(self, outputs: list[int], parked: Mapping[int, str]) -> list[int]:
+    def _needed(self, outputs: list[int], spilled: Mapping[int, str]) -> list[int]:
         seen: set[int] = set()
         pending = list(outputs)
         while pending:
             node = pending.pop()
             if node not in seen:
                 seen.add(node)
-                pending.extend(() if node in parked else self.graph.nodes[node].operands)
+                pending.extend(() if node in spilled else self.graph.nodes[node].operands)
         return sorted(seen)
 
-    def _load(self, nodes: list[int], parked: Mapping[int, str]) -> None:
-        """One line per input used, in the order of the places, then one per parked value."""
+    def _load(self, nodes: list[int], spilled: Mapping[int, str]) -> None:
+        """One line per input used, in the order of the places, then one per spilled value."""
         inputs = {str(self.graph.nodes[n].value): n for n in nodes if self.graph.nodes[n].operator == INPUT}
         for name, place in self.places.items():
             if name in inputs:
                 self._text[inputs[name]] = self._inputs[name]
                 self._lines.append(self.dialect.definition.format(self._inputs[name], place))
-        for node, place in parked.items():
+        for node, place in spilled.items():
             if node in nodes:
                 self._define(node, place)
 

@@ -1,13 +1,12 @@
 """From the sympy expressions of a formula to its expression graph."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import sympy
 
 from obseq.codegen.graph import Graph
 from obseq.errors import FormulaError
 from obseq.formulas import functions
-from obseq.formulas.base import Formula
 
 FUNCTIONS: dict[type[sympy.Basic], str] = {
     functions.Sqrt: "sqrt",
@@ -30,14 +29,18 @@ FUNCTIONS: dict[type[sympy.Basic], str] = {
 """What a sympy function becomes in the graph; anything else is refused."""
 
 
-def translate(formula: Formula) -> tuple[Graph, list[int]]:
-    """The graph of a formula and the node of each of its residuals.
+def graph_of(formula: str, expressions: Sequence[sympy.Expr]) -> tuple[Graph, list[int]]:
+    """The graph of some expressions and the node of each.
+
+    Args:
+        formula: Name of the formula, for messages.
+        expressions: Sympy expressions of its scalars.
 
     Raises:
         FormulaError: An expression has no counterpart in the kernels.
     """
-    translator = _Translator(formula.name, Graph(), {})
-    return translator.graph, [translator.visit(expression) for expression in formula.expressions()]
+    translator = _Translator(formula, Graph(), {})
+    return translator.graph, [translator.visit(expression) for expression in expressions]
 
 
 class _Translator:

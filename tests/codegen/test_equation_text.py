@@ -9,8 +9,8 @@ import pytest
 
 from obseq.codegen.compiler import derive, residual_names
 from obseq.codegen.documentation import equation_latex, equation_text
-from obseq.codegen.reading import Reading, read
-from obseq.codegen.writing import Equation, Text, equations
+from obseq.codegen.whole_blocks import Reading, read
+from obseq.codegen.equation_text import Equation, Text, equations
 from obseq.formulas import REGISTRY, Formula, functions
 from obseq.formulas.rigid_blocks import BlocRigid
 from obseq.formulas.topography import TopoHz

@@ -2,7 +2,7 @@
 
 A processor looks a few hundred operations ahead. In a long loop it does not see the next lanes while it waits
 for the divisions, roots and sines of these ones; a first loop of those alone keeps it busy. The values that
-the second loop needs are parked in the rows of results that are not written yet.
+the second loop needs are spilled in the rows of results that are not written yet.
 """
 
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from obseq.codegen.graph import CONSTANT, INPUT, Graph
 from obseq.codegen.operators import OPERATORS
 
-MOST_PARKED = 8
-"""Values parked, beyond which loading and storing them costs more than the cut gains."""
+MOST_SPILLED = 8
+"""Values spilled, beyond which loading and storing them costs more than the cut gains."""
 
 LEAST_FIRST = 10
 """Operations of the first loop, below which there is nothing to wait for."""
@@ -23,7 +23,7 @@ LEAST_RATIO = 2.5
 """Operations of the second loop for one of the first, below which the cut gains nothing."""
 
 
-def parked(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
+def spilled(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
     """The nodes that a first loop should compute, and the rows where it leaves them; empty for one loop.
 
     Args:
@@ -37,7 +37,7 @@ def parked(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
     live = {operand for n in rest for operand in graph.nodes[n].operands if operand in first}
     live.update(n for n, _ in outputs if n in first)
     worth = len(first) >= LEAST_FIRST and len(rest) >= max(LEAST_REST, LEAST_RATIO * len(first))
-    if not worth or len(live) > min(MOST_PARKED, len(outputs)):
+    if not worth or len(live) > min(MOST_SPILLED, len(outputs)):
         return {}
     return _rows(sorted(live), outputs)
 

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from obseq.codegen.expressions import factors_of, repeated, signed_terms
-from obseq.codegen.reading import Reading, Term, common_name, read
+from obseq.codegen.whole_blocks import Reading, Term, common_name, read
 from obseq.formulas import functions
 from obseq.formulas.base import Formula
 
