@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from obseq.codegen.c99_functions import HELPERS, WORDS
-from obseq.codegen.compiler import Derived, derive, residual_names
-from obseq.codegen.files import write_atomically
+from obseq.codegen.compiler import Derived, derive
 from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS
 from obseq.codegen.printing import Dialect, Printer, Store
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
+from obseq.writing import write_all
 
 WIDTH = 100
 
@@ -56,19 +56,15 @@ def write_headers(formulas: Iterable[Formula], folder: Path) -> list[Path]:
     """Writes a header for each formula in a folder, which is created; gives the files.
 
     Raises:
-        FormulaError: A formula has no C text, or the folder cannot be written.
+        FormulaError: A formula has no C text.
+        InputError: The folder cannot be written.
     """
-    written = []
+    texts = {}
     for formula in formulas:
         identifier = module_name(formula.name)
-        text = header(derive(formula), identifier)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            write_atomically(folder / f"{identifier}.h", text)
-        except OSError as error:
-            raise FormulaError(f"{folder}: the C99 headers cannot be written: {error.strerror}") from error
-        written.append(folder / f"{identifier}.h")
-    return written
+        texts[folder / f"{identifier}.h"] = header(derive(formula), identifier)
+    write_all(texts)
+    return list(texts)
 
 
 def header(derived: Derived, identifier: str) -> str:
@@ -79,7 +75,7 @@ def header(derived: Derived, identifier: str) -> str:
         identifier: The formula's name as a C identifier, in lower case.
     """
     formula = derived.formula
-    names = residual_names(derived)
+    names = derived.residual_names
     inputs = {name: f"unknowns[{k}]" for k, name in enumerate(formula.unknowns)}
     inputs |= {name: f"observations[{k}]" for k, name in enumerate(formula.observations)}
     residuals = [(node, f"residuals[{k}]", "") for k, node in enumerate(derived.residuals)]

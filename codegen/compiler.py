@@ -10,6 +10,7 @@ from obseq.codegen.differentiate import Jacobian, jacobians
 from obseq.codegen.graph import Graph
 from obseq.codegen.products import share_products
 from obseq.codegen.signs import share_signs
+from obseq.codegen.terms import collect_terms
 from obseq.codegen.translate import graph_of
 from obseq.formulas.base import Formula
 
@@ -29,8 +30,8 @@ class Declared:
     expressions: tuple[sympy.Expr, ...]
 
     def __str__(self) -> str:
-        f = self.formula
-        return f"{len(f.unknowns)} unknowns, {len(f.observations)} observations, {len(self.expressions)} residuals"
+        inputs = f"{len(self.formula.unknowns)} unknowns, {len(self.formula.observations)} observations"
+        return f"{inputs}, {len(self.expressions)} residuals"
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,8 @@ class Differentiated:
     orders: list[Derived]
 
     def __str__(self) -> str:
-        return f"in {len(self.orders)} orders: {', '.join(str(order.counts[1]) for order in self.orders)} operations"
+        counts = ", ".join(str(order.counts[1]) for order in self.orders)
+        return f"{counts} operations with the Jacobian, by order"
 
 
 def declare(formula: Formula) -> Declared:
@@ -156,8 +158,10 @@ def simplify(differentiated: Differentiated) -> Derived:
     outputs = [*derived.residuals, *(node for row in rows for node in row)]
     most = operations(graph, derived.residuals)
     variants = [outputs, *share_products(graph, outputs)]
+    variants += [collect_terms(graph, variant) for variant in variants]
     fitting = [variant for variant in variants if operations(graph, variant[:count]) <= most]
-    cheapest = iter(min(fitting, key=lambda variant: operations(graph, variant)))
+    best = min(fitting, key=lambda variant: operations(graph, variant))
+    cheapest = iter(best)
     residuals = [next(cheapest) for _ in range(count)]
     jacobian = [[next(cheapest) for _ in row] for row in rows]
     return Derived(derived.formula, graph, residuals, jacobian, derived.digest)

@@ -13,7 +13,7 @@ SIZES = ("LANES", "STRIDE")
 
 
 def functions_hash(called: Iterable[str]) -> str:
-    """Hash of the code of some kernel functions and of all that it refers to, without comments and docstrings."""
+    """Hash of the code of some kernel functions and of all that it refers to, whatever the words in it."""
     content = code_of(_source(FUNCTIONS), called) + "\n" + code_of(_source(LAYOUT), SIZES)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
@@ -50,9 +50,8 @@ def _defined(statement: ast.stmt) -> list[str]:
         return [statement.name]
     if isinstance(statement, ast.Import | ast.ImportFrom):
         return [alias.asname or alias.name for alias in statement.names]
-    return [
-        node.id for node in ast.walk(statement) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    ]
+    nodes = [node for node in ast.walk(statement) if isinstance(node, ast.Name)]
+    return [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
 
 
 def _used(statement: ast.stmt) -> set[str]:

@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from obseq.codegen.templating import template
 from obseq.codegen.equation_text import Equation, Latex, Text, equations
+from obseq.codegen.templating import template
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Atom
 from obseq.formulas.naming import OneOf

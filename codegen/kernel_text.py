@@ -55,9 +55,8 @@ class Printed:
         return set().union(*(kernel.functions for kernel in self.kernels))
 
     def __str__(self) -> str:
-        return ", ".join(
-            f"{kernel.name}: {' + '.join(str(len(loop)) for loop in kernel.loops)} lines" for kernel in self.kernels
-        )
+        lengths = (" + ".join(str(len(loop)) for loop in kernel.loops) for kernel in self.kernels)
+        return ", ".join(f"{k.name}: {n} lines" for k, n in zip(self.kernels, lengths, strict=True))
 
 
 class Output(NamedTuple):

@@ -73,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas to write (default: all of them)")
     parser.add_argument("--check", action="store_true", help="write nothing; show what is stale and return 1")
     parser.add_argument(
-        "--accept-more", action="store_true", help="write kernels that do more operations than REPORT.md records"
+        "--accept-more", action="store_true", help="write kernels that do more than REPORT.md records"
     )
     parser.add_argument("--list", action="store_true", help="list the names of the formulas")
     parser.add_argument(
@@ -98,7 +98,8 @@ def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> 
         return _refuse(more)
     apply(found)
     for change in found:
-        print(f"{'deleted' if change.due is None else 'wrote'} {change.path.name}")
+        place = change.path.resolve().relative_to(folder.resolve().parent)
+        print(f"{'deleted' if change.due is None else 'wrote'} {place}")
     for formula in formulas:
         if formula.name not in registered:
             print(f"wrote {ondemand.keep(formula)}")
@@ -130,7 +131,7 @@ def _with_more_operations(folder: Path, modules: dict[str, Module]) -> list[str]
 
 def _refuse(more: list[str]) -> int:
     print("\n".join(more))
-    print("gencode: these kernels would do more; nothing written (--accept-more writes them)", file=sys.stderr)
+    print("gencode: kernels that do more are not written; --accept-more writes them", file=sys.stderr)
     return 1
 
 

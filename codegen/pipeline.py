@@ -16,8 +16,18 @@ import inspect
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from obseq.codegen.compiler import declare, derive, differentiate, simplify, translate
-from obseq.codegen.kernel_text import print_all_kernels, print_kernels
+from obseq.codegen.compiler import (
+    Declared,
+    Derived,
+    Differentiated,
+    Translated,
+    declare,
+    derive,
+    differentiate,
+    simplify,
+    translate,
+)
+from obseq.codegen.kernel_text import Printed, print_all_kernels, print_kernels
 from obseq.codegen.modules import Module, render
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
@@ -27,18 +37,18 @@ class Stage(NamedTuple):
     """A stage: what runs, what it takes, what it gives."""
 
     run: Callable[[Any], Any]
-    takes: str
-    gives: str
-
-    @classmethod
-    def of(cls, function: Callable[[Any], Any]) -> "Stage":
-        """The stage that a function of one argument is, by its annotations."""
-        signature = inspect.signature(function)
-        (argument,) = signature.parameters.values()
-        return cls(function, argument.annotation.__name__, signature.return_annotation.__name__)
+    takes: type
+    gives: type
 
 
-STAGES = tuple(map(Stage.of, (declare, translate, differentiate, simplify, print_kernels, render)))
+STAGES = (
+    Stage(declare, Formula, Declared),
+    Stage(translate, Declared, Translated),
+    Stage(differentiate, Translated, Differentiated),
+    Stage(simplify, Differentiated, Derived),
+    Stage(print_kernels, Derived, Printed),
+    Stage(render, Printed, Module),
+)
 
 
 def outcomes(formula: Formula) -> Iterator[tuple[Stage, Any]]:
@@ -76,5 +86,5 @@ def shown(formula: Formula) -> Iterator[str]:
     yield f"{formula.name}"
     for number, (stage, outcome) in enumerate(outcomes(formula), 1):
         summary = (inspect.getdoc(stage.run) or "").partition("\n")[0]
-        yield f"{number}. {stage.run.__name__}: {stage.takes} -> {stage.gives}. {summary}"
+        yield f"{number}. {stage.run.__name__}: {stage.takes.__name__} -> {stage.gives.__name__}. {summary}"
         yield f"   {outcome}"

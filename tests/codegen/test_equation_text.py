@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from obseq.codegen.compiler import derive, residual_names
+from obseq.codegen.compiler import derive
 from obseq.codegen.documentation import equation_latex, equation_text
-from obseq.codegen.whole_blocks import Reading, read
 from obseq.codegen.equation_text import Equation, Text, equations
+from obseq.codegen.whole_blocks import Reading, read
 from obseq.formulas import REGISTRY, Formula, functions
 from obseq.formulas.rigid_blocks import BlocRigid
 from obseq.formulas.topography import TopoHz
@@ -204,6 +204,6 @@ def test_braces_and_parentheses_of_latex_match() -> None:
 
 
 def test_matrices_stay_whole() -> None:
-    names = residual_names(derive(BlocRigid()))
+    names = derive(BlocRigid()).residual_names
     last = equation_text(BlocRigid(), names).splitlines()[-1]
     assert last == "v_2 = R_camera_a^T R_camera_b - R_place_1^T R_place_2"

@@ -5,7 +5,9 @@ import re
 import pytest
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.modules import functions_hash, render_module, text_hash
+from obseq.codegen.dependencies import code_of, functions_hash
+from obseq.codegen.modules import text_hash
+from obseq.codegen.pipeline import generate
 from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number
@@ -17,12 +19,12 @@ HASHES = re.compile(r"formula sha256:(\w+)  text sha256:(\w+)  functions sha256:
 
 @pytest.fixture(scope="module")
 def text() -> str:
-    return render_module(Dist3D()).text
+    return generate(Dist3D()).text
 
 
 def test_the_three_hashes(text: str) -> None:
     (found,) = HASHES.findall(text)
-    assert found == (derive(Dist3D()).digest, text_hash(text), functions_hash())
+    assert found == (derive(Dist3D()).digest, text_hash(text), functions_hash(["sqrt", "keep_loop"]))
 
 
 @pytest.mark.parametrize(
@@ -86,9 +88,49 @@ def test_no_two_formulas_share_a_hash() -> None:
     assert len({derive(formula).digest for formula in sample}) == len(sample)
 
 
-def test_the_functions_hash_ignores_words_and_sees_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    from obseq.codegen.modules import _code_only
+MODULE = '''
+import math
+from elsewhere import wrap, unused
 
-    source = 'def f(x):\n    """Says."""\n    return x + 1.0  # why\n'
-    assert _code_only(source) == _code_only("def f(x):\n    return x + 1.0\n")
-    assert _code_only(source) != _code_only("def f(x):\n    return x + 2.0\n")
+RATE = 2.0
+A, B = 3.0, 4.0
+
+
+@wrap
+def inner(x):
+    """Says."""
+    return A * x  # why
+
+
+def outer(x):
+    return inner(x) + math.pi
+
+
+def other(x):
+    return RATE * x
+'''
+
+
+def test_the_functions_hash_sees_the_code_that_is_called_and_no_other() -> None:
+    of_outer = code_of(MODULE, ["outer", "absent"])
+    for unseen in ("Says.", "why", "RATE", "other"):
+        assert unseen not in of_outer
+    for before, after in [
+        ("A, B = 3.0", "A, B = 3.5"),
+        ("x) + math.pi", "x) - math.pi"),
+        ("return A * x", "return A - x"),
+        ("import wrap", "import cut as wrap"),
+    ]:
+        assert code_of(MODULE.replace(before, after), ["outer"]) != of_outer
+    for before, after in [
+        ("RATE = 2.0", "RATE = 2.5"),
+        ("Says.", "Tells."),
+        ("# why", "# whatever"),
+        ("RATE * x", "0.0"),
+    ]:
+        assert code_of(MODULE.replace(before, after), ["outer"]) == of_outer
+
+
+def test_the_functions_hash_is_that_of_what_a_kernel_calls() -> None:
+    assert functions_hash(["sin"]) == functions_hash(["sin"]) != functions_hash(["sqrt"])
+    assert functions_hash(["sinc_sqrt"]) != functions_hash(["cos_sqrt"])

@@ -3,9 +3,10 @@
 import re
 from typing import Annotated
 
-from obseq.codegen.compiler import derive, jacobian_kernel, value_kernel
+from obseq.codegen.compiler import derive
 from obseq.codegen.graph import Graph
-from obseq.codegen.modules import render_module
+from obseq.codegen.kernel_text import jacobian_kernel, value_kernel
+from obseq.codegen.pipeline import generate
 from obseq.codegen.printing import LONGEST_EXPRESSION, Printer, Store
 from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula
@@ -52,7 +53,7 @@ def value_and_jacobian(tiles, n_tiles):
 
 def test_golden_text() -> None:
     """The one kernel kept here whole, as a reading sample; `gencode --check` compares the others."""
-    text = render_module(FORMULAS["Dist3D"]).text
+    text = generate(FORMULAS["Dist3D"]).text
     start = text.index("def value_and_jacobian")
     assert text[start : start + len(DISTANCE)] == DISTANCE
 

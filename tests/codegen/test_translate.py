@@ -4,7 +4,7 @@ import pytest
 import sympy
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.translate import translate
+from obseq.codegen.translate import graph_of
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number
@@ -36,7 +36,7 @@ def test_an_unknown_function_is_refused_with_the_formula_and_the_expression() ->
 
 
 def test_expressions_are_shared_and_names_survive() -> None:
-    graph, (residual,) = translate(_Shared())
+    graph, (residual,) = graph_of("formula", _Shared().expressions())
     quotients = [node for node in graph.reachable([residual]) if graph.nodes[node].operator == "rcp"]
     assert len(quotients) == 1
     assert list(graph.names.values()) == ["ratio"]

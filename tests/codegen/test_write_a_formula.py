@@ -78,7 +78,7 @@ def test_three_edits_and_gencode_enter_it_in_the_library(tmp_path: Path) -> None
         text.replace("\nREGISTRY", "\nfrom obseq.formulas.curve import FitCube\n\nREGISTRY", 1)
     )
     command = (sys.executable, "-c", "import sys; from obseq.codegen.main import main; sys.exit(main())")
-    assert "wrote fit_cube.py" in run(*command, folder=tmp_path)
+    assert "wrote generated/curve/fit_cube.py" in run(*command, folder=tmp_path)
     run(*command, "--check", folder=tmp_path)
     show = "from obseq.cli.main import main; main(['formulas', 'FitCube'])"
     assert blocks("text")[0] in run(sys.executable, "-c", show, folder=tmp_path)

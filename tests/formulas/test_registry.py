@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.modules import functions_hash, module_name, text_hash
+from obseq.codegen.dependencies import functions_hash
+from obseq.codegen.modules import module_name, text_hash
 from obseq.errors import FormulaError
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives, formula_names
@@ -100,13 +101,19 @@ def test_derivatives_are_those_of_the_values(formula: Formula) -> None:
     assert check.passed, check
 
 
+def called(text: str) -> list[str]:
+    """The kernel functions that a module imports."""
+    (names,) = re.findall(r"^from obseq\.kernels\.functions import (.*)$", text, re.MULTILINE) or [""]
+    return names.split(", ") + re.findall(r"^from math import (.*)$", text, re.MULTILINE)
+
+
 @each_formula
 def test_hashes_are_current(formula: Formula) -> None:
     text = Path(calculator(formula.name).kernel.module.__file__ or "").read_text("utf-8")
     (found,) = re.findall(
         r"^# formula sha256:(\w+)  text sha256:(\w+)  functions sha256:(\w+)$", text, re.MULTILINE
     )
-    assert found == (derive(formula).digest, text_hash(text), functions_hash())
+    assert found == (derive(formula).digest, text_hash(text), functions_hash(called(text)))
 
 
 def test_module_names_are_distinct() -> None:
@@ -125,11 +132,11 @@ def test_every_formula_says_what_it_is(formula: Formula) -> None:
 
 
 def test_names_of_typical_values_are_checked() -> None:
-    from obseq.codegen.modules import render_module
+    from obseq.codegen.pipeline import generate
     from obseq.formulas.plane import Dist2DCons
 
     class Misspelt(Dist2DCons):
         typical = {"p3": (0.0, 1.0)}  # noqa: RUF012
 
     with pytest.raises(FormulaError, match="p3"):
-        render_module(Misspelt())
+        generate(Misspelt())

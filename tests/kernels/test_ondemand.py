@@ -21,6 +21,7 @@ UNKNOWNS, OBSERVATIONS = [2.0, 3.0, 0.5, 0.25], [10.0, 1.0]
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
     loading.load.cache_clear()
+    ondemand._say_once.cache_clear()
     return tmp_path / "cache"
 
 
@@ -59,11 +60,30 @@ def test_a_name_that_means_nothing_is_refused(name: str, cache: Path) -> None:
     assert not list(cache.rglob("*.py"))
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_can_be_written_it_lives_in_memory_and_that_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "file"))
-    with pytest.raises(obseq.FormulaError, match="OBSEQ_CACHE"):
-        obseq.calculator(NAME)
+    for name in (NAME, "RadiomVignetLin_1"):
+        calc = obseq.calculator(name)
+        values = calc.values([[0.0] * len(calc.unknowns)], [OBSERVATIONS])
+        np.testing.assert_allclose(values, [[10.0]], rtol=1e-15)
+    (said,) = [record for record in caplog.records if record.name == "obseq.kernels.ondemand"]
+    assert "cannot be written" in said.getMessage() and "OBSEQ_CACHE" in said.getMessage()
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_derivatives_along_a_direction_of_a_generated_formula(
+    installed: bool, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From a kernel made on demand; without the generator, from the Jacobian."""
+    monkeypatch.setattr(ondemand, "can_build", lambda: installed)
+    calc = obseq.calculator("Dist3D")
+    values, along = calc.directional_derivative([[0, 0, 0, 3, 4, 0]], [[4.5]], [[0, 0, 0, 1, 2, 7]])
+    # The unit vector (3, 4, 0)/5 times the shift (1, 2, 7) of its end: 11/5.
+    assert (values[0, 0], along[0, 0]) == pytest.approx((0.5, 2.2), rel=1e-15)
+    assert bool(list(cache.rglob("Dist3D.py"))) is installed
 
 
 def test_a_generated_formula_is_never_built(cache: Path) -> None:

@@ -31,7 +31,7 @@ from interleaved import Repeat, race, ratio
 from numba import njit
 from numpy.typing import NDArray
 
-from obseq.codegen.compiler import Derived, derive, operation_counts
+from obseq.codegen.compiler import Derived, derive
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import calculator, derivatives
 from obseq.kernels.layout import LANES, STRIDE
@@ -99,7 +99,7 @@ def bench(formula: Formula, against: Sequence[str], n: int, rounds: int, folder:
     u, o = derivatives.draw(ours.kernel, -(-n // LANES) * LANES, np.random.default_rng(1))
     _, jacobian = ours.values_and_jacobian(u, o)
     derived = derive(formula)
-    operations = {"obseq": operation_counts(derived)[1]}
+    operations = {"obseq": derived.counts[1]}
     contenders: dict[str, Repeat] = {"obseq": kernel_contender(ours.kernel, u, o)}
     disagreement = {}
     for name in against:

@@ -82,6 +82,9 @@ class Calculator:
     ) -> tuple[FloatArray, FloatArray]:
         """The residuals and their derivatives along a direction: the Jacobian times a vector, at once.
 
+        The kernel is generated when first asked for; where the generator is not installed, the Jacobian is
+        computed and multiplied.
+
         Args:
             unknowns: (n, n_unknowns) float64.
             observations: (n, n_observations) float64, context of the unknown blocks included.
@@ -97,8 +100,10 @@ class Calculator:
         d = self._array("direction", direction, self.unknowns)
         if len(d) != len(u):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
-        kernel = self.kernel
-        return self._evaluate(kernel.directional_address, kernel.directional_rows, (), u, np.hstack([o, d]))
+        if address := self.kernel.directional_address:
+            return self._evaluate(address, self.kernel.directional_rows, (), u, np.hstack([o, d]))
+        values, jacobian = self.values_and_jacobian(u, o)
+        return values, np.einsum("nij,nj->ni", jacobian, d)
 
     def check_finite(self, values: ArrayLike) -> None:
         """Raises InputError naming the first rows whose values are not finite.

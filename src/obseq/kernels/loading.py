@@ -29,7 +29,6 @@ class Kernel:
         constant_jacobian: (residual, unknown, value) of the entries that kernels do not write.
         value_rows: Rows of a tile of the value kernel.
         rows: Rows of a tile of the kernel with derivatives.
-        directional_rows: Rows of a tile of the kernel with derivatives along a direction.
         module: The generated module.
     """
 
@@ -46,7 +45,6 @@ class Kernel:
     constant_jacobian: tuple[tuple[int, int, float], ...]
     value_rows: int
     rows: int
-    directional_rows: int
     module: ModuleType
 
     @property
@@ -61,6 +59,11 @@ class Kernel:
         return tuple((first + i * len(self.unknowns) + j, value) for i, j, value in self.constant_jacobian)
 
     @property
+    def directional_rows(self) -> int:
+        """Rows of a tile of the kernel with derivatives along a direction."""
+        return self.first_result + len(self.unknowns) + 2 * len(self.residuals)
+
+    @property
     def value_address(self) -> int:
         """Address of the compiled value kernel; compiled or read from numba's cache at the first call."""
         return int(_compiled(self.module, "value").address)
@@ -72,8 +75,12 @@ class Kernel:
 
     @property
     def directional_address(self) -> int:
-        """Address of the compiled kernel of values and derivatives along a direction."""
-        return int(_compiled(self.module, "directional").address)
+        """Address of the compiled kernel of values and derivatives along a direction; 0 where there is none.
+
+        Modules made on demand have it; for a generated formula one is made, where the generator is installed.
+        """
+        module = self.module if hasattr(self.module, "directional") else ondemand.find(self.name)
+        return int(_compiled(module, "directional").address) if module else 0
 
 
 def formula_names() -> tuple[str, ...]:
@@ -124,7 +131,6 @@ def describe(module: ModuleType) -> Kernel:
         constant_jacobian=module.CONSTANT_JACOBIAN,
         value_rows=module.VALUE_ROWS,
         rows=module.ROWS,
-        directional_rows=module.DIRECTIONAL_ROWS,
         module=module,
     )
 

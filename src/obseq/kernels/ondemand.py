@@ -9,6 +9,7 @@ import functools
 import hashlib
 import importlib
 import importlib.util
+import linecache
 import logging
 import os
 import re
@@ -16,7 +17,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from obseq.errors import LONGEST_NAME, FormulaError
+from obseq.errors import LONGEST_NAME, FormulaError, InputError
+from obseq.writing import write_text
 
 LOGGER = logging.getLogger(__name__)
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -27,17 +29,25 @@ PREFIX = "obseq_on_demand_"
 def find(name: str) -> ModuleType | None:
     """The module of a formula that is built on demand; None when the name means nothing, or cannot be read.
 
-    A first use writes the module and logs a warning that says where.
+    A first use writes the module and logs a warning that says where. Where nothing can be written, the module
+    lives in memory, and the warning says that.
 
     Raises:
-        FormulaError: The module is not built yet, and its folder cannot be written.
+        FormulaError: A number in the name is too large or too small for its family.
     """
     if len(name) > LONGEST_NAME or not NAME.fullmatch(name):
         return None
     path = folder() / f"{name}.py"
-    if not path.is_file() and not _build(name, path):
-        return None
-    return _load(name, path)
+    return _load(name, path) if path.is_file() else _build(name, path)
+
+
+def in_memory(name: str, text: str) -> ModuleType:
+    """The module of a text that is in no file."""
+    module = ModuleType(name)
+    place = f"<generated {name}>"
+    linecache.cache[place] = (len(text), None, text.splitlines(keepends=True), place)
+    exec(compile(text, place, "exec"), module.__dict__)  # the one place that executes text
+    return module
 
 
 def can_build() -> bool:
@@ -78,19 +88,24 @@ def _sources() -> list[Path]:
     return files
 
 
-def _build(name: str, path: Path) -> bool:
+def _build(name: str, path: Path) -> ModuleType | None:
     if not can_build():
-        return False
+        return None
+    text: str | None = importlib.import_module("obseq.codegen.ondemand").text_of(name)
+    if text is None:
+        return None
     try:
-        built: bool = importlib.import_module("obseq.codegen.ondemand").write(name, path)
-    except OSError as error:
-        raise FormulaError(
-            f"{name} is not among the generated formulas, and cannot be built in {path.parent}: "
-            f"{error.strerror}. Set OBSEQ_CACHE to a folder that can be written."
-        ) from error
-    if built:
-        LOGGER.warning("%s was not generated: built it in %s, for this time and the next ones", name, path)
-    return built
+        write_text(path, text)
+    except InputError as error:
+        _say_once(str(error))
+        return in_memory(name, text)
+    LOGGER.warning("built %s on demand in %s, for this time and the next ones", name, path)
+    return _load(name, path)
+
+
+@functools.cache
+def _say_once(reason: str) -> None:
+    LOGGER.warning("%s Formulas are built anew in each process; OBSEQ_CACHE may name another folder.", reason)
 
 
 def _load(name: str, path: Path) -> ModuleType:
