@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera
     from obseq.images.rigid import RigidBlock
     from obseq.images.weighting import Weighting
+    from obseq.survey import Network
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""
@@ -98,6 +99,7 @@ class Block:
     sets: list[MeasureSet] = field(default_factory=list)
     approximations: dict[str, FloatArray] = field(default_factory=dict)
     lengths: Lengths = field(default_factory=Lengths)
+    surveys: list[Network] = field(default_factory=list)
     rigid_blocks: list[RigidBlock] = field(default_factory=list)
     pose_observations: list[PoseObservations] = field(default_factory=list)
     rules: list[Rule] = field(default_factory=list)
@@ -106,7 +108,6 @@ class Block:
     fixed_centres: list[re.Pattern[str]] = field(default_factory=list)
     fixed_rotations: list[re.Pattern[str]] = field(default_factory=list)
     viscosity: tuple[float | None, float | None] = (None, None)
-    _pairs: set[tuple[str, str]] = field(default_factory=set)
 
     # What is known
 
@@ -267,6 +268,30 @@ class Block:
         self.lengths = Lengths(
             (*old.first, first), (*old.second, second), (*old.values, length), (*old.sigmas, sigma)
         )
+
+    def add_survey(self, network: Network) -> None:
+        """Adds a survey network: its observations, its known points and its stations.
+
+        Points of one name are one point. The block must be in the computation frame of the network.
+
+        Raises:
+            InputError: a point is known to both, as a control point and with a sigma in the network.
+        """
+        known = np.flatnonzero(~network.points.is_free.all(axis=1))
+        twice = {network.points.names[row] for row in known}
+        twice &= set(self.control.names)
+        if twice:
+            raise InputError(
+                f"point {min(twice)!r} is a control point, and known in the survey network too: its "
+                "coordinates would count twice; leave one of them free"
+            )
+        self.surveys.append(network)
+
+    @property
+    def joined_points(self) -> set[str]:
+        """Names of the points that other observations than image measures join."""
+        names = {name for network in self.surveys for name in network.points.names}
+        return names | {*self.lengths.first, *self.lengths.second}
 
     def add_rigid_block(self, block: RigidBlock) -> None:
         """Adds cameras that are fixed to one another."""

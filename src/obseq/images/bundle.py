@@ -10,6 +10,7 @@ from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
+from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.block import Block
 from obseq.images.names import index_of
 from obseq.leastsquares import LeastSquares
@@ -72,16 +73,19 @@ class BundleAdjustment(Block):
             InputError: something in the block makes the adjustment impossible; it is named.
             SingularSystemError: measures do not determine some unknowns, which are named.
         """
-        start = start_of(self, {*self.lengths.first, *self.lengths.second}, {})
+        start, initial = with_surveys(self.surveys, start_of(self))
         self._check_datum(datum, start)
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
         equations = Equations(self, start, system, eliminate and not keeps_points)
+        shared = dict(zip(start.points, map(int, equations.points), strict=True))
+        surveys = join_surveys(self.surveys, initial, system, shared)
         solving: dict[str, Any] = {
             "max_iterations": max_iterations,
             "tolerance": tolerance,
             "progress": progress,
         }
+        solving["before_iteration"] = follower(surveys)
         wanted = True if covariance and datum != "none" else None
         try:
             if datum in ("control", "none"):
@@ -91,12 +95,12 @@ class BundleAdjustment(Block):
                 result, done = _solve_free(equations, datum, strategy, wanted, solving)
         except SingularSystemError as error:
             raise SingularSystemError(f"{error}\n{HINT}", error.unknowns) from None
-        return BundleSolution(self, start, equations, result, done)
+        return BundleSolution(self, start, equations, result, done, tuple(surveys))
 
     def _check_datum(self, datum: str | Sequence[str], start: Start) -> None:
         if isinstance(datum, str) and datum not in DATUMS:
             raise InputError(f"datum {datum!r} is none of {', '.join(DATUMS)} or a list of point names")
-        if datum != "control":
+        if datum != "control" or self.surveys:
             return
         known = int(np.count_nonzero(start.is_control[:, None] & ~start.is_free))
         for patterns in (self.fixed_centres, self.fixed_rotations):

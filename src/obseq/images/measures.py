@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images.names import index_of, numbered
+from obseq.images.names import are_among, index_of, numbered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -132,9 +132,7 @@ class ImagePoints:
 
     def of_points(self, names: Sequence[str]) -> ImagePoints:
         """The measures of points that are among some names."""
-        wanted = set(names)
-        known = np.array([name in wanted for name in self.point_names], dtype=bool)
-        return self.rows(known[self.point])
+        return self.rows(are_among(self.point_names, names)[self.point])
 
     def joined(self, other: ImagePoints) -> ImagePoints:
         """These measures and others, which name their images and points alike."""

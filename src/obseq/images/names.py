@@ -10,9 +10,9 @@ import numpy as np
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from obseq.arrays import IntArray
+    from obseq.arrays import BoolArray, IntArray
 
 
 def unique_names(names: Sequence[str], what: str) -> tuple[str, ...]:
@@ -49,3 +49,9 @@ def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:
     place: dict[str, int] = {}
     numbers = [place.setdefault(name, len(place)) for name in names]
     return tuple(place), np.array(numbers, dtype=np.int64)
+
+
+def are_among(names: Sequence[str], others: Iterable[str]) -> BoolArray:
+    """(n,) whether each name is among others."""
+    known = set(others)
+    return np.fromiter((name in known for name in names), dtype=bool, count=len(names))

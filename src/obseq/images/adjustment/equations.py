@@ -169,7 +169,7 @@ class Equations:
 
     def _eliminate(self) -> None:
         """Points that only image measures and their own coordinates concern are eliminated."""
-        joined = {*self.block.lengths.first, *self.block.lengths.second}
+        joined = self.block.joined_points
         alone = np.array([name not in joined for name in self.start.points], dtype=bool)
         chosen = self.points[alone & ~self.start.is_held.all(axis=1)]
         if chosen.size:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.start import LeftOut, Start
+    from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
     from obseq.images.camera import Camera
     from obseq.leastsquares import Iteration, LeastSquaresResult
@@ -84,6 +85,7 @@ class BundleSolution:
         equations: its least-squares system.
         result: the solution of the system.
         iterations: all that led to it.
+        surveys: the survey networks that share its points.
     """
 
     block: Block
@@ -91,6 +93,7 @@ class BundleSolution:
     equations: Equations
     result: LeastSquaresResult
     iterations: tuple[Iteration, ...]
+    surveys: tuple[JoinedSurvey, ...] = ()
 
     # The state
 

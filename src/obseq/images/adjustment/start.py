@@ -94,13 +94,10 @@ class Start:
         return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
 
 
-def start_of(block: Block, joined: set[str], extra: dict[str, FloatArray]) -> Start:
+def start_of(block: Block) -> Start:
     """The numbers of a block whose images have poses.
 
-    Args:
-        block: what is adjusted.
-        joined: points that other observations than image measures join, and need fewer rays for it.
-        extra: coordinates of such points that are no control points.
+    Points that survey observations or lengths join need no ray at all; they may be without coordinates here.
 
     Raises:
         InputError: there are no measures; an image has no pose; a control point is behind a camera.
@@ -112,14 +109,17 @@ def start_of(block: Block, joined: set[str], extra: dict[str, FloatArray]) -> St
     poses = block.poses.select(images)
     names, sets = _numbered(block, images)
     control = np.isin(np.array(names, dtype=object), np.array(block.control.names, dtype=object))
-    fixed = control | np.isin(np.array(names, dtype=object), np.array(sorted(joined), dtype=object))
+    fixed = control | np.isin(
+        np.array(names, dtype=object), np.array(sorted(block.joined_points), dtype=object)
+    )
     counts = _rays(sets, len(names))
     reasons: dict[int, str] = {
         int(k): f"it has {counts[k]} ray; a free point takes {LEAST_RAYS}"
         for k in np.flatnonzero(~fixed & (counts < LEAST_RAYS))
     }
-    coordinates = _known_coordinates(block, names, extra)
-    reasons |= _place(coordinates, reasons, poses, cameras, names, sets)
+    coordinates = _known_coordinates(block, names)
+    unplaced = _place(coordinates, reasons, poses, cameras, names, sets)
+    reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
     _require_in_front(poses, cameras, names, sets, coordinates)
     kept = np.array([k not in reasons for k in range(len(names))], dtype=bool)
     number = np.cumsum(kept) - 1
@@ -178,11 +178,13 @@ def _rays(sets: list[NumberedSet], n: int) -> IntArray:
     return counts
 
 
-def _known_coordinates(block: Block, names: list[str], extra: dict[str, FloatArray]) -> FloatArray:
-    """(n, 3) of control points, then approximations; NaN for the others."""
+def _known_coordinates(block: Block, names: list[str]) -> FloatArray:
+    """(n, 3) of control points, of points of a survey, or approximations; NaN for the others."""
     known = dict(zip(block.control.names, block.control.coordinates, strict=True))
+    for network in block.surveys:
+        known = dict(zip(network.points.names, network.points.coordinates, strict=True)) | known
     nothing = np.full(3, np.nan)
-    rows = [known.get(name, block.approximations.get(name, extra.get(name, nothing))) for name in names]
+    rows = [known.get(name, block.approximations.get(name, nothing)) for name in names]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,13 +74,26 @@ class Equations:
         points: Points,
         book: FieldBook,
         initial: InitialValues,
+        system: LeastSquares | None = None,
+        shared: Mapping[str, int] | None = None,
     ) -> None:
+        """Puts the unknowns and equations of a network in a system.
+
+        Args:
+            frame: The computation frame.
+            point_system: Coordinate system of the points.
+            points: Points of the network.
+            book: Observations.
+            initial: Where points and stations start.
+            system: One that holds other equations too; a new one when None.
+            shared: Block of the points that are in that system already, by name.
+        """
         self._frame = frame
         self._plumb = Plumb(frame, points)
         self._book = book
         self._origins = book.stations.origins.astype(np.int64)
-        self.system = LeastSquares()
-        self.points = self.system.add_points(points.names, initial.coordinates)
+        self.system = LeastSquares() if system is None else system
+        self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
         self._verticals = self._plumb.axes(self._origins, initial.coordinates)
         self.stations = self.system.add_rotations(
             station_names(points, book), self._plumbed(initial, frame.vertical)
@@ -91,6 +104,14 @@ class Equations:
             if ids.size:
                 self.system.freeze(ids, components)
         self.batches = self._add_observations(initial.coordinates)
+
+    def _blocks_of_points(
+        self, points: Points, coordinates: FloatArray, shared: Mapping[str, int]
+    ) -> IntArray:
+        new = [row for row, name in enumerate(points.names) if name not in shared]
+        ids = np.array([shared.get(name, -1) for name in points.names], dtype=np.int64)
+        ids[new] = self.system.add_points([points.names[row] for row in new], coordinates[new])
+        return ids
 
     def _plumbed(self, initial: InitialValues, vertical: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""

@@ -1,0 +1,109 @@
+"""Survey observations in the system of a block: points of one name are one point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.adjustment.equations import Equations
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.images.adjustment.start import Start
+    from obseq.leastsquares import LeastSquares, LeastSquaresResult
+    from obseq.survey import InitialValues, Network
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedSurvey:
+    """A survey network that shares points with a block.
+
+    Attributes:
+        network: the network.
+        equations: its part of the system.
+    """
+
+    network: Network
+    equations: Equations
+
+    def coordinates(self, result: LeastSquaresResult) -> FloatArray:
+        """(n, 3) adjusted coordinates of the points of the network, in its frame."""
+        return result.values(self.equations.points)
+
+    def residuals(self, result: LeastSquaresResult) -> FloatArray:
+        """(m,) computed minus observed, metres and radians; NaN for inactive observations."""
+        found = np.full(len(self.network.book.observations), np.nan)
+        for rows, batch in self.equations.batches.values():
+            found[rows] = result.residuals(batch)[:, 0]
+        return found
+
+
+def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list[InitialValues]]:
+    """The start of a block, completed by survey networks, and their own initial values.
+
+    What the images place serves the networks as approximations, and the other way round.
+
+    Raises:
+        InputError: a network cannot be placed, or a point of the block has no coordinates in the end.
+    """
+    coordinates = start.coordinates.copy()
+    initial = []
+    for network in networks:
+        row_of = {name: row for row, name in enumerate(start.points)}
+        shared = [(row, row_of[name]) for row, name in enumerate(network.points.names) if name in row_of]
+        known = network.points.coordinates.copy()
+        for own, other in shared:
+            if not np.isfinite(known[own]).all():
+                known[own] = coordinates[other]
+        found = replace(network, points=replace(network.points, coordinates=known)).initial_values()
+        for own, other in shared:
+            if not np.isfinite(coordinates[other]).all():
+                coordinates[other] = found.coordinates[own]
+        initial.append(found)
+    lost = np.flatnonzero(~np.isfinite(coordinates).all(axis=1))
+    if lost.size:
+        raise InputError(
+            f"point {start.points[lost[0]]}: nothing gives it a place ({lost.size} points have none); "
+            "measure it in two images, or give approximate coordinates"
+        )
+    return replace(start, coordinates=coordinates), initial
+
+
+def join_surveys(
+    networks: Sequence[Network],
+    initial: Sequence[InitialValues],
+    system: LeastSquares,
+    shared: dict[str, int],
+) -> list[JoinedSurvey]:
+    """Adds networks to a system that has the points `shared` (name, block) already."""
+    parts = []
+    for network, found in zip(networks, initial, strict=True):
+        equations = Equations(
+            network.frame,
+            network.point_system,
+            network.points,
+            network.book,
+            found,
+            system,
+            shared,
+        )
+        shared |= dict(zip(network.points.names, map(int, equations.points), strict=True))
+        parts.append(JoinedSurvey(network, equations))
+    return parts
+
+
+def follower(parts: Sequence[JoinedSurvey]) -> Callable[[LeastSquares, int], None] | None:
+    """What turns stations with their verticals before each iteration; None without surveys."""
+    if not parts:
+        return None
+
+    def follow(system: LeastSquares, iteration: int) -> None:
+        for part in parts:
+            part.equations.follow(system, iteration)
+
+    return follow
