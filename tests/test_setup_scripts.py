@@ -1,6 +1,7 @@
 """tools/quickstart and tools/test with a Python that only notes what it is asked: nothing is installed."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -69,6 +70,7 @@ def project(tmp_path: Path) -> Project:
 def test_the_first_run_installs_and_the_second_does_nothing(project: Project) -> None:
     done, asked = project.run("quickstart", "--out", "a b")
     assert (done.returncode, done.stdout, asked) == (0, "obseq demo --out a b\n", "venv pip pip")
+    assert "--require-hashes" in project.notes.read_text(encoding="utf-8")
     done, asked = project.run("quickstart")
     assert (done.returncode, done.stdout, done.stderr, asked) == (0, "obseq demo\n", "", "")
 
@@ -126,3 +128,19 @@ def test_the_environment_may_lie_elsewhere(project: Project, tmp_path: Path) -> 
     assert done.stdout == f"tested in {project.root}\n"
     assert (tmp_path / "other" / "obseq-stamp").is_file()
     assert not (project.root / ".venv").exists()
+
+
+@pytest.mark.parametrize("level", ["run", "test", "dev"])
+def test_every_pin_has_the_hashes_of_its_wheels(level: str) -> None:
+    text = (ROOT / "requirements" / f"{level}.txt").read_text(encoding="utf-8").replace("\\\n", "")
+    pins = [line for line in text.splitlines() if not line.startswith(("#", "-r "))]
+    assert pins
+    for pin in pins:
+        assert re.fullmatch(r"[a-z0-9-]+==\S+ (; .*?\S )?(\s*--hash=sha256:[0-9a-f]{64})+", pin), pin
+
+
+def test_what_is_compiled_has_a_wheel_for_each_python_and_platform() -> None:
+    text = (ROOT / "requirements" / "run.txt").read_text(encoding="utf-8").replace("\\\n", "")
+    count = {line.partition("==")[0]: line.count("--hash") for line in text.splitlines()}
+    for name in ("numpy", "scipy", "numba", "llvmlite", "pyproj"):
+        assert count[name] == 9  # 3.11, 3.12, 3.13; Linux x86-64, Linux aarch64, macOS arm64

@@ -74,7 +74,7 @@ make_environment() {
 
 install() {
     printf 'Installing the pinned packages (requirements/%s.txt)\n' "$1" >&2
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps -r "$root/requirements/$1.txt" &&
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r "$root/requirements/$1.txt" &&
         "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
 }
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, TABLE, TEXT, expecting, instance
 from obseq.crs.points import as_points, check_finite
 from obseq.crs.proj import ProjSystem, proj_system
 from obseq.crs.rigid import LocalTangent, geocentric, local_euclidean, local_tangent
@@ -22,6 +23,7 @@ SYNTAX = {
 }
 
 
+@expecting(definition=TEXT, aliases=TABLE)
 def parse(definition: str, aliases: Mapping[str, str] = ALIASES) -> CoordinateSystem:
     """The coordinate system of a definition.
 
@@ -54,6 +56,7 @@ def parse(definition: str, aliases: Mapping[str, str] = ALIASES) -> CoordinateSy
     return proj_system(text)
 
 
+@expecting(points=ARRAY, source=instance(CoordinateSystem))
 def complete_rtl(points: npt.ArrayLike, source: CoordinateSystem) -> LocalTangent:
     """The local tangent frame whose origin is the mean of points (n, 3) of the system `source`.
 
@@ -67,6 +70,7 @@ def complete_rtl(points: npt.ArrayLike, source: CoordinateSystem) -> LocalTangen
     return rtl_at(given.mean(axis=0), source)
 
 
+@expecting(origin=ARRAY, source=instance(CoordinateSystem))
 def rtl_at(origin: npt.ArrayLike, source: CoordinateSystem) -> LocalTangent:
     """The local tangent frame at `origin` (3,), given in the system `source`.
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, require
 from obseq.arrays import FloatArray
 from obseq.errors import CrsError
 
@@ -15,6 +16,7 @@ def as_points(points: npt.ArrayLike) -> FloatArray:
     Raises:
         CrsError: if the last axis does not hold x, y, z.
     """
+    require("coordinates", "points", points, ARRAY)
     array = np.asarray(points, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise CrsError(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, NOTHING, NUMBER, TEXTS, expecting, instance
 from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.system import CoordinateSystem
@@ -16,6 +17,7 @@ SQUARED_ECCENTRICITY = 0.00669438
 REFRACTION_COEFFICIENT = 0.12
 
 
+@expecting(latitude=ARRAY)
 def curvature_radius(latitude: npt.ArrayLike) -> FloatArray:
     """Gaussian mean radius of curvature rho (metres) at geodetic latitudes (radians).
 
@@ -30,6 +32,7 @@ def curvature_radius(latitude: npt.ArrayLike) -> FloatArray:
     return radius
 
 
+@expecting(system=instance(CoordinateSystem), origins=ARRAY, targets=ARRAY, names=TEXTS | NOTHING)
 def horizontal_distance(
     system: CoordinateSystem,
     origins: npt.ArrayLike,
@@ -51,6 +54,13 @@ def horizontal_distance(
     return _distance_and_radius(system, origins, targets, names)[0]
 
 
+@expecting(
+    system=instance(CoordinateSystem),
+    origins=ARRAY,
+    targets=ARRAY,
+    coefficient=NUMBER,
+    names=TEXTS | NOTHING,
+)
 def refraction_correction(
     system: CoordinateSystem,
     origins: npt.ArrayLike,

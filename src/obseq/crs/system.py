@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, expecting
 from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.units import METRE, Unit
@@ -108,6 +109,7 @@ class CoordinateSystem(ABC):
         )
 
 
+@expecting(longitude=ARRAY, latitude=ARRAY)
 def east_north_up(longitude: npt.ArrayLike, latitude: npt.ArrayLike) -> FloatArray:
     """ENU (..., 3, 3), whose columns are the east, north and up directions in geocentric axes.
 

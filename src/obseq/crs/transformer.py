@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, require
 from obseq.arrays import FloatArray
 from obseq.crs.points import as_points
 from obseq.crs.system import CoordinateSystem
@@ -32,7 +33,8 @@ class Transformer:
     target: CoordinateSystem
 
     def __post_init__(self) -> None:
-        for system in (self.source, self.target):
+        for name, system in (("source", self.source), ("target", self.target)):
+            require("Transformer", name, system, instance(CoordinateSystem))
             if isinstance(system, UnreferencedSystem) and not (system.is_complete and self.is_identity):
                 system.refuse()
 
@@ -41,6 +43,7 @@ class Transformer:
         """Whether the two systems are equal."""
         return self.source == self.target
 
+    @expecting(points=ARRAY, names=TEXTS | NOTHING)
     def forward(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """Coordinates in `target` of points (n, 3) of `source`; a new array."""
         if self.is_identity:

@@ -1,11 +1,13 @@
 """A formula evaluated on plain arrays: values, and values with derivatives."""
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from obseq.arguments import ARRAY, TEXT, expecting, require
 from obseq.arrays import FloatArray
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
@@ -111,8 +113,9 @@ class Calculator:
         Args:
             values: (n, ...) results of this calculator.
         """
-        array = np.asarray(values)
-        bad = np.flatnonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1))
+        require("check_finite", "values", values, ARRAY)
+        array = np.atleast_1d(values)
+        bad = np.flatnonzero(~np.isfinite(array.reshape(len(array), math.prod(array.shape[1:]))).all(axis=1))
         if bad.size:
             rows = ", ".join(map(str, bad[:5])) + (", ..." if bad.size > 5 else "")
             raise InputError(f"{self.name}: not finite in {bad.size} of {len(array)} rows: {rows}")
@@ -125,7 +128,10 @@ class Calculator:
         return u, o
 
     def _array(self, argument: str, given: ArrayLike, names: tuple[str, ...]) -> FloatArray:
-        array = np.asarray(given)
+        try:
+            array = np.asarray(given)
+        except ValueError as error:
+            raise FormulaError(f"{self.name}: {argument}: {error}") from error
         if array.dtype.kind not in "fiu" and array.size:
             raise FormulaError(f"{self.name}: {argument} must be real numbers, not {array.dtype}")
         if array.ndim != 2 or array.shape[1] != len(names):
@@ -156,6 +162,7 @@ def _tiles() -> Any:
     return tiles
 
 
+@expecting(name=TEXT)
 def calculator(name: str) -> Calculator:
     """The calculator of a formula: a generated one, or any member of a family, built when first asked for.
 

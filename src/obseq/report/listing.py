@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
@@ -11,6 +12,7 @@ from obseq.report.units import significant
 from obseq.report.verdict import Verdict, worst_constraints_first
 
 
+@expecting(record=instance(AdjustmentRecord))
 def listing(record: AdjustmentRecord) -> str:
     """The listing, lengths in metres and millimetres, angles in gon and milligon."""
     tables = [rows.frame_table(record, record.points)]

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from importlib.resources import files
 from string import Template
 
+from obseq.arguments import expecting, instance
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.figure import network_figure
@@ -16,6 +17,7 @@ MOST_ROWS = 2000
 MOST_WARNINGS = 20
 
 
+@expecting(record=instance(AdjustmentRecord))
 def page(record: AdjustmentRecord) -> str:
     """The report as an HTML document; of a large network, the worst observations and the first points."""
     template = Template(files("obseq.report").joinpath("page.html").read_text(encoding="utf-8"))

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from obseq.arguments import PATH, expecting, instance
 from obseq.errors import InputError
 from obseq.plain import finite
 from obseq.printable import json_escaped
@@ -12,12 +13,14 @@ from obseq.record import AdjustmentRecord
 ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
+@expecting(record=instance(AdjustmentRecord))
 def to_json(record: AdjustmentRecord) -> str:
     """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
     parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in record.to_dict().items()]
     return json_escaped("{\n" + ",\n".join(parts) + "\n}\n")
 
 
+@expecting(path=PATH)
 def read_json(path: str | Path) -> AdjustmentRecord:
     """The record in a result file.
 

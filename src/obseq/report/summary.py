@@ -4,6 +4,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord, GlobalTestRecord, PointRecord
 from obseq.report import rows, units
@@ -19,6 +20,7 @@ NOTABLE = 2.0
 """Normalised residual beyond which the summary shows a known coordinate."""
 
 
+@expecting(record=instance(AdjustmentRecord), written=TEXTS)
 def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
     """The summary of an adjustment, at most a screen long whatever the size of the network.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, sequence
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
@@ -131,6 +132,7 @@ class Points:
         return f"{self.files[self.file_indices[row]]}:{self.lines[row]}"
 
 
+@expecting(names=TEXTS, coordinates=ARRAY, sigmas=ARRAY | NOTHING)
 def make_points(
     names: Sequence[str], coordinates: npt.ArrayLike, sigmas: npt.ArrayLike | None = None
 ) -> Points:
@@ -142,8 +144,8 @@ def make_points(
         sigmas: (n, 3) metres as in `Points`; all free when left out.
     """
     n = len(names)
-    xyz = np.array(coordinates, dtype=np.float64).reshape(n, 3)
-    sigma = np.full((n, 3), np.nan) if sigmas is None else np.array(sigmas, dtype=np.float64).reshape(n, 3)
+    xyz = _table("coordinates", coordinates, n)
+    sigma = np.full((n, 3), np.nan) if sigmas is None else _table("sigmas", sigmas, n)
     nowhere, no_line = np.full(n, -1, np.int32), np.zeros(n, np.int32)
     deflections = np.full((n, 2), np.nan)
     points = Points(tuple(names), xyz, sigma, deflections, ("",) * n, (), nowhere, no_line)
@@ -151,6 +153,15 @@ def make_points(
     return points
 
 
+def _table(what: str, numbers: npt.ArrayLike, n: int) -> FloatArray:
+    """A new array (n, 3)."""
+    array = np.array(numbers, dtype=np.float64)
+    if array.size != 3 * n:
+        raise InputError(f"make_points: {what} must have the shape ({n}, 3), not {array.shape}")
+    return array.reshape(n, 3)
+
+
+@expecting(parts=sequence(instance(Points), "Points"))
 def merge_points(parts: Sequence[Points]) -> Points:
     """One table from several files.
 
@@ -292,6 +303,7 @@ def group_by_station(stations: IntArray, n_stations: int) -> tuple[IntArray, Int
     return (first - first[0]).astype(np.int32), members.astype(np.int32)
 
 
+@expecting(book=instance(FieldBook))
 def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     """Orientations after MMVII's rule: a station without any active Hz, DX or DY becomes FIX.
 
@@ -309,6 +321,7 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     return np.where(is_oriented, book.stations.orientations, np.int8(Orientation.FIX)).astype(np.int8)
 
 
+@expecting(points=instance(Points), book=instance(FieldBook))
 def join(points: Points, book: FieldBook) -> tuple[Points, FieldBook]:
     """Gives points and observations one numbering.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
+from obseq.arguments import FUNCTION, NOTHING, NUMBER, PATHS, TEXT, TRUTH, WHOLE, WORDS, expecting, instance
 from obseq.errors import SingularSystemError
 from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
@@ -79,6 +80,17 @@ class Network:
     phases: dict[str, float] = field(default_factory=dict)
 
     @classmethod
+    @expecting(
+        observation_files=PATHS,
+        point_files=PATHS,
+        frame=TEXT | NOTHING,
+        points_crs=TEXT | NOTHING,
+        point_sigma=NUMBER | NOTHING,
+        encoding=TEXT,
+        point_format=TEXT | NOTHING,
+        point_options=instance(PointFileOptions) | NOTHING,
+        ignore=WORDS,
+    )
     def read(
         cls,
         observation_files: str | Path | Sequence[str | Path],
@@ -150,6 +162,7 @@ class Network:
         vertical = self.frame.vertical if self.frame.has_vertical else None
         return initial_values(self.points, self.book, vertical)
 
+    @expecting(max_iterations=WHOLE, tolerance=NUMBER, strict=TRUTH, progress=FUNCTION | NOTHING)
     def adjust(
         self,
         max_iterations: int = MAX_ITERATIONS,

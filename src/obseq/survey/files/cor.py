@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import NOTHING, NUMBER, PATH, PATHS, TEXT, WORDS, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.text import (
@@ -74,6 +75,7 @@ class _Rest:
 _NO_DEFLECTION = (math.nan, math.nan)
 
 
+@expecting(paths=PATHS, default_sigma=NUMBER | NOTHING, encoding=TEXT, ignore=WORDS)
 def read_cor(
     paths: str | Path | Sequence[str | Path],
     default_sigma: float | None = None,
@@ -208,6 +210,7 @@ def _sigma(kind: str, given: float) -> float:
     return float("nan") if kind == _FREE or given < 0.0 else given
 
 
+@expecting(path=PATH, points=instance(Points), header=TEXT)
 def write_cor(path: str | Path, points: Points, header: str = "") -> None:
     """Writes points as a COR file that `read_cor` gives back; free components get a sigma of -1.
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import PATH, PATHS, TEXT, WORDS, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import NOTHING, AfterSigma, Triple, checked_ignore
 from obseq.survey.files.text import (
@@ -80,6 +81,8 @@ _HINTS = {
 def read_obs(
     paths: str | Path | Sequence[str | Path], encoding: str = "utf-8", ignore: Collection[str] = ()
 ) -> FieldBook:
+@expecting(paths=PATHS, encoding=TEXT)
+def read_obs(paths: str | Path | Sequence[str | Path], encoding: str = "utf-8") -> FieldBook:
     """Reads OBS files; each starts afresh (`#VERT`, no open station), all go in one field book.
 
     Args:
@@ -299,6 +302,25 @@ def _check_measure(
         raise file.error(index, f"point {fields[1]} is observed from itself; correct one of the two names")
 
 
+def _any_non_zero(fields: list[str]) -> bool:
+    """True when numbers directly after the sigma are not all zero; other text is a remark."""
+    for text in fields[:3]:
+        try:
+            if float(text) != 0.0:
+                return True
+        except ValueError:
+            return False
+    return False
+
+
+def _surplus_warning(file: TextFile, indices: list[int]) -> str:
+    return (
+        f"{file.name}: {len(indices)} lines carry numbers after the sigma that are not 0 (first: line "
+        f"{indices[0] + 1}); relative sigmas and heights of instrument or target are not used"
+    )
+
+
+@expecting(path=PATH, book=instance(FieldBook))
 def write_obs(path: str | Path, book: FieldBook) -> None:
     """Writes a field book as one OBS file; `read_obs` gives it back, stations in the same order.
 

@@ -8,11 +8,25 @@ alone), and coordinates are multiplied first of all, so that the mean which defi
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import (
+    NOTHING,
+    NUMBER,
+    PATH,
+    TEXT,
+    TEXTS,
+    TRUTH,
+    WHOLE,
+    Expected,
+    expecting,
+    instance,
+    require,
+)
 from obseq.errors import InputError
 from obseq.survey.files.text import (
     LARGEST_LENGTH,
@@ -77,6 +91,7 @@ class _Format:
         return name in self.fields
 
 
+@expecting(path=PATH, field_format=TEXT, options=instance(PointFileOptions) | NOTHING)
 def read_points(path: str | Path, field_format: str, options: PointFileOptions | None = None) -> Points:
     """Reads a point file in a given format; coordinates stay in the system of the file.
 
@@ -136,7 +151,27 @@ def _parse_format(text: str) -> _Format:
     return _Format(tuple(fields), takes_rest)
 
 
+def _is_pair_of_texts(value: object) -> bool:
+    return TEXTS.holds(value) and isinstance(value, Sequence) and len(value) == 2
+
+
+_KINDS = {
+    "sigma": NUMBER | NOTHING,
+    "multiplier": NUMBER,
+    "name_digits": WHOLE | NOTHING,
+    "name_pattern": Expected("two texts (pattern, substitution)", _is_pair_of_texts) | NOTHING,
+    "free_pattern": TEXT | NOTHING,
+    "first_line": WHOLE,
+    "last_line": WHOLE | NOTHING,
+    "comment": TEXT,
+    "skip_repeated": TRUTH,
+    "encoding": TEXT,
+}
+
+
 def _check_options(layout: _Format, options: PointFileOptions) -> None:
+    for name, kind in _KINDS.items():
+        require("PointFileOptions", name, getattr(options, name), kind)
     sources = [name for name in ("Sx", "Sxyz") if name in layout]
     if len(sources) + (options.sigma is not None) > 1:
         raise InputError("sigmas are given twice: keep one of Sx Sy Sz, Sxyz (format) and sigma (option)")

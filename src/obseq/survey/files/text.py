@@ -70,7 +70,7 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
         text = data.decode(
             "utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding, "surrogateescape"
         )
-    except (LookupError, UnicodeError) as error:
+    except (LookupError, ValueError) as error:
         raise InputError(f"{path}: cannot be read in encoding {encoding!r}: {error}") from error
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper())

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.known import State, Step, Vertical
@@ -83,6 +84,9 @@ class InitialValues:
         )
 
 
+@expecting(
+    points=instance(Points), book=instance(FieldBook), vertical=FUNCTION | NOTHING, recompute_free=TRUTH
+)
 def initial_values(
     points: Points, book: FieldBook, vertical: Vertical | None, *, recompute_free: bool = False
 ) -> InitialValues:
