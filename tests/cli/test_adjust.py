@@ -260,3 +260,20 @@ def test_a_sigma_of_points_that_means_nothing_is_refused(sigma: str, site: Path,
     err = capsys.readouterr().err
     assert "Traceback" not in err
     assert "point-sigma" in err
+
+
+@pytest.mark.parametrize("sigma", ["1e200", "1e-200"])
+def test_such_a_sigma_is_refused_for_points_in_a_free_format_too(sigma: str, site: Path, capsys) -> None:
+    assert adjust("--point-format", "ANXYZBla", "--comment", "*", "--point-sigma", sigma) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("obseq: the sigma of the points (--point-sigma")
+    assert err.count("\n") == 1
+
+
+def test_names_of_the_field_case_terminal_escape(shared_data: Path, capsys) -> None:
+    folder = shared_data / "field-cases" / "terminal-escape"
+    files = ["--obs", str(folder / "e.obs"), "--cor", str(folder / "c.cor")]
+    assert main(["adjust", *files, "--frame", "RTL*2.4*48.8*0*EPSG:4326"]) == 2  # a point with one distance
+    out, err = capsys.readouterr()
+    assert "\\x1b]0;evil\\x07" in err
+    assert all(c.isprintable() or c == "\n" for c in out + err)

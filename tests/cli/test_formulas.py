@@ -1,6 +1,8 @@
 import subprocess
 import sys
 
+import pytest
+
 import obseq
 from obseq.cli.main import main
 from obseq.kernels import load
@@ -44,3 +46,13 @@ def test_equations_are_shown_without_sympy() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "atan2(horizontal, sight_z)" in done.stdout
+
+
+@pytest.mark.parametrize("degree", ["99999999", "9" * 5000])
+@pytest.mark.parametrize("program", [["formulas"], ["check-derivatives"]])
+def test_a_degree_that_no_machine_could_build_is_refused_shortly(program, degree: str, capsys) -> None:
+    assert main([*program, f"EqColinearityCamPPC_Stenope_Dist_Rad{degree}_Dec1_XY1"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("obseq: ")
+    assert "Traceback" not in err
+    assert len(err) < 400

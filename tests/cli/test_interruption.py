@@ -1,0 +1,50 @@
+"""Ctrl-C and SIGTERM at work: exit code 130, one message, no file but whole ones."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from obseq.cli import main as command
+from obseq.cli.main import main
+
+SCRIPT = """\
+import sys
+from obseq.cli.main import main
+from obseq import survey
+adjust = survey.Network.adjust
+def told(*args, **kwargs):
+    print("adjusting", flush=True)
+    while True:
+        adjust(*args, **kwargs)
+survey.Network.adjust = told
+sys.exit(main(["demo", "--out", sys.argv[1]]))
+"""
+
+
+@pytest.mark.slow  # starts a process that computes in compiled loops until it is interrupted
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("delay", [0.0, 0.37])
+def test_a_command_that_is_interrupted_while_it_computes(number, delay: float, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "adjusting\n"
+        time.sleep(delay)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "\nobseq: interrupted; no file is half-written.\n")
+    assert not out.exists()
+
+
+def test_sigterm_ends_a_command_as_the_keyboard_does_and_is_given_back(monkeypatch, capsys) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(command.versions, "run", lambda _: signal.raise_signal(signal.SIGTERM))
+    assert main(["versions"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) == before
