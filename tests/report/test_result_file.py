@@ -10,13 +10,8 @@ from obseq.report import read_json, to_json
 
 def test_numbers_are_exact_and_come_back(record, plain, tmp_path) -> None:
     (tmp_path / "a.json").write_text(to_json(record), encoding="utf-8")
-    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == plain | {
-        "constraints": [],
-        "warnings": [],
-        "notes": [],
-        "left_out": [],
-        "replaced": [],
-    }
+    read = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert {key: read[key] for key in plain} == plain
     assert read_json(tmp_path / "a.json") == record
 
 

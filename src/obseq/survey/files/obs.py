@@ -78,11 +78,10 @@ _HINTS = {
 }
 
 
+@expecting(paths=PATHS, encoding=TEXT, ignore=WORDS)
 def read_obs(
     paths: str | Path | Sequence[str | Path], encoding: str = "utf-8", ignore: Collection[str] = ()
 ) -> FieldBook:
-@expecting(paths=PATHS, encoding=TEXT)
-def read_obs(paths: str | Path | Sequence[str | Path], encoding: str = "utf-8") -> FieldBook:
     """Reads OBS files; each starts afresh (`#VERT`, no open station), all go in one field book.
 
     Args:
