@@ -41,10 +41,10 @@ def check_writable(outputs: Iterable[Path], inputs: Iterable[Path] = ()) -> None
         _check(path)
 
 
-def write_all(texts: Mapping[Path, str]) -> None:
+def write_all(texts: Mapping[Path, str | bytes]) -> None:
     """Write all the files or none: each is written beside its place, then they replace what was there.
 
-    They are UTF-8 with lines that end in a line feed. A file that is replaced hands its permissions on. What
+    Texts are written in UTF-8 as they are, bytes too. A file that is replaced hands its permissions on. What
     killed runs left behind for the same files is deleted. An interruption while files are being replaced
     waits until all are.
 
@@ -58,7 +58,7 @@ def write_all(texts: Mapping[Path, str]) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             target = _resolved(path)
             if _is_stream(target):
-                target.write_text(text, encoding="utf-8", newline="\n")
+                target.write_bytes(_encoded(text))
             else:
                 _clean(target)
                 staged[_beside(target, "part")] = target
@@ -112,10 +112,14 @@ def _is_stream(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def _write(temporary: Path, text: str, target: Path) -> None:
+def _encoded(text: str | bytes) -> bytes:
+    return text.encode("utf-8") if isinstance(text, str) else text
+
+
+def _write(temporary: Path, text: str | bytes, target: Path) -> None:
     """The text on the disk, with the owner and the permissions of the file that it will replace."""
-    with temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
+    with temporary.open("wb") as file:
+        file.write(_encoded(text))
         file.flush()
         os.fsync(file.fileno())
     if target.exists():

@@ -122,8 +122,8 @@ def test_geocentric_coordinates_come_back_from_the_sea_floor_to_orbit():
     system = MapSystem(2154)
     geodetic = np.deg2rad([[3.0, 46.5], [-4.0, 48.0], [7.5, 43.0], [3.0, -89.0], [10.0, 0.0]])
     for height in (-11_000.0, 0.0, 4810.0, 800_000.0):
-        place = system.geocentric_of_geodetic(geodetic, np.full(5, height))
-        found, up = system.geodetic_of_geocentric(place)
+        place = system.ellipsoid.geocentric(geodetic, np.full(5, height))
+        found, up = system.ellipsoid.geodetic(place)
         np.testing.assert_allclose(found, geodetic, rtol=0.0, atol=1e-15)
         np.testing.assert_allclose(up, height, rtol=0.0, atol=4e-9)
 

@@ -63,7 +63,7 @@ class LocalFrames:
     @cached_property
     def origins(self) -> FloatArray:
         """(n, 3) geocentric coordinates of the centres, on the ellipsoid."""
-        return self.system.geocentric_of_geodetic(self._geodetic, np.zeros(len(self.centres)))
+        return self.system.ellipsoid.geocentric(self._geodetic, np.zeros(len(self.centres)))
 
     @cached_property
     def _offsets(self) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import CrsError
+from obseq.images.aerial.ellipsoid import Ellipsoid
 
 if TYPE_CHECKING:
     import pyproj
@@ -40,8 +41,8 @@ class MapSystem:
         ellipsoid = self.crs.ellipsoid
         if ellipsoid is None:
             raise CrsError(f"{self.definition!r}: has no ellipsoid; rays need one.")
-        self.major = float(ellipsoid.semi_major_metre)
-        self.squared_eccentricity = 1.0 - (float(ellipsoid.semi_minor_metre) / self.major) ** 2
+        major, minor = float(ellipsoid.semi_major_metre), float(ellipsoid.semi_minor_metre)
+        self.ellipsoid = Ellipsoid(major, 1.0 - (minor / major) ** 2)
 
     def __getstate__(self) -> dict[str, object]:
         return {"definition": self.definition}
@@ -97,43 +98,12 @@ class MapSystem:
 
     def geocentric(self, points: FloatArray) -> FloatArray:
         """Geocentric coordinates (n, 3) of map points (n, 3) with ellipsoidal heights."""
-        return self.geocentric_of_geodetic(self.geodetic(points[:, :2]), points[:, 2])
-
-    def geocentric_of_geodetic(self, geodetic: FloatArray, heights: FloatArray) -> FloatArray:
-        """Geocentric coordinates (n, 3) of longitude and latitude (n, 2), radians, and heights (n,)."""
-        lon, lat = _columns(geodetic)
-        normal = self.major / np.sqrt(1.0 - self.squared_eccentricity * np.sin(lat) ** 2)
-        radius = (normal + heights) * np.cos(lat)
-        up = (normal * (1.0 - self.squared_eccentricity) + heights) * np.sin(lat)
-        return np.stack([radius * np.cos(lon), radius * np.sin(lon), up], axis=-1)
+        return self.ellipsoid.geocentric(self.geodetic(points[:, :2]), points[:, 2])
 
     def from_geocentric(self, points: FloatArray) -> FloatArray:
         """Map points (n, 3) with ellipsoidal heights of geocentric points (n, 3)."""
-        geodetic, heights = self.geodetic_of_geocentric(points)
+        geodetic, heights = self.ellipsoid.geodetic(points)
         return np.concatenate([self.plan(geodetic), heights[:, None]], axis=1)
-
-    def geodetic_of_geocentric(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Longitude and latitude (n, 2), radians, and ellipsoidal heights (n,) of geocentric points (n, 3).
-
-        Bowring's formula on tangents, twice: exact to the rounding error from the sea floor to satellites.
-        """
-        x, y, z = points[:, 0], points[:, 1], points[:, 2]
-        axis_distance = np.hypot(x, y)
-        flattening = np.sqrt(1.0 - self.squared_eccentricity)
-        minor, second = self.major * flattening, self.squared_eccentricity / flattening**2
-        tangent = z / (axis_distance * flattening)
-        for _ in range(2):
-            cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
-            sine = tangent * cosine
-            above = z + second * minor * sine**3
-            across = axis_distance - self.squared_eccentricity * self.major * cosine**3
-            tangent = flattening * above / across
-        ratio = above / across
-        cosine = 1.0 / np.sqrt(1.0 + ratio * ratio)
-        sine = ratio * cosine
-        root = np.sqrt(1.0 - self.squared_eccentricity * sine * sine)
-        heights = axis_distance * cosine + z * sine - self.major * root
-        return np.stack([np.arctan2(y, x), np.arctan(ratio)], axis=-1), heights
 
     def axes(self, plan: FloatArray, geodetic: FloatArray | None = None) -> FloatArray:
         """Directions of the map at points (n, 2): grid east, grid north, up, as rows of (n, 3, 3) rotations.

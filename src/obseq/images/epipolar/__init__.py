@@ -4,6 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from obseq.images.epipolar.clouds import fit_cloud, percentile_text, residual_cloud
     from obseq.images.epipolar.field import (
         Fit,
         Polynomial,
@@ -13,27 +14,38 @@ if TYPE_CHECKING:
         percentiles,
         robust_weights,
     )
+    from obseq.images.epipolar.page import residual_page
     from obseq.images.epipolar.residual import EpipolarResiduals, epipolar_residuals
-    from obseq.images.epipolar.sensors import Pinhole, Sensor
+    from obseq.images.epipolar.satellites import RationalSensor
+    from obseq.images.epipolar.sensors import OrientedCamera, Pinhole, Sensor
 
 _HOMES = {
     "field": ("Fit", "Polynomial", "exponents", "fit", "fit_field", "percentiles", "robust_weights"),
+    "clouds": ("fit_cloud", "percentile_text", "residual_cloud"),
+    "page": ("residual_page",),
+    "satellites": ("RationalSensor",),
     "residual": ("EpipolarResiduals", "epipolar_residuals"),
-    "sensors": ("Pinhole", "Sensor"),
+    "sensors": ("OrientedCamera", "Pinhole", "Sensor"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "EpipolarResiduals",
     "Fit",
+    "OrientedCamera",
     "Pinhole",
     "Polynomial",
+    "RationalSensor",
     "Sensor",
     "epipolar_residuals",
     "exponents",
     "fit",
+    "fit_cloud",
     "fit_field",
+    "percentile_text",
     "percentiles",
+    "residual_cloud",
+    "residual_page",
     "robust_weights",
 ]
 

@@ -11,6 +11,8 @@ from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
+    from obseq.geometry import Pose
+    from obseq.images.camera import Camera
 
 
 ORTHONORMAL = 1e-6
@@ -63,3 +65,28 @@ class Pinhole:
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = np.where(sight[:, 2:] > 0.0, sight[:, 2:], np.nan)
             return np.asarray(self.principal_point + self.focal * sight[:, :2] / depth)
+
+
+@dataclass(frozen=True)
+class OrientedCamera:
+    """A camera of any model, with its pose.
+
+    Attributes:
+        camera: projection and distortion.
+        pose: camera to world.
+    """
+
+    camera: Camera
+    pose: Pose
+
+    def rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The centre, and unit directions (n, 3) to the scene, of pixels (n, 2)."""
+        directions = self.camera.directions(pixels) @ self.pose.rotation.T
+        return np.broadcast_to(self.pose.centre, directions.shape), directions
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Pixels (n, 2) of points (n, 3); nan where the projection is not defined."""
+        local = self.pose.to_local(points)
+        pixels = self.camera.project(local)
+        pixels[~self.camera.is_in_front(local)] = np.nan
+        return pixels

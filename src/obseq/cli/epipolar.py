@@ -1,0 +1,158 @@
+"""`obseq epipolar`: whether two orientations agree, from the tie points of two images."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.cli.parsing import Commands, add_command, positive_integer
+from obseq.cli.progress import Progress
+from obseq.errors import InputError
+from obseq.printable import printable
+from obseq.writing import check_writable, write_all
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.images.epipolar import Fit, OrientedCamera
+
+LEFT_OUT = 1
+"""Exit code: points have no residual."""
+HIGHEST = 5
+
+MORE = """
+Prints percentiles of the signed residual of each point across its epipolar line (pixels of the
+first image, half the distance to the line), before and after polynomials are fitted to the field.
+The orientation is a folder Ori of MMVII or of MicMac v1; the ties are a folder (TieP of MMVII,
+Homol of MicMac v1) or a file of lines 'x1 y1 x2 y2'."""
+
+EXAMPLE = """\
+example:
+  obseq epipolar im1.tif im2.tif --orientation MMVII-PhgrProj/Ori/BA --ties MMVII-PhgrProj/TieP/All --out
+  check
+
+exit code: 0 done; 1 done, and points without residual were left out; 2 could not run"""
+
+
+def register(commands: Commands) -> None:
+    """Add the command to the parser."""
+    purpose = "check two orientations with tie points: epipolar residuals and their field"
+    command = add_command(commands, "epipolar", run, purpose, MORE, EXAMPLE)
+    command.add_argument(
+        "first", metavar="IMAGE1", help="name of the first image, where residuals are counted"
+    )
+    command.add_argument("second", metavar="IMAGE2", help="name of the second image")
+    command.add_argument("--orientation", type=Path, required=True, metavar="DIR", help="poses and cameras")
+    command.add_argument("--ties", type=Path, required=True, metavar="DIR|FILE", help="tie points")
+    command.add_argument(
+        "--degree",
+        type=positive_integer,
+        default=HIGHEST,
+        metavar="N",
+        help=f"of the highest polynomial, at most {HIGHEST} ({HIGHEST})",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write residuals.csv, percentiles.txt, residuals.html and clouds (PLY) there",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compute, print percentiles, write files; 1 when points were left out."""
+    if arguments.degree > HIGHEST:
+        raise InputError(f"--degree {arguments.degree}: the highest degree is {HIGHEST}")
+    names = ["residuals.csv", "percentiles.txt", "residuals.html", "residuals.ply"]
+    names += [f"fit-degree-{degree}.ply" for degree in range(arguments.degree + 1)]
+    outputs = [arguments.out / name for name in names] if arguments.out else []
+    check_writable(outputs)
+    with Progress("computing"):
+        report = _Report(arguments)
+        write_all(dict(zip(outputs, report.files(), strict=True)) if outputs else {})
+    print(printable(report.text), end="")
+    lost = report.n_lost
+    if lost:
+        print(f"{lost} of {report.n_given} points have no residual: at the epipole, or behind a camera")
+    return LEFT_OUT if lost else 0
+
+
+class _Report:
+    """What is found of one pair of images."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        import numpy as np
+
+        from obseq.images.epipolar import epipolar_residuals, fit_field, percentile_text
+
+        self.title = f"Epipolar residuals of {arguments.first} with {arguments.second}"
+        self.camera = _camera(arguments.orientation, arguments.first)
+        pairs = _ties(arguments)
+        if not len(pairs):
+            raise InputError(
+                f"{arguments.ties}: holds no tie points of {arguments.first} and {arguments.second}"
+            )
+        found = epipolar_residuals(
+            self.camera, pairs[:, :2], _camera(arguments.orientation, arguments.second), pairs[:, 2:]
+        )
+        seen = np.isfinite(found.values)
+        if not seen.any():
+            raise InputError("no point has a residual: do the images and the orientation belong together?")
+        self.n_given, self.n_lost = len(pairs), int((~seen).sum())
+        self.pairs, self.values = pairs[seen], found.values[seen]
+        self.directions = found.directions[seen]
+        self.fits: list[Fit] = fit_field(self.pixels, self.values, arguments.degree)
+        self.text = percentile_text(self.values, self.pixels, self.fits)
+
+    @property
+    def pixels(self) -> "FloatArray":
+        return self.pairs[:, :2]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        camera = self.camera.camera
+        if camera.width:
+            return camera.width, camera.height
+        width, height = self.pixels.max(axis=0)
+        return int(width) + 1, int(height) + 1
+
+    def files(self) -> list[str | bytes]:
+        """The contents of the files, in the order of their names."""
+        from obseq.images.epipolar import fit_cloud, residual_cloud, residual_page
+
+        return [
+            self._table(),
+            self.text,
+            residual_page(self.title, self.pixels, self.values, self.size, self.fits[-1]),
+            residual_cloud(self.pixels, self.values, self.size),
+            *(fit_cloud(self.pixels, fit) for fit in self.fits),
+        ]
+
+    def _table(self) -> str:
+        rows = ["x1,y1,x2,y2,residual,direction_x,direction_y,weight\n"]
+        weights = self.fits[-1].weights
+        for pair, value, way, weight in zip(self.pairs, self.values, self.directions, weights, strict=True):
+            rows.append(",".join(f"{float(part):.6f}" for part in (*pair, value, *way, weight)) + "\n")
+        return "".join(rows)
+
+
+def _ties(arguments: argparse.Namespace) -> "FloatArray":
+    from obseq.project import find_pairs, read_pairs
+
+    if arguments.ties.is_dir():
+        return find_pairs(arguments.ties, arguments.first, arguments.second)
+    return read_pairs(arguments.ties)
+
+
+def _camera(folder: Path, image: str) -> "OrientedCamera":
+    """The camera of an image, from a folder of MMVII or of MicMac v1."""
+    from obseq.images.epipolar import OrientedCamera
+    from obseq.project import read_orientation, read_v1_orientation
+
+    old = folder / f"Orientation-{image}.xml"
+    if old.is_file():
+        pose, camera = read_v1_orientation(old)
+        return OrientedCamera(camera, pose)
+    poses, cameras = read_orientation(folder, [image])
+    name = poses.cameras[0]
+    if not name:
+        raise InputError(f"{folder}: the pose of {image} names no calibration")
+    return OrientedCamera(cameras[name], poses[image])

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+from obseq.geometry import exponential
+from obseq.images import Camera, Poses
+from obseq.images.epipolar import OrientedCamera
+from obseq.project import pairs_text, write_orientation
+
+CAMERA = Camera("Calib", 6000, 4000, focal=5000.0, distortion={"K1": -0.05})
+POSES = Poses.of(
+    ["a.tif", "b.tif"],
+    [[0.0, 0.0, 0.0], [100.0, 2.0, 1.0]],
+    [np.eye(3), exponential(np.array([0.01, -0.05, 0.02]))],
+    cameras="Calib",
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    write_orientation(tmp_path / "Ori", POSES, {"Calib": CAMERA})
+    rng = np.random.default_rng(6)
+    scene = rng.uniform([-200, -200, 900], [300, 200, 1100], (120, 3))
+    first, second = (OrientedCamera(CAMERA, POSES[image]).project(scene) for image in POSES)
+    (tmp_path / "TieP" / "a.tif").mkdir(parents=True)
+    pairs = np.hstack([first, second + rng.normal(0, 0.3, second.shape)])
+    (tmp_path / "TieP" / "a.tif" / "b.tif.csv").write_text(pairs_text(pairs))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_pair_of_a_project_is_checked(folder, capsys):
+    assert main("epipolar a.tif b.tif --orientation Ori --ties TieP --out check".split()) == 0
+    text = capsys.readouterr().out
+    median = float(text.split("Res[50.000000]=")[1].split()[0])
+    assert 0.05 < median < 0.2
+    names = sorted(path.name for path in (folder / "check").iterdir())
+    assert names == [
+        *(f"fit-degree-{degree}.ply" for degree in range(6)),
+        "percentiles.txt",
+        "residuals.csv",
+        "residuals.html",
+        "residuals.ply",
+    ]
+    assert (folder / "check" / "percentiles.txt").read_text() == text
+    table = np.loadtxt(folder / "check" / "residuals.csv", delimiter=",", skiprows=1)
+    assert table.shape == (120, 8)
+    assert (folder / "check" / "residuals.ply").read_bytes().startswith(b"ply\nformat binary_little_endian")
+
+
+def test_points_without_residual_are_counted(folder, capsys):
+    (folder / "t.csv").write_text("3000 2000 2000 2000\n3000 2000 4500 2000\n3100 2000 2100 2003\n")
+    assert main("epipolar a.tif b.tif --orientation Ori --ties t.csv --degree 1".split()) == 1
+    assert "of 3 points have no residual" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ("a.tif c.tif --orientation Ori --ties TieP", "no tie points of a.tif and c.tif"),
+        ("a.tif b.tif --orientation None --ties TieP", "no pose of the image a.tif"),
+        ("a.tif b.tif --orientation Ori --ties absent", "cannot be read"),
+        ("a.tif b.tif --orientation Ori --ties TieP --degree 9", "highest degree is 5"),
+    ],
+)
+def test_what_cannot_run_says_why(folder, capsys, command, reason):
+    assert main(["epipolar", *command.split()]) == 2
+    assert reason in capsys.readouterr().err
