@@ -5,7 +5,6 @@ import pytest
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.problem.weights import set_active
 from obseq.leastsquares.statistics.hypothesis_tests import non_centrality, normal_critical, tau_critical
 from obseq.leastsquares.statistics.reliability import reliability
 
@@ -408,7 +407,7 @@ def test_bias_and_leaving_out_of_correlated_residuals_equal_the_refits():
     moved = biased.solve(tolerance=1e-10).values(others) - result.values(points)
     np.testing.assert_allclose(moved, change, atol=1e-3 * np.abs(change).max())
     left = quality.left_out(vectors, 3)
-    set_active(vectors, 3, False)
+    vectors.set_active(3, False)
     refit = system.solve(tolerance=1e-10)
     np.testing.assert_allclose(refit.residuals(vectors)[3], left.residuals, rtol=2e-3)
     assert refit.cost == pytest.approx(left.cost, rel=1e-4)

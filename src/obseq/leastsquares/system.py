@@ -2,37 +2,39 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from obseq.errors import InputError
-from obseq.leastsquares.assembly.normal_equations import NormalEquations, raw_residuals, used_blocks
+from obseq.errors import InputError, ObseqError, nearest
+from obseq.leastsquares.analysis import Analyses
+from obseq.leastsquares.assembly.normal_equations import raw_residuals
 from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
-from obseq.leastsquares.diagnosis.singular import untouched_error
-from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
 from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.gauss_newton import Options, Progress, factor, sigma0_of
 from obseq.leastsquares.iterations.runs import runner
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
+from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
 from obseq.leastsquares.problem.definition import Definition
-from obseq.leastsquares.problem.objects import synchronise
+from obseq.leastsquares.problem.objects import UnknownObject, synchronise
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult, StopReason
-from obseq.leastsquares.solvers import choose_solver
+from obseq.leastsquares.solvers import checked_solver
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterator
 
     from numpy.typing import ArrayLike
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.analysis import Analysis
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.objects import UnknownObject
-    from obseq.leastsquares.solvers import Solver
+    from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class LeastSquares(Definition):
@@ -58,16 +60,17 @@ class LeastSquares(Definition):
 
     def __init__(self, solver: str = "auto", threads: int = 1) -> None:
         super().__init__()
-        self._solver_name = solver
+        self._solver_name = checked_solver(solver)
         self._threads = checked_threads(threads)
-        self._bound: dict[bool, NormalEquations] = {}
-        self._solvers: dict[bool, Solver] = {}
+        self._kept = Analyses()
 
     # Objects
 
     def attach(self, *objects: UnknownObject) -> None:
         """Adds the unknowns of objects; they get the values of every accepted state (see `objects`)."""
         for item in objects:
+            if not isinstance(item, UnknownObject):
+                raise InputError(f"attach: objects with unknowns are wanted (Point, Pose, ...), not {item!r}")
             item.attach(self)
             self._objects.append(item)
 
@@ -76,27 +79,40 @@ class LeastSquares(Definition):
     @property
     def datum_defect(self) -> int:
         """Number of parameters that the observations leave free and the datum takes; 0 without a datum."""
-        if not self._datum.size:
-            return 0
-        equations, solver = self.equations(reduced=True), self._analysed(reduced=True)
-        if isinstance(solver, DatumSolver) and not solver.is_factored:
-            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
-        return int(solver.null_vectors().shape[1])
+        return self._datum_defect(self._analysis(reduced=True))
 
     @property
     def n_unknowns(self) -> int:
         """Number of free scalar unknowns, less the independent hard constraints."""
-        free = int(np.count_nonzero(~self.unknowns.frozen))
-        return free - self._substitution().rank if self._constraints else free
+        return self._n_unknowns(self._analysis(reduced=True)) if self._constraints else self._n_free
 
     @property
     def redundancy(self) -> int:
         """Equations and datum parameters minus free unknowns: the one definition of every statistic."""
-        return self.n_observations + self.n_constraints + self.datum_defect - self.n_unknowns
+        return self._redundancy(self._analysis(reduced=True))
 
-    def _substitution(self) -> Substitution:
+    @property
+    def _n_free(self) -> int:
+        return int(np.count_nonzero(~self.unknowns.frozen))
+
+    def _n_unknowns(self, analysis: Analysis) -> int:
+        return self._n_free - (self._substitution(analysis).rank if self._constraints else 0)
+
+    def _redundancy(self, analysis: Analysis) -> int:
+        counted = self.n_observations + self.n_constraints + self._datum_defect(analysis)
+        return counted - self._n_unknowns(analysis)
+
+    def _datum_defect(self, analysis: Analysis) -> int:
+        if not self.datum.scalars.size:
+            return 0
+        equations, solver = analysis.equations, analysis.solver
+        if isinstance(solver, DatumSolver) and not solver.is_factored:
+            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
+        return int(solver.null_vectors().shape[1])
+
+    def _substitution(self, analysis: Analysis) -> Substitution:
         """The hard constraints at the current values."""
-        return substitution(self.unknowns, self.equations(True).free, self._constraints)
+        return substitution(self.unknowns, analysis.equations.free, self._constraints)
 
     # Solution
 
@@ -109,22 +125,18 @@ class LeastSquares(Definition):
         Raises:
             SingularSystemError: no equation touches some unknowns that are not frozen.
         """
-        if self._version != self.unknowns.version:
-            self._refuse_untouched()
-            self._bound, self._solvers, self._version = {}, {}, self.unknowns.version
-        reduced = reduced and bool(self.unknowns.eliminated.any())
-        if reduced not in self._bound:
-            eliminated = self.unknowns.eliminated if reduced else None
-            self._bound[reduced] = NormalEquations(
-                self.unknowns,
-                self._batches,
-                self._priors,
-                eliminated,
-                self._constraints,
-                self._viscosities,
-                self._threads,
-            )
-        return self._bound[reduced]
+        return self._analysis(reduced).equations
+
+    def _analysis(self, reduced: bool = False) -> Analysis:
+        self.unknowns.owner.check()
+        self._settle()
+        if reduced:
+            return self._kept.reduced(self, self._solver_name, self._threads)
+        return self._kept.whole(self, self._solver_name, self._threads)
+
+    def _settle(self) -> None:
+        for batch in self._batches:
+            batch.settle()
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
@@ -159,80 +171,106 @@ class LeastSquares(Definition):
             DivergenceError: an equation became undefined; the observation is named, and the unknowns are
                 back at their last accepted values.
         """
-        equations = self.equations(reduced=True)
-        options = Options(max_iterations, tolerance, sigma0_groups)
+        wanted = _is_wanted(covariance, self.unknowns)
+        chosen = _checked_strategy(strategy, wanted)
+        options = self._options(max_iterations, tolerance, sigma0_groups)
+        callback(before_iteration, "solve, before_iteration")
+        callback(progress, "solve, progress")
 
-        chosen, wanted = strategy_of(strategy), covariance is not None and covariance is not False
-        if wanted and chosen == GaussNewton("l1"):
-            raise InputError("covariances of an L1 solution are not those of least squares: ask for none")
+        with self.unknowns.owner.alone(), self._accepted_when_interrupted() as accept:
 
-        def before(number: int) -> None:
-            synchronise(self, self._objects)
-            if before_iteration is not None:
-                before_iteration(self, number)
+            def before(number: int) -> None:
+                accept()
+                synchronise(self, self._objects)
+                if before_iteration is not None:
+                    before_iteration(self, number)
+                accept()
 
-        redundancy, done = self.redundancy, Progress(reason=StopReason.NO_UNKNOWNS)
-        if not self.unknowns.frozen.all():
-            solver = self._analysed(reduced=True)
-            run = runner(chosen, equations, solver, self._constraints)
-            with blas_threads(self._threads):
-                done = run(options, redundancy, before, progress or _silent)
-        before(len(done.iterations))
-        wanted = wanted and not self.unknowns.frozen.all()
+            self._settle()
+            with self._taken_out() as analyses:
+                analysis = analyses.reduced(self, self._solver_name, self._threads)
+                redundancy = self._redundancy(analysis)
+                done = self._iterated(analysis, chosen, options, redundancy, before, progress or _silent)
+                before(len(done.iterations))
+                cofactors = self._cofactors(analyses) if wanted and self._n_free else None
+                return self._result(analysis, options, redundancy, done, cofactors)
+
+    @contextmanager
+    def _taken_out(self) -> Iterator[Analyses]:
+        """What is kept for the next solution, put back at the end: nothing half done is used again."""
+        kept, self._kept = self._kept, Analyses()
+        try:
+            yield kept
+        except ObseqError:
+            self._kept = kept
+            raise
+        self._kept = kept
+
+    @contextmanager
+    def _accepted_when_interrupted(self) -> Iterator[Callable[[], None]]:
+        """Gives a function that accepts the present values; an interruption comes back to those."""
+        accepted = self.unknowns.state()
+
+        def accept() -> None:
+            nonlocal accepted
+            accepted = self.unknowns.state()
+
+        try:
+            yield accept
+        except ObseqError:
+            raise
+        except BaseException:
+            self.unknowns.restore(accepted)
+            raise
+
+    def _options(
+        self, max_iterations: int, tolerance: float, sigma0_groups: Collection[str] | None
+    ) -> Options:
+        """The options of a solution, checked."""
+        if whole(max_iterations, "solve, max_iterations") < 0:
+            raise InputError(f"solve: {max_iterations} iterations; give 0 or more")
+        if isinstance(sigma0_groups, str):
+            sigma0_groups = (sigma0_groups,)
+        if sigma0_groups is not None:
+            sigma0_groups = texts(sigma0_groups, "solve, sigma0_groups")
+            known = {batch.group for batch in self._batches} | {prior.group for prior in self._priors}
+            unknown = [group for group in sigma0_groups if group not in known]
+            if unknown:
+                raise InputError(f"sigma0_groups: no group is called {nearest(unknown[0], known)}")
+        return Options(max_iterations, number(tolerance, "solve, tolerance"), sigma0_groups)
+
+    def _iterated(
+        self,
+        analysis: Analysis,
+        strategy: Strategy,
+        options: Options,
+        redundancy: int,
+        before: Callable[[int], None],
+        progress: Callable[[Iteration], None],
+    ) -> Progress:
+        if not self._n_free:
+            return Progress(reason=StopReason.NO_UNKNOWNS)
+        run = runner(strategy, analysis.equations, analysis.solver, self._constraints)
         with blas_threads(self._threads):
-            cofactors = self._cofactors() if wanted else None
-        return self._result(equations, options, redundancy, done, cofactors)
+            return run(options, redundancy, before, progress)
 
-    def _refuse_untouched(self) -> None:
-        if not self._batches and not self._priors:
-            raise InputError("the system has no equations: add observations or priors")
-        touched = used_blocks(self.unknowns, [*self._batches, *self._constraints], self._priors)
-        free = np.add.reduceat(~self.unknowns.frozen, self.unknowns.start, dtype=np.int64) > 0
-        untouched = np.flatnonzero(free & ~touched)
-        if untouched.size:
-            raise untouched_error(self.unknowns, untouched)
-
-    def _analysed(self, reduced: bool = False) -> Solver:
-        equations = self.equations(reduced)
-        reduced = equations is not self._bound.get(False)
-        if reduced not in self._solvers:
-            self._solvers[reduced] = self._new_solver(equations)
-            self._solvers[reduced].analyse(equations.pattern)
-        return self._solvers[reduced]
-
-    def _new_solver(self, equations: NormalEquations) -> Solver:
-        if self._constraints:
-            if self._datum.size:
-                raise InputError("a datum and hard constraints do not go together: freeze unknowns instead")
-            return SubstitutedSolver(self._solver_name, self._threads)
-        solver = choose_solver(equations.pattern, self._solver_name, threads=self._threads)
-        return self._on_datum(equations, solver) if self._datum.size else solver
-
-    def _on_datum(self, equations: NormalEquations, solver: Solver) -> DatumSolver:
-        numbers = equations.free.number[self._datum]
-        free = equations.free.scalars
-        if (numbers[~self.unknowns.frozen[self._datum]] < 0).any():
-            raise InputError("datum: some of its unknowns are to be eliminated; do not eliminate them")
-        chosen = np.zeros(equations.pattern.n, dtype=bool)
-        chosen[numbers[numbers >= 0]] = True
-        reference = self._reference[free]
-        return DatumSolver(solver, chosen, lambda: self.unknowns.values[free] - reference)
-
-    def _cofactors(self) -> Cofactors:
+    def _cofactors(self, analyses: Analyses) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
-        equations, solver = self.equations(), self._analysed()
-        factor(equations, solver, self._constraints, equations.assemble(viscous=False))
-        del self._solvers[False]  # the result keeps this one, for covariances between any two unknowns
-        return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
+        analysis = analyses.whole(self, self._solver_name, self._threads)
+        equations, solver = analysis.equations, analysis.released_solver()
+        with blas_threads(self._threads):
+            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
+            return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 
     def _result(
         self,
-        equations: NormalEquations,
+        analysis: Analysis,
         options: Options,
         redundancy: int,
         done: Progress,
         cofactors: Cofactors | None,
     ) -> LeastSquaresResult:
+        equations = analysis.equations
         equations.reweight()
         squares = equations.sums_of_squares()
         overall = sigma0_of(squares, None, redundancy)
@@ -242,18 +280,37 @@ class LeastSquares(Definition):
             done.reason,
             self.n_observations,
             self.n_constraints,
-            self.n_unknowns,
+            self._n_unknowns(analysis),
             redundancy,
             sigma0_of(squares, options.sigma0_groups, redundancy),
             None if overall is None else overall**2,
             squares,
             self.unknowns,
             self.unknowns.state(),
-            self.unknowns.frozen.copy(),
-            {batch: self.residuals(batch) for batch in equations.batches},
+            frozen(self.unknowns.frozen.copy()),
+            {batch: frozen(self.residuals(batch)) for batch in equations.batches},
             cofactors,
-            self._substitution().redundant if self._constraints else (),
+            self._substitution(analysis).redundant if self._constraints else (),
         )
+
+
+def _is_wanted(covariance: ArrayLike | bool | None, table: UnknownTable) -> bool:
+    """Whether covariances are asked for: "all", True or ids."""
+    if covariance is None or isinstance(covariance, bool):
+        return bool(covariance)
+    if isinstance(covariance, str):
+        if covariance != "all":
+            raise InputError(f'solve: covariance is "all", True or ids of blocks, not {covariance!r}')
+        return True
+    table.checked(covariance, "solve, covariance")
+    return True
+
+
+def _checked_strategy(given: str | Strategy, with_covariance: bool) -> Strategy:
+    strategy = strategy_of(given)
+    if with_covariance and strategy == GaussNewton("l1"):
+        raise InputError("covariances of an L1 solution are not those of least squares: ask for none")
+    return strategy
 
 
 def _silent(_: Iteration) -> None:

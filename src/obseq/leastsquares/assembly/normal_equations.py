@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import DivergenceError
-from obseq.leastsquares.assembly.store import part_width, store_layout
+from obseq.leastsquares.assembly.store import aligned_zeros, part_width, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_bounds, share_out
 from obseq.leastsquares.diagnosis.singular import eliminated_error
-from obseq.leastsquares.problem.batches import aligned_zeros, padded_length
+from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,7 +80,8 @@ class NormalEquations:
         self._threads = threads
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
-        self._store = aligned_zeros(self._shares.size)  # behind the matrix, all zero between two assemblies
+        self._store = aligned_zeros(self._shares.size)
+        self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
 
     @property
     def n_unknowns(self) -> int:
@@ -105,14 +106,13 @@ class NormalEquations:
         """
         self.reweight()
         squares: dict[str, float] = {}
-        self._store[: self.pattern.nnz] = 0.0
-        self._store[self.layout.first_eliminated :] = 0.0
+        self._clean()
         for batch, total in zip(self.batches, self._added_up(), strict=True):
             if not np.isfinite(total):
-                self._store[:] = 0.0
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         values, gradient = self._poured()
+        self._is_clean = True
         self._add_priors(values, gradient, squares)
         if viscous:
             self._add_viscosities(values)
@@ -125,6 +125,15 @@ class NormalEquations:
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
         return Linearisation(values, gradient, squares, eliminated, damping, diagonal)
+
+    def _clean(self) -> None:
+        """Makes the store all zero; the mark that it is goes first."""
+        was_clean, self._is_clean = self._is_clean, False
+        if was_clean:
+            self._store[: self.pattern.nnz] = 0.0
+            self._store[self.layout.first_eliminated :] = 0.0
+        else:
+            self._store[:] = 0.0
 
     def reweight(self) -> None:
         """Gives batches that have a loss the weights of their residuals at the current values."""
@@ -176,11 +185,7 @@ class NormalEquations:
             parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
             return [self._assemble_batch(*part) for part in parts]
 
-        try:
-            totals = in_threads(add_share, len(self._shares))
-        except BaseException:  # interrupted: what is behind the matrix must be zero at the next assembly
-            self._store[:] = 0.0
-            raise
+        totals = in_threads(add_share, len(self._shares))
         if len(self._shares.moves):
             from obseq.leastsquares.loops.shares import add_copies
 

@@ -24,7 +24,7 @@ from obseq.leastsquares.problem.numbering import free_unknowns
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, IntArray, PositionArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray, PositionArray
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.loops.groups import Groups
     from obseq.leastsquares.problem.batches import Batch
@@ -266,3 +266,10 @@ def _record_rows(batch: Batch, part: IntArray, width: int) -> IntArray:
         rows[first : first + role.size] = 1 + role.row + np.arange(role.size)
         rows[first + role.size] = 0
     return rows
+
+
+def aligned_zeros(n: int) -> FloatArray:
+    """(n,) zeros at a 64-byte boundary."""
+    buffer = np.zeros(n + 8)
+    offset = (-buffer.ctypes.data % 64) // 8
+    return buffer[offset : offset + n]

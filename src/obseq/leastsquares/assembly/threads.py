@@ -19,6 +19,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
+from obseq.leastsquares.problem.arguments import whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -61,7 +62,7 @@ def checked_threads(threads: int) -> int:
     Raises:
         InputError: it is not from 1 to 64.
     """
-    if not 1 <= threads <= MOST_THREADS:
+    if not 1 <= whole(threads, "threads") <= MOST_THREADS:
         raise InputError(f"{threads} threads: give a number from 1 to {MOST_THREADS}")
     return threads
 

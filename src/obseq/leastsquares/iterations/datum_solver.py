@@ -48,6 +48,7 @@ class DatumSolver:
         self._chosen = chosen
         self._offset = offset
         self._held: IntArray | None = None
+        self._is_factored = False
         self._kernel = np.zeros((len(chosen), 0))
         self._to_kernel = np.zeros((0, len(chosen)))
         self._pattern: SymmetricPattern | None = None
@@ -70,7 +71,7 @@ class DatumSolver:
     @property
     def is_factored(self) -> bool:
         """Whether a matrix was factored: the defect is known."""
-        return self._held is not None
+        return self._is_factored
 
     def analyse(self, pattern: SymmetricPattern) -> None:
         """Prepares for matrices of this pattern."""
@@ -84,6 +85,7 @@ class DatumSolver:
             InputError: The chosen unknowns do not fix the datum.
             SingularMatrixError: The defect has grown since the first factorisation.
         """
+        self._is_factored = False
         if self._held is None:
             self._held = self._find_held(values)
         self._solver.factor(self._regularised(values))
@@ -97,6 +99,7 @@ class DatumSolver:
             )
         self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
         self._to_kernel[:, self._chosen] = np.linalg.solve(fixed, seen.T)
+        self._is_factored = True
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
         """S M^-1 S' times one right-hand side (n,) or several (n, k)."""

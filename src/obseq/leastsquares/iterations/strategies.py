@@ -72,8 +72,8 @@ NAMES: dict[str, Strategy] = {
 
 def strategy_of(given: str | Strategy) -> Strategy:
     """The strategy of a name, or the strategy itself."""
-    if not isinstance(given, str):
+    if isinstance(given, GaussNewton | LevenbergMarquardt | Dogleg):
         return given
-    if given not in NAMES:
+    if not isinstance(given, str) or given not in NAMES:
         raise InputError(f"unknown strategy {given!r}; known: {', '.join(NAMES)}")
     return NAMES[given]

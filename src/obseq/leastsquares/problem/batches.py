@@ -2,74 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.kernels.layout import LANES, STRIDE
+from obseq.kernels.layout import LANES
+from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
 from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Iterator, Sequence, Set
 
     from numpy.typing import ArrayLike, NDArray
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.losses import Loss
+    from obseq.leastsquares.problem.shapes import Role, Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-
-@dataclass(frozen=True)
-class Role:
-    """One block of a formula, as a batch sees it.
-
-    Attributes:
-        name: argument of the formula (`station.centre`).
-        kind: name of the kind of block the formula wants (`Point3`).
-        row: first row of its unknowns in a tile.
-        size: number of its unknowns.
-        context_row: first row of its context in a tile, -1 without context.
-        context_size: number of its context values.
-        transposed: True when the formula reads the transposed rotation matrix.
-    """
-
-    name: str
-    kind: str
-    row: int
-    size: int
-    context_row: int = -1
-    context_size: int = 0
-    transposed: bool = False
-
-
-@dataclass(frozen=True)
-class Shape:
-    """What the drivers must know of a formula.
-
-    Attributes:
-        name: name of the formula, for messages.
-        roles: its blocks.
-        observation_rows: (m,) rows of a tile that hold what the user gives per observation.
-        n_unknowns: unknowns of one equation.
-        n_residuals: residuals of one equation.
-        first_row: row of the first residual.
-        kernel: address of the value-and-Jacobian kernel, called when needed; 0 for linear rows.
-        value_kernel: the same for values alone.
-        new_tile: makes a tile that either kernel can work in.
-    """
-
-    name: str
-    roles: tuple[Role, ...]
-    observation_rows: tuple[int, ...]
-    n_unknowns: int
-    n_residuals: int
-    first_row: int
-    kernel: Callable[[], int]
-    value_kernel: Callable[[], int]
-    new_tile: Callable[[], FloatArray]
 
 
 def padded_length(n: int) -> int:
@@ -90,37 +41,68 @@ def _padded(rows: NDArray[Any], dtype: type) -> NDArray[Any]:
 class Batch:
     """Observations of one formula: the blocks they join, what was measured, sigmas and labels.
 
-    The measured values may be replaced between two iterations (`batch.observations = ...`), and so may
-    `loss`, which gives robust weights (None: none). `is_constraint` says that its rows count as constraints.
+    Between two solutions `observations`, `sigmas`, `active`, `loss` and `group` may be replaced; entries of
+    `sigmas` and `active` may be changed in place as well.
+
+    Attributes:
+        shape: what is known of the formula.
+        blocks: (n_roles, n) the block of each observation for each argument of the formula.
+        n: number of observations.
+        is_constraint: whether its rows count as constraints, as priors do.
+        weights: (n_residuals, padded n) inverse sigmas times the roots of robust weights; 0 where inactive.
+        roots: (m (m + 1) / 2, padded n) upper triangles that whiten correlated residuals; empty without.
     """
+
+    __slots__ = (
+        "_active",
+        "_group",
+        "_labels",
+        "_loss",
+        "_sigmas",
+        "_table",
+        "_weighed",
+        "blocks",
+        "contexts",
+        "dimensions",
+        "is_constraint",
+        "n",
+        "observation_rows",
+        "observation_tiles",
+        "roles",
+        "roots",
+        "shape",
+        "starts",
+        "weights",
+    )
 
     def __init__(
         self,
         shape: Shape,
         table: UnknownTable,
         blocks: Mapping[str, ArrayLike],
-        observations: ArrayLike | None,
+        observations: ArrayLike | Mapping[str, ArrayLike] | None,
         sigmas: ArrayLike,
         labels: Sequence[str] | None,
         group: str | None,
         active: ArrayLike | None,
     ) -> None:
         self.shape = shape
-        self.group = group or shape.name
         self._table = table
-        self.blocks = self._checked_blocks(blocks)
-        self.n: int = self.blocks.shape[1]
-        self._labels = labels
-        if labels is not None and len(labels) != self.n:
-            raise InputError(f"{shape.name}: {len(labels)} labels for {self.n} observations")
+        self._group = shape.name if group is None else text(group, f"{shape.name}, group")
+        columns = self._checked_columns(blocks)
+        self.n: int = max(_rows_of(shape, observations, columns))
+        self.blocks = self._broadcast(columns)
+        self._labels = None if labels is None else texts(labels, f"{shape.name}, labels")
+        if self._labels is not None and len(self._labels) != self.n:
+            raise InputError(f"{shape.name}: {len(self._labels)} labels for {self.n} observations")
         self.observation_tiles = np.zeros((len(shape.observation_rows), padded_length(self.n)))
         self.observations = observations
-        self.active = self._checked_active(active)
-        self.loss: Loss | None = None
+        self._loss: Loss | None = None
         self.is_constraint = False
         self.roots: FloatArray = np.zeros((0, 0))
-        self.weights = np.zeros((shape.n_residuals, padded_length(self.n)))
-        self.reweigh(sigmas)
+        self._sigmas = self._checked_sigmas(sigmas)
+        self._active = self._checked_active(active)
+        self._weigh()
         self._lay_out()
 
     def __len__(self) -> int:
@@ -130,6 +112,15 @@ class Batch:
     def name(self) -> str:
         """Name of the formula."""
         return self.shape.name
+
+    @property
+    def group(self) -> str:
+        """Name under which sums of squares are kept."""
+        return self._group
+
+    @group.setter
+    def group(self, new: str) -> None:
+        self._group = text(new, f"{self.name}, group")
 
     @property
     def n_scalars(self) -> int:
@@ -142,9 +133,12 @@ class Batch:
         return np.array(self.observation_tiles[:, : self.n].T, order="C")
 
     @observations.setter
-    def observations(self, new: ArrayLike | None) -> None:
+    def observations(self, new: ArrayLike | Mapping[str, ArrayLike] | None) -> None:
         width = len(self.shape.observation_rows)
-        array = np.zeros((self.n, 0)) if new is None else np.asarray(new, dtype=np.float64)
+        if isinstance(new, Mapping):
+            array = self._by_name(new)
+        else:
+            array = np.zeros((self.n, 0)) if new is None else real(new, f"{self.name}, observations")
         if array.shape != (self.n, width) and not (array.shape == (self.n,) and width == 1):
             raise InputError(
                 f"{self.name}: observations have shape {array.shape}; expected ({self.n}, {width})"
@@ -155,17 +149,83 @@ class Batch:
             raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")
         self.observation_tiles[:] = _padded(array.T, np.float64)
 
-    def reweigh(self, sigmas: ArrayLike) -> None:
-        """Gives the observations other sigmas (number, (n,) or (n, n_residuals)), between two iterations."""
-        self.sigmas = self._checked_sigmas(sigmas)
-        self.weights[:, : self.n] = np.where(self.active, 1.0 / self.sigmas.T, 0.0)
+    def _by_name(self, given: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n, m) numbers from arrays by name, each of its natural shape for all rows, or for one and all."""
+        known = {column.name: column for column in self.shape.columns}
+        _refuse_other_names(f"{self.name}: observations", known.keys(), given.keys())
+        array = np.empty((self.n, len(self.shape.observation_rows)))
+        for name, column in known.items():
+            rows = real(given[name], f"{self.name}, {name}")
+            if rows.shape not in (column.shape, (self.n, *column.shape)):
+                raise InputError(
+                    f"{self.name}, {name}: it has shape {rows.shape}; expected {(self.n, *column.shape)}, or "
+                    f"{column.shape} for all"
+                )
+            flat = rows.reshape(-1, column.size)
+            array[:, column.first : column.first + column.size] = flat
+        return array
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(n, n_residuals) given standard deviations; for correlated residuals, factors of theirs."""
+        return self._sigmas
+
+    @sigmas.setter
+    def sigmas(self, new: ArrayLike) -> None:
+        self._sigmas = self._checked_sigmas(new)
+        self._weigh()
+
+    @property
+    def active(self) -> BoolArray:
+        """(n,) False for observations that have residuals but no influence."""
+        return self._active
+
+    @active.setter
+    def active(self, new: ArrayLike) -> None:
+        self._active = self._checked_active(new)
+        self._weigh()
+
+    @property
+    def loss(self) -> Loss | None:
+        """What gives robust weights; None for least squares."""
+        return self._loss
+
+    @loss.setter
+    def loss(self, new: Loss | None) -> None:
+        if new is not None and (isinstance(new, type) or not callable(getattr(new, "weights", None))):
+            raise InputError(f"{self.name}: a loss is wanted, such as Huber(), not {new!r}")
+        self._loss = new
+        self._weigh()
+
+    def set_active(self, row: int, active: bool) -> None:
+        """Takes an observation out of the adjustment, or back in; it keeps its place, sigma and residual."""
+        chosen = self._active.copy()
+        chosen[row] = active
+        self.active = chosen
+
+    def settle(self) -> None:
+        """Makes the weights anew if entries of `sigmas` or `active` have changed.
+
+        Raises:
+            InputError: a sigma is no positive number any more.
+        """
+        sigmas, active = self._weighed
+        if not (np.array_equal(sigmas, self._sigmas) and np.array_equal(active, self._active)):
+            self._sigmas = self._checked_sigmas(self._sigmas)
+            self._weigh()
+
+    def _weigh(self, factors: FloatArray | float = 1.0) -> None:
+        """Weight = active / sigma, times the roots of robust weights (n, 1)."""
+        self._weighed = (self._sigmas.copy(), self._active.copy())
+        weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
+        weights[:, : self.n] = np.where(self._active[:, None], factors / self._sigmas, 0.0).T
+        self.weights = weights
 
     def reweight(self, residuals: FloatArray) -> None:
         """Sets the weights that the loss gives to residuals (n, n_residuals)."""
-        if self.loss is not None:
-            norm = np.linalg.norm(residuals / self.sigmas, axis=1)
-            factor = np.sqrt(self.loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None]
-            self.weights[:, : self.n] = np.where(self.active[:, None], factor / self.sigmas, 0.0).T
+        if self._loss is not None:
+            norm = np.linalg.norm(residuals / self._sigmas, axis=1)
+            self._weigh(np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None])
 
     def correlate(self, covariances: ArrayLike) -> None:
         """Gives the residuals of each observation a full covariance, (m, m) or (n, m, m), in their units.
@@ -177,7 +237,7 @@ class Batch:
             InputError: a matrix is not symmetric and positive definite; the observation is named.
         """
         m = self.shape.n_residuals
-        given = np.asarray(covariances, dtype=np.float64)
+        given = real(covariances, f"{self.name}, covariances")
         if given.shape not in ((m, m), (self.n, m, m)):
             raise InputError(f"{self.name}: covariances have shape {given.shape}; expected {(self.n, m, m)}")
         given = np.broadcast_to(given, (self.n, m, m))
@@ -197,7 +257,6 @@ class Batch:
         rows, columns = np.triu_indices(m)
         self.roots = _padded(roots[:, rows, columns].T, np.float64)
         self.sigmas = np.ones((self.n, m))
-        self.weights[:, : self.n] = np.where(self.active, 1.0, 0.0)
 
     def whitened(self, rows: FloatArray, chosen: ArrayLike | None = None) -> FloatArray:
         """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.
@@ -229,21 +288,21 @@ class Batch:
         names = dict.fromkeys(self._table.names[block] for block in self.blocks[:, row])
         return f"{self.name} {' -> '.join(names)} (row {row})"
 
-    def _checked_blocks(self, blocks: Mapping[str, ArrayLike]) -> IntArray:
+    def _checked_columns(self, blocks: Mapping[str, ArrayLike]) -> list[IntArray]:
+        if not isinstance(blocks, Mapping):
+            raise InputError(f"{self.name}: blocks are given by name, not as {type(blocks).__name__}")
         roles = self.shape.roles
-        expected, given = {role.name for role in roles}, set(blocks)
-        if expected != given:
-            missing = ", ".join(sorted(expected - given)) or "none"
-            unknown = ", ".join(sorted(given - expected)) or "none"
-            raise InputError(
-                f"{self.name}: block arguments missing: {missing}; not in the formula: {unknown}"
-            )
-        columns = [self._checked_role(role, blocks[role.name]) for role in roles]
-        n = max(len(column) for column in columns)
-        for role, column in zip(roles, columns, strict=True):
-            if len(column) not in (1, n):
-                raise InputError(f"{self.name}, {role.name}: {len(column)} ids; other arguments have {n}")
-        return np.array([np.broadcast_to(column, n) for column in columns])
+        _refuse_other_names(f"{self.name}: block arguments", {role.name for role in roles}, blocks.keys())
+        return [self._checked_role(role, blocks[role.name]) for role in roles]
+
+    def _broadcast(self, columns: list[IntArray]) -> IntArray:
+        """(n_roles, n) ids, one alone standing for all rows."""
+        for role, column in zip(self.shape.roles, columns, strict=True):
+            if len(column) not in (1, self.n):
+                raise InputError(
+                    f"{self.name}, {role.name}: {len(column)} ids; other arguments have {self.n}"
+                )
+        return np.array([np.broadcast_to(column, self.n) for column in columns])
 
     def _checked_role(self, role: Role, ids: ArrayLike) -> IntArray:
         table, what = self._table, f"{self.name}, {role.name}"
@@ -261,14 +320,14 @@ class Batch:
 
     def _checked_sigmas(self, sigmas: ArrayLike) -> FloatArray:
         shape = (self.n, self.shape.n_residuals)
-        array = np.asarray(sigmas, dtype=np.float64)
+        array = real(sigmas, f"{self.name}, sigmas")
         if array.ndim == 1 and array.shape == (self.n,):
             array = array[:, None]
         if array.ndim and array.shape not in (shape, (self.n, 1)):
             raise InputError(
                 f"{self.name}: sigmas have shape {array.shape}; expected a number, ({self.n},) or {shape}"
             )
-        array = np.broadcast_to(array, shape)
+        array = np.broadcast_to(array, shape).copy()
         wrong = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)).all(axis=1))
         if wrong.size:
             row = wrong[0]
@@ -276,10 +335,9 @@ class Batch:
         return array
 
     def _checked_active(self, active: ArrayLike | None) -> BoolArray:
-        array = np.ones(self.n, dtype=bool) if active is None else np.array(active, dtype=bool)
-        if array.shape != (self.n,):
-            raise InputError(f"{self.name}: active has shape {array.shape}; expected ({self.n},)")
-        return array
+        if active is None:
+            return np.ones(self.n, dtype=bool)
+        return truths(active, (self.n,), f"{self.name}: active")
 
     def _lay_out(self) -> None:
         """The arrays that the drivers take, in their order."""
@@ -305,63 +363,24 @@ def _accepted(role: Role) -> tuple[Kind, ...]:
     return (Kind.VECTOR, Kind.SCALAR) if kind in (Kind.VECTOR, Kind.SCALAR) else (kind,)
 
 
-def formula_shape(formula: str | Kernel) -> Shape:
-    """The shape of a generated formula; its kernels are compiled or read from the cache on first use."""
-    from obseq.kernels.loading import load
-    from obseq.kernels.tiles import aligned_tiles
-
-    kernel = load(formula) if isinstance(formula, str) else formula
-    n_unknowns = len(kernel.unknowns)
-    roles = tuple(
-        Role(
-            block.name,
-            block.kind,
-            block.start,
-            block.size,
-            n_unknowns + block.context[0] if block.context else -1,
-            block.context[1] - block.context[0] if block.context else 0,
-            block.transposed,
-        )
-        for block in kernel.blocks
-    )
-    return Shape(
-        kernel.name,
-        roles,
-        tuple(n_unknowns + row for row in kernel.measured),
-        n_unknowns,
-        len(kernel.residuals),
-        kernel.first_result,
-        lambda: kernel.value_and_jacobian_address,
-        lambda: kernel.value_address,
-        lambda: aligned_tiles(kernel.rows, 1, kernel.constant_rows),
-    )
+def _refuse_other_names(what: str, expected: Set[str], given: Set[str]) -> None:
+    if expected != given:
+        missing = ", ".join(sorted(expected - given)) or "none"
+        unknown = ", ".join(sorted(map(str, given - expected))) or "none"
+        raise InputError(f"{what} missing: {missing}; not in the formula: {unknown}")
 
 
-def linear_shape(table: UnknownTable, columns: Sequence[IntArray]) -> Shape:
-    """The shape of plain linear rows over blocks: their coefficients and value are the observations."""
-    roles, row = [], 0
-    for number, ids in enumerate(columns):
-        _, kind, size = table.uniform(ids, f"linear rows, block {number}")
-        if kind not in (Kind.POINT3, Kind.POINT2, Kind.VECTOR, Kind.SCALAR):
-            raise InputError(f"linear rows: {table.names[ids[0]]!r} is a {kind.label}, not a linear unknown")
-        roles.append(Role(str(number), kind.label, row, size))
-        row += size
-    rows = 3 * row + 2
-    return Shape(
-        "linear",
-        tuple(roles),
-        tuple(range(row, 2 * row + 1)),
-        row,
-        1,
-        2 * row + 1,
-        lambda: 0,
-        lambda: 0,
-        lambda: aligned_zeros(rows * STRIDE),
-    )
-
-
-def aligned_zeros(n: int) -> FloatArray:
-    """(n,) zeros at a 64-byte boundary."""
-    buffer = np.zeros(n + 8)
-    offset = (-buffer.ctypes.data % 64) // 8
-    return buffer[offset : offset + n]
+def _rows_of(
+    shape: Shape, observations: ArrayLike | Mapping[str, ArrayLike] | None, columns: Sequence[IntArray]
+) -> Iterator[int]:
+    """Numbers of rows of the blocks, and of the observations where each block is given by one id alone."""
+    yield from (len(column) for column in columns)
+    if observations is None or any(len(column) != 1 for column in columns):
+        return
+    if not isinstance(observations, Mapping):
+        yield len(np.atleast_1d(plain(observations, f"{shape.name}, observations")))
+        return
+    for column in shape.columns:
+        array = plain(observations.get(column.name, 0.0), f"{shape.name}, {column.name}")
+        if array.ndim > len(column.shape):
+            yield len(array)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.batches import Batch, formula_shape, linear_shape
+from obseq.leastsquares.problem.arguments import finite, table_of_rows, texts
+from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.manifolds import checked_rotations, direction_context, rotation_context
 from obseq.leastsquares.problem.objects import matching
 from obseq.leastsquares.problem.priors import Prior, Viscosity
-from obseq.leastsquares.problem.unknowns import Kind, UnknownTable, finite
+from obseq.leastsquares.problem.shapes import formula_shape, linear_shape
+from obseq.leastsquares.problem.unknowns import Kind, UnknownTable, kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,12 +26,20 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.objects import UnknownObject
 
 
-class Definition:
-    """Unknowns in blocks, equations in batches, priors, hard constraints, datum; nothing is solved here.
+class Datum(NamedTuple):
+    """What a free network is fixed by.
 
-    `_version` is that of the table of unknowns when equations were last worked out; -1 when they are to be
-    anew.
+    Attributes:
+        scalars: positions of the unknowns whose changes are least; none without a datum.
+        reference: (n_scalars,) values of all unknowns when it was set.
     """
+
+    scalars: IntArray
+    reference: FloatArray
+
+
+class Definition:
+    """Unknowns in blocks, equations in batches, priors, hard constraints, datum; nothing is solved here."""
 
     def __init__(self) -> None:
         self.unknowns = UnknownTable()
@@ -38,15 +48,14 @@ class Definition:
         self._viscosities: list[Viscosity] = []
         self._constraints: list[Batch] = []
         self._objects: list[UnknownObject] = []
-        self._datum: IntArray = np.zeros(0, dtype=np.int64)
-        self._reference: FloatArray = np.zeros(0)
-        self._version = -1
+        self.datum = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
 
     # Unknowns
 
     def add_points(self, names: Sequence[str], coordinates: ArrayLike) -> IntArray:
         """Adds points of (n, 3) or (n, 2) coordinates, in metres; returns their ids."""
-        array = _table_of_rows(coordinates, len(names), "add_points")
+        names = texts(names, "add_points")
+        array = table_of_rows(coordinates, len(names), "add_points")
         if array.shape[1] not in (2, 3):
             raise InputError(f"add_points: coordinates have {array.shape[1]} columns; expected 2 or 3")
         kind = Kind.POINT3 if array.shape[1] == 3 else Kind.POINT2
@@ -54,12 +63,14 @@ class Definition:
 
     def add_rotations(self, names: Sequence[str], matrices: ArrayLike) -> IntArray:
         """Adds rotations from a local frame to the world frame, (n, 3, 3); returns their ids."""
+        names = texts(names, "add_rotations")
         array = finite(matrices, (len(names), 3, 3), "add_rotations")
         context = rotation_context(checked_rotations(array, "add_rotations"))
         return self.unknowns.add(Kind.ROTATION, names, np.zeros((len(names), 3)), context)
 
     def add_directions(self, names: Sequence[str], vectors: ArrayLike) -> IntArray:
         """Adds unit directions, given by vectors (n, 3) of any length but zero; returns their ids."""
+        names = texts(names, "add_directions")
         array = finite(vectors, (len(names), 3), "add_directions")
         wrong = np.flatnonzero(~array.any(axis=1))
         if wrong.size:
@@ -70,21 +81,24 @@ class Definition:
         self, names: Sequence[str], values: ArrayLike, component_names: Sequence[str] | None = None
     ) -> IntArray:
         """Adds vectors of unknowns, (n, k); `component_names` (k,) are for messages; returns their ids."""
-        array = _table_of_rows(values, len(names), "add_vectors")
+        names = texts(names, "add_vectors")
+        array = table_of_rows(values, len(names), "add_vectors")
         size = array.shape[1]
-        components = tuple(component_names or (str(number) for number in range(size)))
+        numbers = [str(number) for number in range(size)]
+        components = texts(component_names or numbers, "add_vectors, component_names")
         if len(components) != size or not size:
             raise InputError(f"add_vectors: {len(components)} component names for vectors of {size}")
         return self.unknowns.add(Kind.VECTOR, names, array, components=components)
 
     def add_scalars(self, names: Sequence[str], values: ArrayLike) -> IntArray:
         """Adds single unknowns, values (n,); returns their ids."""
+        names = texts(names, "add_scalars")
         array = finite(values, (len(names),), "add_scalars")
         return self.unknowns.add(Kind.SCALAR, names, array[:, None])
 
     def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
         """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar."""
-        return self.unknowns.find(names, Kind[kind.upper()])
+        return self.unknowns.find(names, kind_of(kind))
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Current values of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
@@ -247,8 +261,8 @@ class Definition:
             group: name under which sums of squares are kept.
         """
         prior = Prior(self.unknowns, ids, values, sigmas, group)
+        self.unknowns.owner.check()
         self._priors.append(prior)
-        self._version = -1
         return prior
 
     def add_viscosity(self, ids: ArrayLike, sigmas: ArrayLike) -> None:
@@ -257,12 +271,12 @@ class Definition:
         It changes the way to the solution, not the solution; it counts neither as an observation nor in
         covariances. Rotations take it too (sigmas in radians).
         """
+        self.unknowns.owner.check()
         self._viscosities.append(Viscosity.of(self.unknowns, ids, sigmas))
-        self._version = -1
 
     def _added(self, batch: Batch) -> Batch:
+        self.unknowns.owner.check()
         self._batches.append(batch)
-        self._version = -1
         return batch
 
     # Hard constraints
@@ -324,12 +338,12 @@ class Definition:
         """Takes a constraint out again."""
         if constraint not in self._constraints:
             raise InputError(f"this {constraint.name} constraint is not in the system")
+        self.unknowns.owner.check()
         self._constraints.remove(constraint)
-        self._version = -1
 
     def _constrained(self, batch: Batch) -> Batch:
+        self.unknowns.owner.check()
         self._constraints.append(batch)
-        self._version = -1
         return batch
 
     # Free networks
@@ -351,11 +365,33 @@ class Definition:
         kinds = self.unknowns.kind[blocks]
         if np.isin(kinds, (Kind.ROTATION, Kind.DIRECTION)).any():
             raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
-        self._datum = np.zeros(0, dtype=np.int64)
+        chosen = np.zeros(0, dtype=np.int64)
         if blocks.size:
-            self._datum = self.unknowns.component_index(blocks, components, "datum").ravel()
-        self._reference = self.unknowns.values.copy()
-        self._version = -1
+            chosen = self.unknowns.component_index(blocks, components, "datum").ravel()
+        self.unknowns.owner.check()
+        self.datum = Datum(chosen, self.unknowns.values.copy())
+
+    # What it consists of
+
+    @property
+    def batches(self) -> tuple[Batch, ...]:
+        """The observations, in the order in which they were added."""
+        return tuple(self._batches)
+
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """The soft constraints."""
+        return tuple(self._priors)
+
+    @property
+    def constraints(self) -> tuple[Batch, ...]:
+        """The hard constraints."""
+        return tuple(self._constraints)
+
+    @property
+    def viscosities(self) -> tuple[Viscosity, ...]:
+        """What slows unknowns."""
+        return tuple(self._viscosities)
 
     # Counting
 
@@ -369,10 +405,3 @@ class Definition:
         """Number of scalar equations of priors, and of rows that count as constraints."""
         rows = sum(batch.n_scalars for batch in self._batches if batch.is_constraint)
         return rows + sum(prior.n_scalars for prior in self._priors)
-
-
-def _table_of_rows(values: ArrayLike, n: int, what: str) -> FloatArray:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 2 or len(array) != n:
-        raise InputError(f"{what}: values have shape {array.shape}; expected {n} rows")
-    return finite(array, array.shape, what)

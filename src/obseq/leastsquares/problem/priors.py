@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.unknowns import Kind, finite
+from obseq.leastsquares.problem.arguments import finite, frozen, real, text
+from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -18,7 +19,16 @@ if TYPE_CHECKING:
 
 
 class Prior:
-    """Equations x = value +- sigma for blocks that are alike; an infinite sigma leaves a component out."""
+    """Equations x = value +- sigma for blocks that are alike; an infinite sigma leaves a component out.
+
+    Attributes:
+        ids: the blocks.
+        scalars: (n_scalars,) positions of the unknowns concerned.
+        values: (n_scalars,) given values.
+        weights: (n_scalars,) inverse sigmas.
+    """
+
+    __slots__ = ("_group", "_sigmas", "_table", "ids", "scalars", "values", "weights")
 
     def __init__(
         self, table: UnknownTable, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str
@@ -26,19 +36,48 @@ class Prior:
         self.ids, kind, size = table.uniform(ids, "prior")
         if kind in (Kind.ROTATION, Kind.DIRECTION):
             raise InputError(f"prior: a {kind.label} takes no prior; freeze it, or observe its effect")
-        self.group = group
+        self._table = table
+        self._group = text(group, "prior, group")
         shape = (len(self.ids), size)
-        given = finite(np.broadcast_to(np.asarray(values, dtype=np.float64), shape), shape, "prior, values")
-        spread = _checked_sigmas(table, self.ids, np.asarray(sigmas, dtype=np.float64), shape)
+        given = finite(_stretched(values, shape, "prior: values"), shape, "prior: values")
+        spread = _checked_sigmas(table, self.ids, sigmas, shape)
         kept = np.isfinite(spread)
         self.scalars: IntArray = table.scalars(self.ids)[kept]
-        self.values: FloatArray = given[kept]
-        self.weights: FloatArray = 1.0 / spread[kept]
+        self.values: FloatArray = frozen(given[kept])
+        self.sigmas = spread[kept][:, None]
+
+    @property
+    def name(self) -> str:
+        """What it is called in messages."""
+        return "prior"
+
+    @property
+    def group(self) -> str:
+        """Name under which sums of squares are kept."""
+        return self._group
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(n_scalars, 1) given standard deviations."""
+        return self._sigmas
+
+    @sigmas.setter
+    def sigmas(self, new: ArrayLike) -> None:
+        given = np.array(_stretched(new, (self.n_scalars, 1), "prior: sigmas"))
+        wrong = np.flatnonzero(~(np.isfinite(given) & (given > 0.0)))
+        if wrong.size:
+            raise InputError(f"{self.label(wrong[0])}: sigma must be positive, not {given[wrong[0], 0]}")
+        self._sigmas: FloatArray = frozen(given)
+        self.weights: FloatArray = 1.0 / given[:, 0]
 
     @property
     def n_scalars(self) -> int:
         """Number of scalar equations."""
         return len(self.scalars)
+
+    def label(self, row: int) -> str:
+        """What to call one equation in a message."""
+        return f"prior of {self._table.component_names(self.scalars[row])[0]}"
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """(n_scalars,) unknowns minus given values, for the vector of all unknowns."""
@@ -65,21 +104,25 @@ class Viscosity:
     def of(cls, table: UnknownTable, ids: ArrayLike, sigmas: ArrayLike) -> Viscosity:
         """The viscosity of blocks that are alike; sigmas are a number, (n,) or (n, k), infinite for none."""
         blocks, _, size = table.uniform(ids, "viscosity")
-        spread = _checked_sigmas(table, blocks, np.asarray(sigmas, dtype=np.float64), (len(blocks), size))
+        spread = _checked_sigmas(table, blocks, sigmas, (len(blocks), size))
         return cls(table.scalars(blocks).ravel(), 1.0 / np.square(spread).ravel())
 
 
 def _checked_sigmas(
-    table: UnknownTable, ids: IntArray, sigmas: FloatArray, shape: tuple[int, int]
+    table: UnknownTable, ids: IntArray, sigmas: ArrayLike, shape: tuple[int, int]
 ) -> FloatArray:
-    if sigmas.ndim == 1 and sigmas.shape == shape[:1]:
-        sigmas = sigmas[:, None]
-    try:
-        array = np.broadcast_to(sigmas, shape)
-    except ValueError:
-        raise InputError(f"prior: sigmas have shape {sigmas.shape}; expected {shape}") from None
+    given = real(sigmas, "prior: sigmas")
+    array = _stretched(given[:, None] if given.shape == shape[:1] else given, shape, "prior: sigmas")
     wrong = np.flatnonzero(~(array > 0.0).all(axis=1))
     if wrong.size:
         name = table.names[ids[wrong[0]]]
         raise InputError(f"prior of {name}: sigma must be positive, not {array[wrong[0]]}")
     return array
+
+
+def _stretched(given: ArrayLike, shape: tuple[int, int], what: str) -> FloatArray:
+    array = real(given, what)
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise InputError(f"{what} have shape {array.shape}; expected {shape}") from None

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
 from obseq.leastsquares.problem.manifolds import (
     checked_rotations,
     direction_context,
@@ -17,6 +18,7 @@ from obseq.leastsquares.problem.manifolds import (
     rotation_context,
     turned,
 )
+from obseq.leastsquares.problem.owner import Owner
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,6 +48,18 @@ class Kind(IntEnum):
         return self.name.capitalize()
 
 
+def kind_of(label: object) -> Kind:
+    """The kind of a label (`Point3`, in any case).
+
+    Raises:
+        InputError: there is no such kind.
+    """
+    for kind in Kind:
+        if isinstance(label, str) and label.upper() == kind.name:
+            return kind
+    raise InputError(f"no kind of unknown is called {label!r}; there are {', '.join(k.label for k in Kind)}")
+
+
 COMPONENTS = {
     Kind.POINT3: ("x", "y", "z"),
     Kind.POINT2: ("x", "y"),
@@ -53,7 +67,6 @@ COMPONENTS = {
     Kind.DIRECTION: ("direction.u", "direction.v"),
     Kind.SCALAR: ("",),
 }
-CONTEXT_SIZE = {Kind.ROTATION: 18, Kind.DIRECTION: 9}
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -89,6 +102,10 @@ class Column(Generic[Scalar]):
         self._data[self._n : n] = added
         self._n = n
 
+    def cut(self, n: int) -> None:
+        """Keeps the first n entries."""
+        self._n = min(n, self._n)
+
 
 @dataclass(frozen=True)
 class State:
@@ -107,6 +124,7 @@ class UnknownTable:
 
     def __init__(self) -> None:
         self.names: list[str] = []
+        self.owner = Owner()
         self._ids: dict[Kind, dict[str, int]] = {kind: {} for kind in Kind}
         self._kind = Column(np.int64)
         self._start = Column(np.int64)
@@ -118,7 +136,6 @@ class UnknownTable:
         self._context = Column(np.float64)
         self._frozen = Column(np.bool_)
         self._eliminated = Column(np.bool_)
-        self.version = 0
 
     def __len__(self) -> int:
         return len(self.names)
@@ -182,8 +199,26 @@ class UnknownTable:
         components: tuple[str, ...] | None = None,
     ) -> IntArray:
         """Adds blocks of one kind: `values` (n, size), `context` (n, context size); returns their ids."""
+        self.owner.check()
+        self._refuse_repeated(kind, names)
+        before = self._lengths()
+        try:
+            return self._extended(kind, names, values, context, components)
+        except BaseException:  # interrupted: no column is longer than another
+            self._cut(before)
+            raise
+
+    def _extended(
+        self,
+        kind: Kind,
+        names: Sequence[str],
+        values: FloatArray,
+        context: FloatArray | None,
+        components: tuple[str, ...] | None,
+    ) -> IntArray:
         first, n, size = len(self), len(names), values.shape[1]
-        self._register(kind, names)
+        self._ids[kind].update(zip(names, range(first, first + n), strict=True))
+        self.names.extend(names)
         self._components.append(COMPONENTS[kind] if components is None else components)
         self._kind.extend(np.full(n, kind))
         self._size.extend(np.full(n, size))
@@ -196,30 +231,52 @@ class UnknownTable:
         self._context_start.extend((len(self._context) if width else 0) + width * np.arange(n))
         if context is not None:
             self._context.extend(context)
-        self.version += 1
         return np.arange(first, first + n)
 
-    def _register(self, kind: Kind, names: Sequence[str]) -> None:
+    def _columns(self) -> tuple[Column[Any], ...]:
+        return (
+            self._kind,
+            self._start,
+            self._size,
+            self._context_start,
+            self._family,
+            self._values,
+            self._context,
+            self._frozen,
+            self._eliminated,
+        )
+
+    def _lengths(self) -> tuple[int, ...]:
+        return (len(self.names), len(self._components), *(len(column) for column in self._columns()))
+
+    def _cut(self, lengths: tuple[int, ...]) -> None:
+        """Takes away what was added since the table had these lengths."""
+        n, families, *others = lengths
+        for known in self._ids.values():
+            for name in [name for name, block in known.items() if block >= n]:
+                del known[name]
+        del self.names[n:], self._components[families:]
+        for column, length in zip(self._columns(), others, strict=True):
+            column.cut(length)
+
+    def _refuse_repeated(self, kind: Kind, names: Sequence[str]) -> None:
         known = self._ids[kind]
-        added = dict(zip(names, range(len(self), len(self) + len(names)), strict=True))
-        if len(added) != len(names) or not known.keys().isdisjoint(added):
+        if len(set(names)) != len(names) or not known.keys().isdisjoint(names):
             counts = Counter(names)
             repeated = next(name for name in names if name in known or counts[name] > 1)
             raise InputError(f"the {kind.label} {repeated!r} is there twice: give each one its own name")
-        known.update(added)
-        self.names.extend(names)
 
     def find(self, names: Sequence[str], kind: Kind) -> IntArray:
         """Ids of blocks of one kind by name."""
         known = self._ids[kind]
         try:
-            return np.array([known[name] for name in names], dtype=np.int64)
+            return np.array([known[name] for name in texts(names, f"names of {kind.label}")], dtype=np.int64)
         except KeyError as error:
             raise InputError(f"no {kind.label} is called {error.args[0]!r}") from None
 
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
-        array = np.atleast_1d(np.asarray(ids))
+        array = np.atleast_1d(plain(ids, what))
         if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
             raise InputError(f"{what}: block ids must be a 1-D array of integers")
         array = array.astype(np.int64)
@@ -269,19 +326,22 @@ class UnknownTable:
         if components is None:
             return self.scalars(array, what)
         known = self.components(int(array[0]))
+        if isinstance(components, str):
+            components = (components,)
         chosen = [_component(known, component, size, what) for component in components]
         return np.asarray(self.start[array][:, None] + np.array(chosen, dtype=np.int64))
 
     def set_frozen(self, ids: ArrayLike, components: Sequence[str | int] | None, frozen: bool) -> None:
         """Freezes or frees chosen components (all when None) of blocks that are alike."""
         index = self.component_index(ids, components, "freeze" if frozen else "unfreeze")
+        self.owner.check()
         self.frozen[index] = frozen
-        self.version += 1
 
     def set_eliminated(self, ids: ArrayLike, eliminated: bool) -> None:
         """Marks blocks as to be eliminated, or not."""
-        self.eliminated[self.checked(ids, "eliminate")] = eliminated
-        self.version += 1
+        blocks = self.checked(ids, "eliminate")
+        self.owner.check()
+        self.eliminated[blocks] = eliminated
 
     def read(self, ids: ArrayLike, state: State | None = None) -> FloatArray:
         """Current values: (n, size) for points, vectors, scalars; (n, 3, 3) rotations; (n, 3) directions."""
@@ -296,6 +356,7 @@ class UnknownTable:
 
     def write(self, ids: ArrayLike, new: ArrayLike) -> None:
         """Gives blocks that are alike new values, in the shape that `read` returns."""
+        self.owner.check()
         array, kind, size = self.uniform(ids, "set_values")
         shape = {Kind.ROTATION: (3, 3), Kind.DIRECTION: (3,)}.get(kind, (size,))
         given = finite(new, (len(array), *shape), "set_values")
@@ -343,22 +404,13 @@ class UnknownTable:
 
 
 def _component(known: tuple[str, ...], component: str | int, size: int, what: str) -> int:
+    """Number of a component given by name or by number."""
     if isinstance(component, str):
         for number, name in enumerate(known):
             if component in (name, name.rpartition(".")[2]):
                 return number
         raise InputError(f"{what}: no component {component!r}; there are {', '.join(known)}")
-    if not 0 <= component < size:
-        raise InputError(f"{what}: no component {component}; they go from 0 to {size - 1}")
-    return int(component)
-
-
-def finite(values: ArrayLike, shape: tuple[int, ...], what: str) -> FloatArray:
-    """Values as a float64 array of the shape expected; an error that says what is not finite or not right."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != shape:
-        raise InputError(f"{what}: values have shape {array.shape}; expected {shape}")
-    wrong = np.argwhere(~np.isfinite(array))
-    if wrong.size:
-        raise InputError(f"{what}: row {wrong[0][0]} is not finite")
-    return array
+    number = whole(component, f"{what}, component")
+    if not 0 <= number < size:
+        raise InputError(f"{what}: no component {number}; they go from 0 to {size - 1}")
+    return number

@@ -1,7 +1,7 @@
 """Solvers of the normal equations: one protocol, several factorisations behind it."""
 
 from obseq.errors import SingularMatrixError, SolverStateError, SolverUnavailableError
-from obseq.leastsquares.solvers.choice import SOLVER_NAMES, choose_solver
+from obseq.leastsquares.solvers.choice import SOLVER_NAMES, checked_solver, choose_solver
 from obseq.leastsquares.solvers.protocol import (
     Defect,
     Solver,
@@ -18,5 +18,6 @@ __all__ = [
     "SolverStatistics",
     "SolverUnavailableError",
     "SymmetricPattern",
+    "checked_solver",
     "choose_solver",
 ]

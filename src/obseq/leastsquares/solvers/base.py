@@ -54,12 +54,13 @@ class BaseSolver(ABC):
             self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
             return
         suspects = self._factor(values, SUSPICIOUS)
-        self._replaced = suspects.indices
-        self._found = undetermined(suspects, self._pattern, values, self._solve)
-        if suspects.dimension and not self._found.dimension:
-            self._found = self._factor(values, 0.0)
-            self._replaced = self._found.indices
-        self._values = values.copy() if self._found.dimension else np.empty(0)
+        found, replaced = undetermined(suspects, self._pattern, values, self._solve), suspects.indices
+        if suspects.dimension and not found.dimension:
+            found = self._factor(values, 0.0)
+            replaced = found.indices
+        self._replaced = replaced
+        self._values = values.copy() if found.dimension else np.empty(0)
+        self._found = found  # the last: an interrupted factorisation is none
         self._require_regular()
 
     def solve(self, rhs: ArrayLike) -> FloatArray:

@@ -35,7 +35,7 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int
         InputError: there is no such solver.
         SolverUnavailableError: the solver asked for needs a package that is not installed.
     """
-    if name == "auto":
+    if checked_solver(name) == "auto":
         name = "dense" if _is_better_dense(pattern) else "supernodal"
     if name == "dense":
         from obseq.leastsquares.solvers.dense import DenseCholesky
@@ -53,11 +53,20 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int
         from obseq.leastsquares.solvers.superlu import SuperLU
 
         return SuperLU()
-    if name == "cholmod":
-        from obseq.leastsquares.solvers.cholmod import Cholmod
+    from obseq.leastsquares.solvers.cholmod import Cholmod
 
-        return Cholmod()
-    raise InputError(f"there is no solver {name!r}; choose one of: auto, {', '.join(SOLVER_NAMES)}")
+    return Cholmod()
+
+
+def checked_solver(name: str) -> str:
+    """The name of a solver, if it is one.
+
+    Raises:
+        InputError: there is no such solver.
+    """
+    if name not in ("auto", *SOLVER_NAMES):
+        raise InputError(f"there is no solver {name!r}; choose one of: auto, {', '.join(SOLVER_NAMES)}")
+    return name
 
 
 def _is_better_dense(pattern: SymmetricPattern) -> bool:

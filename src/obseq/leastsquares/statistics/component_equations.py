@@ -11,7 +11,6 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.weights import sigmas_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -147,13 +146,13 @@ class ComponentEquations:
     @staticmethod
     def _parts_of(source: Batch | Prior, components: Sequence[Component]) -> FloatArray:
         """(k + 1, n, n_residuals) variances of one source by component; last those that none describes."""
-        parts = np.zeros((len(components) + 1, *sigmas_of(source).shape))
+        parts = np.zeros((len(components) + 1, *source.sigmas.shape))
         for k, component in enumerate(components):
             for described, variances in component.parts:
                 if described is source:
                     parts[k] += variances
         if not any(described is source for component in components for described, _ in component.parts):
-            parts[-1] = np.square(sigmas_of(source))
+            parts[-1] = np.square(source.sigmas)
         return parts
 
     @staticmethod

@@ -10,7 +10,6 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.weights import set_active
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, overall_level
 from obseq.leastsquares.statistics.reliability import reliability
 
@@ -97,7 +96,7 @@ class Snooping:
     def reinstate(self) -> None:
         """Makes the rejected observations active again; the system is to be solved anew."""
         for rejection in self.rejections:
-            set_active(rejection.batch, rejection.row, True)
+            rejection.batch.set_active(rejection.row, True)
 
     def columns(self) -> dict[str, list[str] | list[int] | list[float]]:
         """The rejections as a table by columns."""
@@ -162,11 +161,11 @@ def snoop(
                 outcome = _Outcome(None, SnoopingEnd.LIMIT, (outcome.rejection.label,))
             if outcome.end is not None or outcome.rejection is None:
                 break
-            set_active(outcome.rejection.batch, outcome.rejection.row, False)
+            outcome.rejection.batch.set_active(outcome.rejection.row, False)
             rejections.append(outcome.rejection)
     except BaseException:  # an interruption too leaves the system as it was given
         for rejection in rejections:
-            set_active(rejection.batch, rejection.row, True)
+            rejection.batch.set_active(rejection.row, True)
         raise
     end = outcome.end or SnoopingEnd.CLEAN
     return Snooping(

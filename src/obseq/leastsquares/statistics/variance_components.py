@@ -17,7 +17,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.weights import Restorer, set_sigmas, sigmas_of
+from obseq.leastsquares.problem.weights import Restorer
 from obseq.leastsquares.statistics.component_equations import Component, ComponentEquations, Exact, Sampled
 from obseq.leastsquares.statistics.final_state import final_state
 
@@ -116,7 +116,7 @@ def group_components(system: LeastSquares, groups: Sequence[str] | None = None) 
     if unknown:
         raise InputError(f"no group is called {unknown[0]!r}; there are {', '.join(sorted(sources))}")
     return tuple(
-        Component(name, tuple((source, np.square(sigmas_of(source))) for source in sources[name]))
+        Component(name, tuple((source, np.square(source.sigmas)) for source in sources[name]))
         for name in (sources if groups is None else groups)
     )
 
@@ -200,7 +200,7 @@ class _Rounds:
 
     def _solved(self, factors: FloatArray) -> LeastSquaresResult:
         for source, variances in self.equations.variances(factors):
-            set_sigmas(source, np.sqrt(variances))
+            source.sigmas = np.sqrt(variances)
         return self.system.solve(covariance=True, **self.options)
 
     def _equations(
@@ -291,7 +291,7 @@ def _check_part(name: str, source: Batch | Prior, variances: FloatArray, known: 
     what = source.name if isinstance(source, Batch) else source.group
     if id(source) not in known:
         raise InputError(f"variance component {name!r}: its part {what} is not in the system")
-    shape = sigmas_of(source).shape
+    shape = source.sigmas.shape
     if np.shape(variances) != shape:
         raise InputError(
             f"variance component {name!r}, {what}: variances have shape {np.shape(variances)}; "

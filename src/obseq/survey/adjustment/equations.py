@@ -209,7 +209,7 @@ class Equations:
             if kind is ObservationType.Zen or self._has_offsets(kind, rows) or self._plumb.is_deflected:
                 batch.observations = self._measured(kind, rows, coordinates)
             if self._book.observations.relative_sigmas[rows].any():
-                batch.reweigh(self.sigmas(rows, coordinates))
+                batch.sigmas = self.sigmas(rows, coordinates)
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""

@@ -1,0 +1,158 @@
+"""What assembly must know of a formula: its blocks, its rows of a tile, its kernels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import FormulaError, InputError
+from obseq.leastsquares.problem.unknowns import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+@dataclass(frozen=True)
+class Role:
+    """One block of a formula, as a batch sees it.
+
+    Attributes:
+        name: argument of the formula (`station.centre`).
+        kind: name of the kind of block the formula wants (`Point3`).
+        row: first row of its unknowns in a tile.
+        size: number of its unknowns.
+        context_row: first row of its context in a tile, -1 without context.
+        context_size: number of its context values.
+        transposed: True when the formula reads the transposed rotation matrix.
+    """
+
+    name: str
+    kind: str
+    row: int
+    size: int
+    context_row: int = -1
+    context_size: int = 0
+    transposed: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """One argument of a formula that is given with each observation.
+
+    Attributes:
+        name: argument of the formula (`hz`).
+        first: place of its first number among those given per observation.
+        shape: shape that it has for one observation: () for a number, (3,) for a vector, (3, 3) for a matrix.
+    """
+
+    name: str
+    first: int
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of its numbers."""
+        return int(np.prod(self.shape))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the drivers must know of a formula.
+
+    Attributes:
+        name: name of the formula, for messages.
+        roles: its blocks.
+        columns: what is given with each observation, by name; empty for linear rows.
+        observation_rows: (m,) rows of a tile that hold what the user gives per observation.
+        n_unknowns: unknowns of one equation.
+        n_residuals: residuals of one equation.
+        first_row: row of the first residual.
+        formula: the loaded formula; None for linear rows.
+    """
+
+    name: str
+    roles: tuple[Role, ...]
+    columns: tuple[Column, ...]
+    observation_rows: tuple[int, ...]
+    n_unknowns: int
+    n_residuals: int
+    first_row: int
+    formula: Kernel | None
+
+    def kernel(self) -> int:
+        """Address of the kernel of values and derivatives, compiled when needed; 0 for linear rows."""
+        return 0 if self.formula is None else self.formula.value_and_jacobian_address
+
+    def value_kernel(self) -> int:
+        """The same for values alone."""
+        return 0 if self.formula is None else self.formula.value_address
+
+    def new_tile(self) -> FloatArray:
+        """A tile that either kernel can work in."""
+        from obseq.kernels.tiles import aligned_tiles
+
+        if self.formula is None:
+            return aligned_tiles(self.first_row + 1 + self.n_unknowns, 1)
+        return aligned_tiles(self.formula.rows, 1, self.formula.constant_rows)
+
+
+def formula_shape(formula: str | Kernel) -> Shape:
+    """The shape of a generated formula; its kernels are compiled or read from the cache on first use.
+
+    Raises:
+        FormulaError: there is no such formula, or it is no formula.
+    """
+    from obseq.kernels.loading import Kernel, load
+
+    kernel = load(formula) if isinstance(formula, str) else formula
+    if not isinstance(kernel, Kernel):
+        raise FormulaError(f"a formula is given by its name or as a compiled formula, not by {formula!r}")
+    n_unknowns = len(kernel.unknowns)
+    roles = tuple(
+        Role(
+            block.name,
+            block.kind,
+            block.start,
+            block.size,
+            n_unknowns + block.context[0] if block.context else -1,
+            block.context[1] - block.context[0] if block.context else 0,
+            block.transposed,
+        )
+        for block in kernel.blocks
+    )
+    return Shape(
+        kernel.name,
+        roles,
+        _columns(kernel),
+        tuple(n_unknowns + row for row in kernel.measured),
+        n_unknowns,
+        len(kernel.residuals),
+        kernel.first_result,
+        kernel,
+    )
+
+
+def _columns(kernel: Kernel) -> tuple[Column, ...]:
+    shapes = {"Scalar": (), "Matrix3": (3, 3)}
+    return tuple(
+        Column(given.name, kernel.measured.index(given.start), shapes.get(given.kind, (given.size,)))
+        for given in kernel.inputs
+    )
+
+
+def linear_shape(table: UnknownTable, columns: Sequence[IntArray]) -> Shape:
+    """The shape of plain linear rows over blocks: their coefficients and value are the observations."""
+    roles, row = [], 0
+    for number, ids in enumerate(columns):
+        _, kind, size = table.uniform(ids, f"linear rows, block {number}")
+        if kind not in (Kind.POINT3, Kind.POINT2, Kind.VECTOR, Kind.SCALAR):
+            raise InputError(f"linear rows: {table.names[ids[0]]!r} is a {kind.label}, not a linear unknown")
+        roles.append(Role(str(number), kind.label, row, size))
+        row += size
+    return Shape("linear", tuple(roles), (), tuple(range(row, 2 * row + 1)), row, 1, 2 * row + 1, None)
