@@ -47,10 +47,11 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
     },
     "survey": {
-        "model": (),
-        "files": ("model",),
-        "initial": ("model",),
-        "adjustment": ("initial", "model"),
+        "kinds": (),
+        "model": ("kinds",),
+        "files": ("model", "kinds"),
+        "initial": ("model", "kinds"),
+        "adjustment": ("initial", "model", "kinds"),
         "network": ("adjustment", "initial", "files", "model"),
     },
 }

@@ -97,7 +97,7 @@ class StationRecord:
 
 @dataclass(frozen=True, slots=True)
 class ObservationRecord:
-    """One observation, where it was read, and how it fits."""
+    """One observation, where it was read, and how it fits; `unit` is that of value, sigma and residual."""
 
     type: str
     origin: str = field(metadata={"key": "from"})
@@ -109,6 +109,7 @@ class ObservationRecord:
     file: str
     line: int
     active: bool
+    unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

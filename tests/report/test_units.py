@@ -4,13 +4,13 @@ from obseq.report import units
 
 
 def test_angles_are_written_in_gon_and_their_residuals_in_milligon() -> None:
-    assert units.observed("Hz", math.pi / 2) == "100.00000 gon"
-    assert units.small("Zen", -math.pi / 200 * 0.0025) == "-2.500 mgon"
+    assert units.observed("rad", math.pi / 2) == "100.00000 gon"
+    assert units.small("rad", -math.pi / 200 * 0.0025) == "-2.500 mgon"
 
 
 def test_lengths_are_written_in_metres_and_their_residuals_in_millimetres() -> None:
-    assert units.observed("DH", -1.25) == "-1.2500 m"
-    assert units.small("Dist", 0.0123) == "12.30 mm"
+    assert units.observed("m", -1.25) == "-1.2500 m"
+    assert units.small("m", 0.0123) == "12.30 mm"
 
 
 def test_an_azimuth_is_between_0_and_400_gon() -> None:
@@ -21,7 +21,7 @@ def test_an_azimuth_is_between_0_and_400_gon() -> None:
 def test_what_is_not_defined_is_a_dash() -> None:
     assert (
         units.gon(None)
-        == units.small("Hz", None)
+        == units.small("rad", None)
         == units.millimetres(None)
         == units.fixed(math.nan, 2)
         == "-"

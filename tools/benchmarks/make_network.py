@@ -22,7 +22,6 @@ import obseq.crs
 from obseq.survey import (
     FieldBook,
     Observations,
-    ObservationType,
     Orientation,
     Points,
     Stations,
@@ -30,6 +29,8 @@ from obseq.survey import (
     write_cor,
     write_obs,
 )
+from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.kinds.lengths import DIST
 from obseq.survey.model import group_by_station
 
 FloatArray = npt.NDArray[np.float64]
@@ -42,7 +43,7 @@ SIGMA_ANGLE = 1.5e-5
 SIGMA_DISTANCE = 0.002
 _REACH = 4
 _FIRST_SIGHTS = ((2, 0), (0, 2), (1, 0), (0, 1), (1, 1))
-_KINDS = (ObservationType.Hz, ObservationType.Zen, ObservationType.Dist)
+_KINDS = (HZ.code, ZEN.code, DIST.code)
 
 
 def main() -> None:
@@ -133,7 +134,7 @@ def measured(names: list[str], true: FloatArray, pairs: IntArray, random: np.ran
     stations[per - 1 :: per] = -1
     starts, members = group_by_station(stations, len(origins))
     observations = Observations(
-        types=np.tile(np.array(_KINDS, np.int8), len(pairs)),
+        types=np.tile(np.array(_KINDS, np.int16), len(pairs)),
         from_points=np.repeat(pairs[:, 0], per),
         to_points=np.repeat(pairs[:, 1], per),
         values=values.ravel(),

@@ -8,6 +8,9 @@ from pathlib import PurePath
 from obseq.record import AdjustmentRecord, ConstraintRecord, ObservationRecord, PointRecord
 from obseq.report import units
 
+ANGLES = frozenset({"Hz", "Zen"})
+"""Types that are angles in records that do not hold the unit of their observations (obseq 0.1.0)."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -95,15 +98,15 @@ def _short_names(files: set[str]) -> dict[str, str]:
 
 
 def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
-    kind = row.type
+    unit = row.unit or ("rad" if row.type in ANGLES else "m")
     return (
-        kind,
+        row.type,
         row.origin,
         row.target,
         f"{file}:{row.line}",
-        units.observed(kind, row.value),
-        units.small(kind, row.sigma),
-        units.small(kind, row.residual) if row.active else "not used",
+        units.observed(unit, row.value),
+        units.small(unit, row.sigma),
+        units.small(unit, row.residual) if row.active else "not used",
         units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,
     )
 

@@ -2,28 +2,20 @@
 
 import math
 
-ANGLES = frozenset({"Hz", "Zen", "Azim"})
-"""Observation types whose values are angles; all others are lengths."""
-
 GON_PER_RADIAN = 200.0 / math.pi
 ABSENT = "-"
 
 
-def is_angle(kind: str) -> bool:
-    """Whether an observation of this type is an angle."""
-    return kind in ANGLES
+def observed(unit: str, value: float) -> str:
+    """An observed value (rad or m) with the unit of reports: gon or m."""
+    return f"{value * GON_PER_RADIAN:.5f} gon" if unit == "rad" else f"{value:.4f} m"
 
 
-def observed(kind: str, value: float) -> str:
-    """An observed value with its unit: gon or m."""
-    return f"{value * GON_PER_RADIAN:.5f} gon" if is_angle(kind) else f"{value:.4f} m"
-
-
-def small(kind: str, value: float | None) -> str:
-    """A residual or a sigma with its unit: mgon or mm."""
+def small(unit: str, value: float | None) -> str:
+    """A residual or a sigma (rad or m) with the unit of reports: mgon or mm."""
     if value is None:
         return ABSENT
-    return f"{value * GON_PER_RADIAN * 1e3:.3f} mgon" if is_angle(kind) else f"{value * 1e3:.2f} mm"
+    return f"{value * GON_PER_RADIAN * 1e3:.3f} mgon" if unit == "rad" else f"{value * 1e3:.2f} mm"
 
 
 def millimetres(value: float | None) -> str:

@@ -5,10 +5,11 @@ from obseq.survey.files.cor import read_cor, write_cor
 from obseq.survey.files.obs import read_obs, write_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.initial.initial_values import InitialValues, initial_values
+from obseq.survey.kinds.kind import ObservationKind
+from obseq.survey.kinds.registry import KINDS
 from obseq.survey.model import (
     FieldBook,
     Observations,
-    ObservationType,
     Orientation,
     Points,
     Stations,
@@ -20,11 +21,12 @@ from obseq.survey.model import (
 from obseq.survey.network import Network
 
 __all__ = [
+    "KINDS",
     "Adjustment",
     "FieldBook",
     "InitialValues",
     "Network",
-    "ObservationType",
+    "ObservationKind",
     "Observations",
     "Orientation",
     "PointFileOptions",

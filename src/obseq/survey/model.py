@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, sequence
 from obseq.errors import InputError
+from obseq.survey.kinds.registry import BY_CODE, KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,36 +20,6 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
 
 IntArray = npt.NDArray[np.int32]
-
-
-class ObservationType(enum.IntEnum):
-    """What was measured; the value is the code of OBS files, the name is MMVII's.
-
-    `Azim`, an azimuth from geographic north, is Comp3D's: a direction on a `#FIX` station of its own.
-    """
-
-    Dist = 3
-    DH = 4
-    Hz = 5
-    Zen = 6
-    Azim = 8
-    DX = 14
-    DY = 15
-    DZ = 16
-
-    @property
-    def is_angle(self) -> bool:
-        """True for the types whose value and sigma are angles (radians inside, gon in OBS files)."""
-        return self in ANGLES
-
-    @property
-    def needs_station(self) -> bool:
-        """True for the types read on an instrument, false for `Dist` and `DH`."""
-        return self not in (ObservationType.Dist, ObservationType.DH)
-
-
-ANGLES = frozenset({ObservationType.Hz, ObservationType.Zen, ObservationType.Azim})
-HORIZONTAL = frozenset({ObservationType.Hz, ObservationType.Azim})
 
 
 class Orientation(enum.IntEnum):
@@ -203,7 +174,7 @@ class Observations:
     """Observations, one row each, in reading order.
 
     Attributes:
-        types: (n,) int8 values of `ObservationType`.
+        types: (n,) int16 codes of kinds (`obseq.survey.kinds.registry`).
         from_points: (n,) int32 rows of the field book's `point_names`.
         to_points: (n,) int32, likewise.
         values: (n,) float64 m or rad, as read (angles are not normalised).
@@ -218,7 +189,7 @@ class Observations:
         lines: (n,) int32 line in that file, from 1.
     """
 
-    types: npt.NDArray[np.int8]
+    types: npt.NDArray[np.int16]
     from_points: IntArray
     to_points: IntArray
     values: FloatArray
@@ -289,7 +260,7 @@ class FieldBook:
 
     def label(self, row: int) -> str:
         """`Hz S1 -> T4 (survey.obs:37)`, for messages."""
-        kind = ObservationType(self.observations.types[row]).name
+        kind = BY_CODE[int(self.observations.types[row])].name
         origin = self.point_names[self.observations.from_points[row]]
         target = self.point_names[self.observations.to_points[row]]
         return f"{kind} {origin} -> {target} ({self.place(row)})"
@@ -313,8 +284,10 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
         (m,) int8 values of `Orientation`.
     """
     observations = book.observations
-    orienting = np.isin(observations.types, (*HORIZONTAL, ObservationType.DX, ObservationType.DY))
-    orienting &= np.isin(observations.types, list(HORIZONTAL)) | (observations.values != 0.0)
+    orienting = np.isin(observations.types, [kind.code for kind in KINDS if kind.orients > 0])
+    orienting |= (observations.values != 0.0) & np.isin(
+        observations.types, [kind.code for kind in KINDS if kind.orients < 0]
+    )
     kept = orienting & observations.active & (observations.stations >= 0)
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True

@@ -22,7 +22,8 @@ from obseq.record import (
     defined,
 )
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
-from obseq.survey.model import ObservationType, Orientation
+from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -210,7 +211,6 @@ class Adjustment:
 
     def _observations(self) -> Iterator[ObservationRecord]:
         book, rows = self.book, self.book.observations
-        names = {int(kind): kind.name for kind in ObservationType}
         columns = zip(
             rows.types.tolist(),
             rows.from_points.tolist(),
@@ -224,9 +224,11 @@ class Adjustment:
             rows.active.tolist(),
             strict=True,
         )
-        for kind, origin, target, value, sigma, residual, normalised, file, line, active in columns:
+        for code, origin, target, value, sigma, residual, normalised, file, line, active in columns:
+            kind = BY_CODE[code]
             yield ObservationRecord(
-                type=names[kind],
+                type=kind.name,
+                unit=kind.unit,
                 origin=book.point_names[origin],
                 target=book.point_names[target],
                 value=value,

@@ -9,7 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import station_names
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.model import ANGLES
+from obseq.survey.kinds.registry import IS_ANGLE
 
 if TYPE_CHECKING:
     from obseq.errors import SingularSystemError
@@ -53,7 +53,7 @@ def check_counts(points: Points, book: FieldBook) -> None:
 def check_sights(book: FieldBook, initial: InitialValues) -> None:
     """Raises InputError at the first angle whose target is on the vertical axis of its station."""
     observations = book.observations
-    is_angle = np.isin(observations.types, list(ANGLES))
+    is_angle = IS_ANGLE[observations.types] & (observations.stations >= 0)
     rows = np.flatnonzero(is_angle & observations.active)
     coordinates = initial.coordinates
     sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]

@@ -10,7 +10,9 @@ import numpy as np
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
-from obseq.survey.model import ANGLES, ObservationType, Orientation
+from obseq.survey.adjustment.site import NetworkSite
+from obseq.survey.kinds.registry import IS_ANGLE, KINDS
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -18,19 +20,10 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook, Points
 
 
-FORMULAS = {
-    ObservationType.Dist: "TopoDist",
-    ObservationType.DH: "TopoDH",
-    ObservationType.Hz: "TopoHz",
-    ObservationType.Azim: "TopoHz",
-    ObservationType.Zen: "TopoZen",
-    ObservationType.DX: "TopoDX",
-    ObservationType.DY: "TopoDY",
-    ObservationType.DZ: "TopoDZ",
-}
 WITH_OFFSETS = "Off"
 """What ends the name of a formula that takes offsets of instrument and target."""
 SHORTEST_SIGHT = 1e-6
@@ -63,7 +56,7 @@ class Equations:
         system: The least-squares system.
         points: Block of every point.
         stations: Block of the rotation of every station.
-        batches: Rows of the field book and batch of every observation type present.
+        batches: Rows of the field book and batch of every kind of observation present.
         known: The equations of known coordinates.
     """
 
@@ -103,6 +96,7 @@ class Equations:
             ids = self.stations[initial.orientations == status]
             if ids.size:
                 self.system.freeze(ids, components)
+        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations)
         self.batches = self._add_observations(initial.coordinates)
 
     def _blocks_of_points(
@@ -118,70 +112,53 @@ class Equations:
         before = vertical(initial.coordinates[self._origins])
         return np.asarray(self._verticals.transpose(0, 2, 1) @ before @ initial.rotations)
 
-    def _add_observations(self, coordinates: FloatArray) -> dict[ObservationType, tuple[IntArray, Batch]]:
+    def _add_observations(self, coordinates: FloatArray) -> dict[ObservationKind, tuple[IntArray, Batch]]:
         observations = self._book.observations
         batches = {}
-        for kind in FORMULAS:
-            rows = np.flatnonzero((observations.types == kind) & observations.active)
+        for kind in KINDS:
+            rows = np.flatnonzero((observations.types == kind.code) & observations.active)
             if rows.size:
-                is_plane = kind is ObservationType.DH and self._frame.is_plane
-                add = self._plane_heights if is_plane else self._observed
+                add = self._linear if kind.is_linear(self._site) else self._observed
                 batches[kind] = (rows, add(kind, rows, coordinates))
         return batches
 
-    def _observed(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> Batch:
+    def _observed(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
         """Observations of a formula."""
         return self.system.add(
-            FORMULAS[kind] + (WITH_OFFSETS if self._has_offsets(kind, rows) else ""),
-            self._blocks(kind, rows),
+            kind.formula + (WITH_OFFSETS if self._has_offsets(kind, rows) else ""),
+            kind.blocks(self._site, rows),
             self._measured(kind, rows, coordinates),
             self.sigmas(rows, coordinates),
             labels=Labels(self._book, rows),
             group=kind.name,
         )
 
-    def _plane_heights(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> Batch:
-        """Height differences in a plane frame: linear rows, differences of z."""
-        observations = self._book.observations
+    def _linear(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
+        """Observations as linear rows: what precedes the value are the coefficients of the blocks."""
         measured = self._measured(kind, rows, coordinates)
+        blocks = list(kind.blocks(self._site, rows).values())
+        coefficients = np.split(measured[:, :-1], len(blocks), axis=1)
         return self.system.add_linear(
-            [self.points[end[rows]] for end in (observations.from_points, observations.to_points)],
-            [measured[:, :3], measured[:, 3:6]],
-            measured[:, 6],
+            blocks,
+            coefficients,
+            measured[:, -1],
             self.sigmas(rows, coordinates),
             labels=Labels(self._book, rows),
             group=kind.name,
         )
 
-    def _has_offsets(self, kind: ObservationType, rows: IntArray) -> bool:
+    def _has_offsets(self, kind: ObservationKind, rows: IntArray) -> bool:
         observations = self._book.observations
         heights = (observations.from_heights[rows], observations.to_heights[rows])
-        return kind is not ObservationType.DH and any(column.any() for column in heights)
+        return kind.takes_heights and any(column.any() for column in heights)
 
-    def _blocks(self, kind: ObservationType, rows: IntArray) -> dict[str, IntArray]:
-        observations = self._book.observations
-        origins = self.points[observations.from_points[rows]]
-        targets = self.points[observations.to_points[rows]]
-        if not kind.needs_station:
-            return {"origin": origins, "target": targets}
-        turns = self.stations[observations.stations[rows]]
-        return {"station.centre": origins, "station.rotation": turns, "target": targets}
-
-    def _measured(self, kind: ObservationType, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n, m) what the formula takes besides blocks, the value last."""
-        values = self._book.observations.values[rows]
-        if kind is ObservationType.DH:
-            levelled = self._plumb.levelled(self._book, rows, coordinates)
-            if self._frame.is_plane:
-                down, up = (np.tile((0.0, 0.0, sign), (len(rows), 1)) for sign in (-1.0, 1.0))
-                return np.column_stack([down, up, levelled])
-            return np.column_stack([self._frame.height_context(self._book, rows), levelled])
-        columns = [values]
-        if kind is ObservationType.Zen:
-            columns.insert(0, self._frame.refraction(self._book, rows, coordinates))
+    def _measured(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, m) what the equation takes besides blocks: offsets if any, its context, the value last."""
+        site = self._site
+        columns = [kind.context(site, rows, coordinates), kind.values(site, rows, coordinates)[:, None]]
         if self._has_offsets(kind, rows):
             columns.insert(0, self._plumb.offsets(self._book, rows, coordinates))
-        return np.column_stack(columns)
+        return np.hstack(columns)
 
     def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) sigmas of observations, with their relative parts at the distances between points there."""
@@ -192,7 +169,7 @@ class Equations:
         sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]
         sights = sights + self._plumb.offsets(self._book, rows, coordinates)
         distances = np.linalg.norm(sights, axis=1)
-        is_angle = np.isin(observations.types[rows], list(ANGLES))
+        is_angle = IS_ANGLE[observations.types[rows]]
         share = np.where(is_angle, 1.0 / np.maximum(distances, SHORTEST_SIGHT), distances)
         return np.asarray(observations.sigmas[rows] + relative * share)
 
@@ -206,7 +183,7 @@ class Equations:
             system.set_values(self.stations, rotations)
             self._verticals = verticals
         for kind, (rows, batch) in self.batches.items():
-            if kind is ObservationType.Zen or self._has_offsets(kind, rows) or self._plumb.is_deflected:
+            if kind.depends_on_place or self._has_offsets(kind, rows) or self._plumb.is_deflected:
                 batch.observations = self._measured(kind, rows, coordinates)
             if self._book.observations.relative_sigmas[rows].any():
                 batch.sigmas = self.sigmas(rows, coordinates)

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
+from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -78,17 +79,16 @@ class Frame:
                 f"the Earth; {RTL_HINT} ({error})"
             ) from error
 
-    def height_context(self, book: FieldBook, rows: IntArray) -> FloatArray:
-        """(n, 14) what TopoDH takes before the value: R and T to geocentric coordinates, a, e2."""
+    def to_geocentric(self, book: FieldBook, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates, for observations."""
         try:
-            rotation, translation = self.system.geocentric_pose()
+            return self.system.geocentric_pose()
         except crs.CrsError as error:
+            kind = BY_CODE[int(book.observations.types[rows[0]])]
             raise InputError(
-                f"{book.label(rows[0])}: a height difference needs a Euclidean frame with a place on the "
-                f"Earth; {RTL_HINT} ({error})"
+                f"{book.label(rows[0])}: {kind.words} needs a Euclidean frame with a place on the Earth; "
+                f"{RTL_HINT} ({error})"
             ) from error
-        constants = [*rotation.ravel(), *translation, crs.EQUATORIAL_RADIUS, crs.SQUARED_ECCENTRICITY]
-        return np.tile(constants, (len(rows), 1))
 
 
 def frame_of(

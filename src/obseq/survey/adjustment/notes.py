@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.adjustment.frame import MEAN_RADIUS
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.directions import ZEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,7 @@ def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, 
 
 def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:
     observations = book.observations
-    rows = np.flatnonzero((observations.types == ObservationType.Zen) & observations.active)
+    rows = np.flatnonzero((observations.types == ZEN.code) & observations.active)
     if not rows.size:
         return
     corrections = frame.refraction(book, rows, coordinates)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.model import ObservationType, Orientation
+from obseq.survey.kinds.lengths import DH
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,7 +117,7 @@ class Plumb:
     def _require_deflections(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
         observations = book.observations
         active = observations.active
-        levelled = active & (observations.types == ObservationType.DH)
+        levelled = active & (observations.types == DH.code)
         plumb = orientations != Orientation.BASC
         needed = np.zeros(len(self.points), np.bool_)
         needed[book.stations.origins[plumb]] = True

@@ -33,11 +33,13 @@ from obseq.survey.files.text import (
     quoted,
     read_text,
 )
+from obseq.survey.kinds.components import DX, DY
+from obseq.survey.kinds.directions import AZIM, HZ
+from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.registry import BY_CODE, KINDS
 from obseq.survey.model import (
-    ANGLES,
     FieldBook,
     Observations,
-    ObservationType,
     Orientation,
     Stations,
     group_by_station,
@@ -47,24 +49,27 @@ from obseq.writing import write_text
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
+    from obseq.survey.kinds.kind import ObservationKind
+
 RADIANS_PER_GON = math.pi / 200.0
 _WHITE_SPACE = " \t\r\f\v"
-_FULL_TURN_GON = 400.0
 _OPENS_STATION = 7
 _SLOPE, _CENTRING = 1, 9
-_KINDS = {kind.value: (kind.value,) for kind in ObservationType} | {
-    _OPENS_STATION: (ObservationType.Hz.value,),
-    _SLOPE: (ObservationType.Dist.value,),
-    _CENTRING: (ObservationType.DX.value, ObservationType.DY.value),
+_LINES: dict[int, tuple[ObservationKind, ...]] = {kind.code: (kind,) for kind in KINDS} | {
+    _OPENS_STATION: (HZ,),
+    _SLOPE: (DIST,),
+    _CENTRING: (DX, DY),
 }
-"""Types of the observations that a line of each code makes."""
-_CODES = {str(code): code for code in _KINDS}
-_WITHOUT_STATION = (ObservationType.Dist.value, ObservationType.DH.value, _SLOPE)
-_ALONE = (ObservationType.Azim.value, _CENTRING)
+"""Kinds of the observations that a line of each code makes."""
+_CODES = {str(code): code for code in _LINES}
+_ALONE = (AZIM.code, _CENTRING)
 """Codes whose lines are stations of their own, in the axes of the place."""
 _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
 _NEW = "#NEW"
-_KNOWN = "1 and 3 Dist, 4 DH, 5 Hz, 6 Zen, 7 Hz of a new station, 8 Azim, 9 centring, 14 DX, 15 DY, 16 DZ"
+_KNOWN = ", ".join(
+    [f"{kind.code} {kind.name}" for kind in KINDS]
+    + [f"{_SLOPE} as 3", f"{_OPENS_STATION} Hz of a new station", f"{_CENTRING} centring"]
+)
 _HINTS = {
     2: "a distance at height 0 (code 2 of Comp3D) is not read; give the slope distance with code 3",
     11: "a sub-frame (code 11 of Comp3D) is read in Comp3D projects; in an OBS file write its lines with "
@@ -106,7 +111,7 @@ class _Reader:
         self.names: dict[str, int] = {}
         self.files: list[str] = []
         self.warnings: list[str] = []
-        self.types, self.active = array("b"), array("b")
+        self.types, self.active = array("h"), array("b")
         self.from_points, self.to_points = array("i"), array("i")
         self.values, self.sigmas = array("d"), array("d")
         self.relative_sigmas, self.from_heights, self.to_heights = array("d"), array("d"), array("d")
@@ -155,11 +160,11 @@ class _Reader:
             value, sigma = parse_number(fields[3]), parse_number(fields[4])
         except ValueError as error:
             raise file.error(index, f"{error} (fields are: code from to value sigma)") from error
-        kinds = _KINDS[code]
+        kinds = _LINES[code]
         is_active = sigma >= 0.0 and not is_off
         if is_active:
             _check_measure(file, index, kinds[0], fields, value, sigma)
-        is_length = kinds[0] in ANGLES or code == _CENTRING
+        is_length = kinds[0].is_angle or code == _CENTRING
         after = rest.read(index, is_length, fields[5:]) if len(fields) > 5 else NOTHING
         origin, target = self._point(file, index, fields[1]), self._point(file, index, fields[2])
         station = self._station(code, origin)
@@ -173,21 +178,21 @@ class _Reader:
     ) -> None:
         """Two components of value 0; the number after the sigma is the sigma of the second, if any."""
         second = after[0] if after[0] > 0.0 else sigma
-        for kind, spread in zip(_KINDS[_CENTRING], (sigma, second), strict=True):
+        for kind, spread in zip(_LINES[_CENTRING], (sigma, second), strict=True):
             self._append(index, kind, ends, 0.0, spread, spread >= 0.0 and not is_off, (0.0, *after[1:]))
 
     def _append(
         self,
         index: int,
-        kind: int,
+        kind: ObservationKind,
         ends: tuple[int, int, int],
         value: float,
         sigma: float,
         is_active: bool,
         after: Triple,
     ) -> None:
-        unit = RADIANS_PER_GON if kind in ANGLES else 1.0
-        self.types.append(kind)
+        unit = RADIANS_PER_GON if kind.is_angle else 1.0
+        self.types.append(kind.code)
         self.from_points.append(ends[0])
         self.to_points.append(ends[1])
         self.values.append(value * unit)
@@ -212,7 +217,7 @@ class _Reader:
 
         An azimuth or a centring is a station of its own, and leaves the open ones as they are.
         """
-        if code in _WITHOUT_STATION:
+        if not _LINES[code][0].needs_station:
             return -1
         if code in _ALONE:
             self.origins.append(origin)
@@ -239,7 +244,7 @@ class _Reader:
         return FieldBook(
             point_names=tuple(self.names),
             observations=Observations(
-                types=np.array(self.types, np.int8),
+                types=np.array(self.types, np.int16),
                 from_points=np.array(self.from_points, np.int32),
                 to_points=np.array(self.to_points, np.int32),
                 values=np.array(self.values, np.float64),
@@ -276,27 +281,24 @@ def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
         raise file.error(
             index, f"{quoted(text)!r} is neither a code ({_KNOWN}) nor a keyword (#FIX, #VERT, #BASC, #NEW)"
         )
-    if abs(code) not in _KINDS:
+    if abs(code) not in _LINES:
         hint = _HINTS.get(abs(code), "")
         raise file.error(index, f"unknown code {code} (known: {_KNOWN})" + (f"; {hint}" if hint else ""))
     return abs(code), code < 0
 
 
 def _check_measure(
-    file: TextFile, index: int, kind: int, fields: list[str], value: float, sigma: float
+    file: TextFile, index: int, kind: ObservationKind, fields: list[str], value: float, sigma: float
 ) -> None:
     if sigma < LEAST_SIGMA:
         raise file.error(
             index,
             f"the sigma {fields[4]} makes the weight infinite; give the standard deviation of the measure",
         )
-    if kind == ObservationType.Dist and value <= 0.0:
-        raise file.error(index, f"the distance {fields[3]} is not positive; correct it or switch it off")
-    if kind in ANGLES and abs(value) > _FULL_TURN_GON:
-        raise file.error(
-            index,
-            f"the angle {fields[3]} gon is beyond one turn (-400 to 400 gon)",
-        )
+    problem = kind.problem(value * (RADIANS_PER_GON if kind.is_angle else 1.0))
+    if problem is not None:
+        what = f"angle {fields[3]} gon" if kind.is_angle else f"distance {fields[3]}"
+        raise file.error(index, f"the {what} {problem}; correct it or switch it off")
     if fields[1] == fields[2]:
         raise file.error(index, f"point {fields[1]} is observed from itself; correct one of the two names")
 
@@ -348,7 +350,8 @@ def _obs_lines(book: FieldBook) -> Iterable[str]:
 def _lines_without_station(book: FieldBook) -> Iterable[str]:
     """Distances and height differences, then the switched-off readings that belong to no station."""
     rows = np.flatnonzero(book.observations.stations < 0)
-    is_simple = np.isin(book.observations.types[rows], (ObservationType.Dist, ObservationType.DH))
+    with_axes = [kind.code for kind in KINDS if kind.needs_station]
+    is_simple = ~np.isin(book.observations.types[rows], with_axes)
     for row in rows[is_simple]:
         yield _obs_line(book, int(row))
     if not is_simple.all():
@@ -359,13 +362,13 @@ def _lines_without_station(book: FieldBook) -> Iterable[str]:
 
 def _obs_line(book: FieldBook, row: int) -> str:
     observations = book.observations
-    kind = ObservationType(observations.types[row])
+    kind = BY_CODE[int(observations.types[row])]
     unit = RADIANS_PER_GON if kind.is_angle else 1.0
     value, sigma = observations.values[row] / unit, observations.sigmas[row] / unit
     signed = sigma if observations.active[row] else -sigma
     origin = book.point_names[observations.from_points[row]]
     target = book.point_names[observations.to_points[row]]
-    return f"{kind.value} {origin} {target} {value:.15g} {signed:.6g}{_rest(observations, row)}"
+    return f"{kind.code} {origin} {target} {value:.15g} {signed:.6g}{_rest(observations, row)}"
 
 
 def _rest(observations: Observations, row: int) -> str:

@@ -15,7 +15,11 @@ import numpy as np
 from obseq.record import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
-from obseq.survey.model import ObservationType, Orientation
+from obseq.survey.kinds.components import DX, DY, DZ
+from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.registry import codes
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -80,11 +84,11 @@ class Approximations:
             observations.stations[rows], np.flatnonzero(self.orientations == Orientation.BASC)
         )
         zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
-        wrong = (kinds == ObservationType.Dist) & (np.abs(length - values) > _FAR * np.abs(values))
-        wrong |= (kinds == ObservationType.Zen) & is_plumb & (zenith > _FAR)
-        shifts = np.isin(kinds, (ObservationType.DX, ObservationType.DY, ObservationType.DZ))
+        wrong = (kinds == DIST.code) & (np.abs(length - values) > _FAR * np.abs(values))
+        wrong |= (kinds == ZEN.code) & is_plumb & (zenith > _FAR)
+        shifts = np.isin(kinds, codes(DX, DY, DZ))
         wrong |= shifts & (np.abs(values) > (1.0 + _FAR) * length + 1.0)
-        readings = (kinds == ObservationType.Hz) & is_plumb & (flat > 0.0)
+        readings = (kinds == HZ.code) & is_plumb & (flat > 0.0)
         wrong[readings] |= self._turned(rows[readings], np.arctan2(local[readings, 0], local[readings, 1]))
         return np.asarray(wrong)
 

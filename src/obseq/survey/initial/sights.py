@@ -10,24 +10,16 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from obseq.survey.model import ANGLES, FieldBook, ObservationType, Orientation
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+from obseq.survey.model import FieldBook, Orientation
 
 if TYPE_CHECKING:
+    import numpy as np
     import numpy.typing as npt
 
 Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""
-
-_SLOTS = {
-    ObservationType.Hz.value: "hz",
-    ObservationType.Azim.value: "hz",
-    ObservationType.Zen.value: "zenith",
-    ObservationType.DX.value: "dx",
-    ObservationType.DY.value: "dy",
-    ObservationType.DZ.value: "dz",
-}
 
 
 @dataclass(slots=True)
@@ -117,7 +109,7 @@ def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int
         orientations=[Orientation(value) for value in orientations.tolist()],
         origins=book.stations.origins.tolist(),
         sigmas=book.observations.sigmas.tolist(),
-        is_angle=np.isin(book.observations.types, list(ANGLES)).tolist(),
+        is_angle=IS_ANGLE[book.observations.types].tolist(),
         sights_from=[[] for _ in range(len(book.stations))],
         sights_to=[[] for _ in range(n_points)],
         stations_at=[[] for _ in range(n_points)],
@@ -145,25 +137,28 @@ def _collect(graph: Graph, book: FieldBook) -> dict[tuple[int, int], Measure]:
         columns.from_points.tolist(),
         columns.to_points.tolist(),
         columns.values.tolist(),
+        columns.from_heights.tolist(),
+        columns.to_heights.tolist(),
         columns.stations.tolist(),
         columns.active.tolist(),
         strict=True,
     )
-    for row, (kind, origin, target, value, station, active) in enumerate(rows):
-        if not active:
+    for row, (code, origin, target, measured, low, high, station, active) in enumerate(rows):
+        kind = BY_CODE[code]
+        if not active or kind.start is Start.NOTHING:
             continue
-        if kind == ObservationType.Dist:
+        value = kind.start_value(measured, low, high)
+        if kind.start is Start.DISTANCE:
             if distances.setdefault(_pair(origin, target), (value, row)) == (value, row):
                 graph.distances[origin].append((target, value, row))
                 graph.distances[target].append((origin, value, row))
-        elif kind == ObservationType.DH:
+        elif kind.start is Start.RISE:
             graph.height_differences[origin].append((target, -value, row))
             graph.height_differences[target].append((origin, value, row))
         else:
             sight = _sight(graph, station, origin, target)
-            slot = _SLOTS[kind]
-            if getattr(sight, slot) is None:
-                setattr(sight, slot, (_folded(value) if slot == "zenith" else value, row))
+            if getattr(sight, kind.start.value) is None:
+                setattr(sight, kind.start.value, (value, row))
     return distances
 
 
@@ -174,8 +169,3 @@ def _sight(graph: Graph, station: int, origin: int, target: int) -> Sight:
         graph.sights_from[station].append(number)
         graph.sights_to[target].append(number)
     return graph.sights[number]
-
-
-def _folded(zenith: float) -> float:
-    """The zenith angle in [0, pi] of the same direction above the horizon."""
-    return abs(math.remainder(zenith, 2.0 * math.pi))

@@ -1,0 +1,63 @@
+"""What kinds of observations ask of a network: blocks of unknowns, corrections at current positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.adjustment.plumb import Plumb
+    from obseq.survey.model import FieldBook
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkSite:
+    """A network, as far as the equations of its observations depend on it (`kinds.kind.Site`).
+
+    Attributes:
+        frame: The computation frame.
+        plumb: The plumb lines of the points.
+        book: The observations.
+        points: Block of every point.
+        rotations: Block of the rotation of every station.
+    """
+
+    frame: Frame
+    plumb: Plumb
+    book: FieldBook
+    points: IntArray
+    rotations: IntArray
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether the frame is a plane with heights."""
+        return self.frame.is_plane
+
+    def measured(self, rows: IntArray) -> FloatArray:
+        """(n,) values as observed."""
+        return np.asarray(self.book.observations.values[rows])
+
+    def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) observed height differences between the points, along the vertical of the frame."""
+        return self.plumb.levelled(self.book, rows, coordinates)
+
+    def refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) corrections of zenith angles."""
+        return self.frame.refraction(self.book, rows, coordinates)
+
+    def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
+        return self.frame.to_geocentric(self.book, rows)
+
+    def ends(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Blocks (n,) of the two points."""
+        observations = self.book.observations
+        return self.points[observations.from_points[rows]], self.points[observations.to_points[rows]]
+
+    def stations(self, rows: IntArray) -> IntArray:
+        """Blocks (n,) of the rotations of the stations."""
+        return self.rotations[self.book.observations.stations[rows]]

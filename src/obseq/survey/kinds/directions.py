@@ -1,0 +1,54 @@
+"""What is read on an instrument as an angle: directions, azimuths, zenith angles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.survey.kinds.kind import ObservationKind, Start
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.kinds.kind import Site
+
+
+@dataclass(frozen=True)
+class ZenithAngle(ObservationKind):
+    """A zenith angle, corrected for refraction."""
+
+    def start_value(self, value: float, from_height: float, to_height: float) -> float:
+        """Folded into [0, pi]: the same direction above the horizon."""
+        return abs(math.remainder(value, 2.0 * math.pi))
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """The refraction."""
+        return site.refraction(rows, coordinates)[:, None]
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Refraction grows with the distance."""
+        return True
+
+
+HZ = ObservationKind(
+    "Hz",
+    5,
+    "horizontal direction, clockwise",
+    "TopoHz",
+    is_angle=True,
+    needs_station=True,
+    orients=1,
+    start=Start.HZ,
+)
+AZIM = ObservationKind(
+    "Azim",
+    8,
+    "azimuth from geographic north, clockwise",
+    "TopoHz",
+    is_angle=True,
+    needs_station=True,
+    orients=1,
+    start=Start.HZ,
+)
+ZEN = ZenithAngle("Zen", 6, "zenith angle", "TopoZen", is_angle=True, needs_station=True, start=Start.ZENITH)

@@ -1,0 +1,123 @@
+"""What a kind of observation is, and what it may ask of the network it is observed in."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+
+FULL_TURN = 2.0 * math.pi * (1.0 + 1e-12)
+
+
+class Start(enum.Enum):
+    """What an observation gives to initial values.
+
+    `HZ` to `DZ` are measures of a sight in the axes of its station; the others join two points.
+    """
+
+    NOTHING = ""
+    DISTANCE = "distance"
+    RISE = "rise"
+    HZ = "hz"
+    ZENITH = "zenith"
+    DX = "dx"
+    DY = "dy"
+    DZ = "dz"
+
+
+class Site(Protocol):
+    """The network, as far as equations depend on it; rows are those of the field book."""
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether the frame is a plane with heights."""
+
+    def measured(self, rows: IntArray) -> FloatArray:
+        """(n,) values as observed."""
+
+    def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) observed height differences between the points themselves, along the vertical of the frame."""
+
+    def refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) corrections of zenith angles."""
+
+    def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
+
+    def ends(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Blocks (n,) of the two points."""
+
+    def stations(self, rows: IntArray) -> IntArray:
+        """Blocks (n,) of the rotations of the stations."""
+
+
+@dataclass(frozen=True)
+class ObservationKind:
+    """A kind of observation.
+
+    Attributes:
+        name: What files, results and messages call it.
+        code: Its number in the columns of observations, that of OBS files where these have it.
+        words: What it is, for tables and help.
+        formula: The formula of its equation.
+        is_angle: Whether value and sigma are angles (radians), not lengths (metres).
+        needs_station: Whether it is read on an instrument, whose axes are an unknown or given rotation.
+        orients: Whether it turns a station about its vertical (0: no, 1: yes, -1: unless its value is 0).
+        start: What it gives to initial values.
+        takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
+    """
+
+    name: str
+    code: int
+    words: str
+    formula: str
+    is_angle: bool = False
+    needs_station: bool = False
+    orients: int = 0
+    start: Start = Start.NOTHING
+    takes_heights: bool = True
+
+    @property
+    def unit(self) -> str:
+        """Unit of value, sigma and residual in results."""
+        return "rad" if self.is_angle else "m"
+
+    def problem(self, value: float) -> str | None:
+        """What is wrong with a value in its unit (rad or m), in words; None when nothing is."""
+        if self.is_angle and abs(value) > FULL_TURN:
+            return "is beyond one turn"
+        return None
+
+    def start_value(self, value: float, from_height: float, to_height: float) -> float:
+        """What initial values make of a value: that between the points, on the axes of the station."""
+        return value
+
+    def is_linear(self, site: Site) -> bool:
+        """Whether its equation is linear rows instead of its formula."""
+        return False
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """The unknowns of its equation, by the names of the formula."""
+        origins, targets = site.ends(rows)
+        if not self.needs_station:
+            return {"origin": origins, "target": targets}
+        return {"station.centre": origins, "station.rotation": site.stations(rows), "target": targets}
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, k) what its equation takes before the value, at coordinates of the points."""
+        return np.zeros((len(rows), 0))
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) values that its equation takes."""
+        return site.measured(rows)
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether context or values change with the coordinates, even without heights and deflections."""
+        return False

@@ -1,0 +1,55 @@
+"""Distances and height differences: two points, no instrument axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
+from obseq.survey.kinds.kind import ObservationKind, Start
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.kinds.kind import Site
+
+
+@dataclass(frozen=True)
+class Distance(ObservationKind):
+    """A distance: positive."""
+
+    def problem(self, value: float) -> str | None:
+        """Distances are positive."""
+        return None if value > 0.0 else "is not positive"
+
+
+@dataclass(frozen=True)
+class HeightDifference(ObservationKind):
+    """A height difference: along the vertical of the ellipsoid, or of z in a plane frame."""
+
+    def start_value(self, value: float, from_height: float, to_height: float) -> float:
+        """Between the points, not between instrument and target."""
+        return value + from_height - to_height
+
+    def is_linear(self, site: Site) -> bool:
+        """In a plane it is a difference of z."""
+        return site.is_plane
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """R and T to geocentric coordinates and the ellipsoid; in a plane the coefficients of z."""
+        if site.is_plane:
+            return np.tile((0.0, 0.0, -1.0, 0.0, 0.0, 1.0), (len(rows), 1))
+        rotation, translation = site.to_geocentric(rows)
+        constants = (*rotation.ravel(), *translation, EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY)
+        return np.tile(constants, (len(rows), 1))
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Between the points, along the vertical of the frame."""
+        return site.levelled(rows, coordinates)
+
+
+DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE)
+DH = HeightDifference(
+    "DH", 4, "height of the target above the origin", "TopoDH", start=Start.RISE, takes_heights=False
+)

@@ -1,0 +1,28 @@
+"""The kinds of observations there are. A new one is an object of its own, a line here, and its formula."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from obseq.survey.kinds.components import DX, DY, DZ
+from obseq.survey.kinds.directions import AZIM, HZ, ZEN
+from obseq.survey.kinds.lengths import DH, DIST
+
+if TYPE_CHECKING:
+    from obseq.survey.kinds.kind import ObservationKind
+
+KINDS: tuple[ObservationKind, ...] = (DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ)
+
+BY_CODE = {kind.code: kind for kind in KINDS}
+BY_NAME = {kind.name: kind for kind in KINDS}
+IS_ANGLE: npt.NDArray[np.bool_] = np.zeros(256, np.bool_)
+"""Of each code, whether it is an angle."""
+IS_ANGLE[[kind.code for kind in KINDS if kind.is_angle]] = True
+
+
+def codes(*kinds: ObservationKind) -> list[int]:
+    """The codes of some kinds."""
+    return [kind.code for kind in kinds]
