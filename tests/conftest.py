@@ -1,5 +1,6 @@
-"""Shared fixtures: where the real data lie; and the same random examples in every run."""
+"""Shared fixtures: where the outside values lie; and the same random examples in every run."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,29 @@ settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+EXCERPTS = Path(__file__).parent / "data"
+
+
+@dataclass(frozen=True)
+class OutsideData:
+    """Data sets by name: those beside the repository, else the excerpts in `tests/data`.
+
+    Attributes:
+        folders: Where they are looked for, in order.
+    """
+
+    folders: tuple[Path, ...] = (SHARED_DATA, EXCERPTS)
+
+    def __truediv__(self, path: str) -> Path:
+        """A data set, or a file in one; a test that asks for one that is nowhere is skipped."""
+        data_set = Path(path).parts[0]
+        for folder in self.folders:
+            if (folder / data_set).is_dir():
+                return folder / path
+        pytest.skip(reason=f"the data set {data_set} is not beside the repository: {SHARED_DATA}")
 
 
 @pytest.fixture(scope="package")
-def shared_data() -> Path:
-    """The folder of real data kept beside the repository; tests that need it skip without it."""
-    if not SHARED_DATA.is_dir():
-        pytest.skip(reason=f"the shared data folder is absent: {SHARED_DATA}")
-    return SHARED_DATA
+def shared_data() -> OutsideData:
+    """The outside values: `shared_data / "nist-strd-dev"` is the folder of a data set."""
+    return OutsideData()

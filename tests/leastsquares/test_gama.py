@@ -10,6 +10,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import defaultdict
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -322,9 +323,8 @@ def add_rows(system, formula, rows) -> None:
 
 
 def networks():
-    from pathlib import Path
-
-    folder = Path(__file__).resolve().parents[3] / "shared" / "data"
+    whole = Path(__file__).resolve().parents[3] / "shared" / "data"
+    folder = whole if whole.is_dir() else Path(__file__).parents[1] / "data"
     for data_set in DATA_SETS:
         path = folder / data_set / "expected.json"
         names = json.loads(path.read_text())["networks"] if path.is_file() else ["absent"]
