@@ -7,6 +7,7 @@ null in the file.
 
 from __future__ import annotations
 
+import functools
 import math
 import uuid
 from dataclasses import dataclass, field
@@ -262,5 +263,10 @@ def defined(values: NDArray[np.float64]) -> list[float | None]:
 
 def new_run() -> RunRecord:
     """The record of a run that begins now."""
-    versions = {name: metadata.version(name) for name in MAIN_PACKAGES}
-    return RunRecord(uuid.uuid4().hex[:12], datetime.now(UTC).isoformat(timespec="seconds"), versions)
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return RunRecord(uuid.uuid4().hex[:12], created, dict(_versions()))
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    return {name: metadata.version(name) for name in MAIN_PACKAGES}

@@ -1,6 +1,10 @@
 """Whatever the files hold, the readers and the initial values give a result or an `InputError`."""
 
+import importlib.util
 import random
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -8,106 +12,23 @@ import pytest
 from obseq.errors import InputError
 from obseq.survey import PointFileOptions, initial_values, join, read_cor, read_obs, read_points
 
-OBS = """* a network
-#FIX
-5 A B 100 0.001
-#VERT
-7 A B 0 0.001
-6 A P 98.5 0.001
-3 A P 55.2 0.002
-5 A P -40.62 0.001
-5 A Q -61 0.001
-7 P A 12 0.001
-5 P B 77 0.001
-5 P C 230 0.001
-6 P C 101 0.001
-4 A Q 0.25 0.001
-3 Q A 20 0.01 * remark
-3 Q B 90 0.01
-#BASC
-14 R A 10 0.01
-15 R A 20 0.01
-16 R A 1 0.01
-14 R B 110 0.01
-15 R B 20 0.01
-16 R B -1 0.01
-14 R C 50 0.01
-15 R C 110 0.01
-16 R C 2 0.01
-#NEW
-5 P Q 3 -0.001
-"""
-COR = """* points
-1 A 0 0 10 0.001 0.001 0.001
-1 B 100 0 12 0.001
-1 C 40 90 15 0 0 -1 remark
-0 D 5 5 5
-"""
-WORDS = [
-    "#VERT",
-    "#BASC",
-    "#FIX",
-    "5",
-    "7",
-    "3",
-    "14",
-    "A",
-    "B",
-    "P",
-    "-1",
-    "0",
-    "1e9",
-    "-400",
-    "nan",
-    "1e-320",
-]
-WORDS += [
-    "\u00e9",
-    "*",
-    "#",
-    ",",
-    "1_0",
-    "100",
-    "200",
-    "0.0",
-    "\x0b",
-    "9" * 400,
-    "\u0663",
-    "inf",
-    "0x10",
-    "\ufeff",
-]
+
+def bench() -> ModuleType:
+    """The bench, whose mutations these are."""
+    path = Path(__file__).parents[2] / "tools" / "benchmarks" / "fuzz_readers.py"
+    spec = importlib.util.spec_from_file_location("fuzz_readers", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+BENCH = bench()
+OBS, COR, mutated = BENCH.OBS, BENCH.COR, BENCH.mutated
 
 
 def flat(points):
     return np.tile(np.eye(3), (len(points), 1, 1))
-
-
-def mutated(text: str, chance: random.Random) -> bytes:
-    """The text with a few words, lines or bytes exchanged, repeated, dropped or invented."""
-    lines = text.split("\n")
-    for _ in range(chance.randint(1, 6)):
-        row = chance.randrange(len(lines))
-        words = lines[row].split(" ")
-        action = chance.randrange(6)
-        if action == 0:
-            words[chance.randrange(len(words))] = chance.choice(WORDS)
-        elif action == 1:
-            words.insert(chance.randrange(len(words) + 1), chance.choice(WORDS))
-        elif action == 2:
-            words.pop(chance.randrange(len(words)))
-        elif action == 3:
-            lines.insert(chance.randrange(len(lines)), lines[row])
-        elif action == 4:
-            lines[row], words = "", [""]
-        else:
-            other = lines[chance.randrange(len(lines))].split(" ")
-            words[-1] = other[-1]
-        lines[row] = " ".join(words)
-    data = bytearray("\n".join(lines).encode())
-    if chance.random() < 0.2:
-        data[chance.randrange(len(data))] = chance.randrange(256)
-    return bytes(data)
 
 
 def compute(obs_path, cor_path) -> bool:
@@ -123,6 +44,24 @@ def compute(obs_path, cor_path) -> bool:
         str(error).encode("utf-8")
         return False
     return True
+
+
+@pytest.mark.slow  # reads four thousand files
+@pytest.mark.parametrize("piece", range(4))
+def test_mutated_files_are_refused_or_read(tmp_path, piece):
+    counts = Counter()
+    seeds = range(1_000_000 + 1000 * piece, 1_000_000 + 1000 * (piece + 1))
+    assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 0.0, counts))] == []
+    assert counts["refused"] > 400
+    assert counts["read"] > 50
+
+
+@pytest.mark.slow  # adjusts a few dozen networks
+def test_mutated_networks_are_refused_or_adjusted_to_what_can_be_trusted(tmp_path):
+    counts = Counter()
+    seeds = range(2_000_000, 2_000_150)
+    assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 1.0, counts))] == []
+    assert counts["adjusted"] > 10
 
 
 @pytest.mark.slow

@@ -1,0 +1,241 @@
+"""Mutated survey files: whatever they hold, they are refused in words or give a result that can be trusted.
+
+A failure is anything else: another error than ours, more than `PATIENCE` seconds, a number that is not
+finite where the result says one, "converged" with precisions that are undefined. Each failure is printed
+with its seed, which makes the same files again.
+
+    python tools/benchmarks/fuzz_readers.py --start 0 --count 20000 --adjust 0.2
+"""
+
+import argparse
+import math
+import random
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from obseq.errors import ObseqError
+from obseq.record import AdjustmentRecord
+from obseq.report import listing, page, summary, to_json
+from obseq.survey import Network, PointFileOptions
+
+PATIENCE = 30
+FRAMES = (None, "Local", "RTL*2.4*48.8*0*EPSG:4326", "RTL*0*48.8*0*+proj=latlong +datum=WGS84")
+SIZES = ("x", "y", "z")
+
+OBS = """* a network
+#FIX
+5 A B 100 0.001
+#VERT
+7 A B 0 0.001
+6 A P 98.5 0.001
+3 A P 55.2 0.002
+5 A P -40.62 0.001
+5 A Q -61 0.001
+7 P A 12 0.001
+5 P B 77 0.001
+5 P C 230 0.001
+6 P C 101 0.001
+4 A Q 0.25 0.001
+3 Q A 20 0.01 * remark
+3 Q B 90 0.01
+#BASC
+14 R A 10 0.01
+15 R A 20 0.01
+16 R A 1 0.01
+14 R B 110 0.01
+15 R B 20 0.01
+16 R B -1 0.01
+14 R C 50 0.01
+15 R C 110 0.01
+16 R C 2 0.01
+#NEW
+5 P Q 3 -0.001
+"""
+CONSISTENT = """7 A B 100 0.001
+3 A P 50 0.002
+5 A P 40.9666 0.001
+6 A P 100 0.001
+3 B P 76.1577 0.002
+3 C P 51.9615 0.002
+4 A P 0 0.002
+3 A Q 70.7107 0.002
+3 B Q 70.7107 0.002
+3 C Q 41.2311 0.002
+4 B Q 1 0.002
+6 A Q 99.1 0.001
+"""
+COR = """* points
+1 A 0 0 10 0.001 0.001 0.001
+1 B 100 0 12 0.001
+1 C 40 90 15 0 0 -1 remark
+0 D 5 5 5
+"""
+PLAIN = (
+    "#VERT #BASC #FIX #NEW 5 7 3 4 6 14 16 11 A B P -1 0 1 2 100 200 300 0.5 0.0 -0.0 * # , 1e9 -400 400 nan inf "
+    "1e-320 1e-13 1e-9 1e8 0x10 1_0 \u00e9 \u0663 \ufeff \u202e \x1b[2J"
+)
+WORDS = (*PLAIN.split(), "\x0b", "9" * 400, "x" * 300)
+
+
+def mutated(text: str, chance: random.Random) -> bytes:
+    """The text with a few words, lines or bytes exchanged, repeated, dropped or invented."""
+    lines = text.split("\n")
+    for _ in range(chance.randint(1, 6)):
+        row = chance.randrange(len(lines))
+        lines[row] = " ".join(_mutated_line(lines, row, chance))
+    data = bytearray("\n".join(lines).encode())
+    if chance.random() < 0.2:
+        data[chance.randrange(len(data))] = chance.randrange(256)
+    if chance.random() < 0.02:
+        del data[chance.randrange(len(data)) :]
+    return bytes(data)
+
+
+def _mutated_line(lines: list[str], row: int, chance: random.Random) -> list[str]:
+    words = lines[row].split(" ")
+    action = chance.randrange(7)
+    if action == 0:
+        words[chance.randrange(len(words))] = chance.choice(WORDS)
+    elif action == 1:
+        words.insert(chance.randrange(len(words) + 1), chance.choice(WORDS))
+    elif action == 2:
+        words.pop(chance.randrange(len(words)))
+    elif action == 3:
+        lines.insert(chance.randrange(len(lines)), lines[row])
+    elif action == 4:
+        words = []
+    elif action == 5:
+        words[-1] = lines[chance.randrange(len(lines))].split(" ")[-1]
+    else:
+        _change_digit(words, chance)
+    return words
+
+
+def _change_digit(words: list[str], chance: random.Random) -> None:
+    k = chance.randrange(len(words))
+    digits = [place for place, c in enumerate(words[k]) if c.isdigit()]
+    if digits:
+        place = chance.choice(digits)
+        words[k] = words[k][:place] + chance.choice("0123456789.-e") + words[k][place + 1 :]
+
+
+def write_case(folder: Path, seed: int) -> random.Random:
+    """Write the files of one case, `n.obs` and `n.cor`; what follows of its chance is for its options."""
+    chance = random.Random(seed)
+    obs, cor = chance.choice((OBS, CONSISTENT)), COR
+    (folder / "n.obs").write_bytes(mutated(obs, chance) if chance.random() < 0.8 else obs.encode())
+    (folder / "n.cor").write_bytes(mutated(cor, chance) if chance.random() < 0.5 else cor.encode())
+    return chance
+
+
+def outcome(folder: Path, seed: int, adjusts: float) -> str:
+    """What a case comes to: "refused", "read", or "adjusted".
+
+    Args:
+        folder: where its files are written.
+        seed: of the case.
+        adjusts: share of the networks that are adjusted, not only read.
+
+    Raises:
+        AssertionError: the result cannot be trusted.
+    """
+    chance = write_case(folder, seed)
+    options = {"frame": chance.choice(FRAMES), "point_sigma": chance.choice((None, 0.01, 1.0))}
+    if chance.random() < 0.1:
+        options |= {"point_format": chance.choice(("ANXYZBla", "ANXYZ", "A N X Y Z Sx Sy Sz"))}
+        options |= {"point_options": PointFileOptions(comment="*")}
+    try:
+        network = Network.read(folder / "n.obs", folder / "n.cor", **options)
+        if chance.random() >= adjusts:
+            return "read"
+        record = network.adjust().record()
+    except ObseqError as error:
+        check_message(str(error))
+        return "refused"
+    check_result(record)
+    return "adjusted"
+
+
+def check_message(text: str) -> None:
+    """A message can be written anywhere, and read by a person."""
+    text.encode("utf-8")
+    assert 0 < len(text) < 20_000, f"a message of {len(text)} characters"
+
+
+def check_result(record: AdjustmentRecord) -> None:
+    """Numbers are finite, and precisions are defined where the result says that it converged."""
+    for point in record.points:
+        for name in (*SIZES, *(f"crs_{axis}" for axis in SIZES)):
+            value = getattr(point, name)
+            assert value is not None and math.isfinite(value), f"{name} of {point.name} is {value}"
+        if record.converged:
+            for axis in SIZES:
+                sigma = getattr(point, f"s{axis}")
+                assert sigma is not None and math.isfinite(sigma), f"precision of {point.name} is {sigma}"
+    for row in record.observations:
+        assert not row.active or row.residual is not None, f"no residual of {row.type} line {row.line}"
+    if record.converged and record.redundancy > 0:
+        assert record.sigma0 is not None, "converged without sigma0"
+    assert record.redundancy >= 0, f"redundancy {record.redundancy}"
+    for write in (listing, page, summary, to_json):
+        text = write(record)
+        assert all(c.isprintable() or c == "\n" for c in text), f"{write.__name__}: unprintable"
+        assert "nan" not in text.replace(" nan ", " ").lower().split(), f"{write.__name__}: nan"
+
+
+@contextmanager
+def patience(seconds: int) -> Iterator[None]:
+    """Raises TimeoutError in a block that takes longer."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"more than {seconds} seconds")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def failure(folder: Path, seed: int, adjusts: float, counts: Counter[str]) -> str | None:
+    """What is wrong with a case, in a few lines; None when nothing is."""
+    try:
+        with patience(PATIENCE):
+            counts[outcome(folder, seed, adjusts)] += 1
+    except Exception as error:
+        counts["failed"] += 1
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"seed {seed}: {type(error).__name__}: {error} ({where.filename}:{where.lineno})"
+    return None
+
+
+def main() -> int:
+    """Run the cases, print failures and counts; 1 when something failed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
+    parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
+    parser.add_argument("--adjust", type=float, default=1.0, help="share of networks to adjust (%(default)s)")
+    options = parser.parse_args()
+    counts: Counter[str] = Counter()
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(options.start, options.start + options.count):
+            if found := failure(Path(folder), seed, options.adjust, counts):
+                print(found, flush=True)
+    print(f"{dict(counts)} in {time.perf_counter() - begin:.0f} s")
+    return 1 if counts["failed"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
