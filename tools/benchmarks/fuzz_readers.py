@@ -78,8 +78,8 @@ COR = """* points
 0 D 5 5 5
 """
 PLAIN = (
-    "#VERT #BASC #FIX #NEW 5 7 3 4 6 14 16 11 A B P -1 0 1 2 100 200 300 0.5 0.0 -0.0 * # , 1e9 -400 400 nan inf "
-    "1e-320 1e-13 1e-9 1e8 0x10 1_0 \u00e9 \u0663 \ufeff \u202e \x1b[2J"
+    "#VERT #BASC #FIX #NEW 5 7 3 4 6 14 16 11 A B P -1 0 1 2 100 200 300 0.5 0.0 -0.0 * # , 1e9 -400 400 nan "
+    "inf 1e-320 1e-13 1e-9 1e8 0x10 1_0 \u00e9 \u0663 \ufeff \u202e \x1b[2J"
 )
 WORDS = (*PLAIN.split(), "\x0b", "9" * 400, "x" * 300)
 
