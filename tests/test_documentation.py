@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import obseq
@@ -18,6 +19,8 @@ PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglo
 WITH_EXAMPLES = [
     ROOT / "README.md",
     ROOT / "docs" / "first-network.md",
+    ROOT / "docs" / "aerial.md",
+    ROOT / "docs" / "epipolar.md",
 ]  # other pages are tested by their rooms
 DEMO = ROOT / "src" / "obseq" / "survey" / "data"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -25,6 +28,20 @@ LINK = re.compile(r"\]\((?!https?:)([^)#]+)")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?obseq (.*)$", re.MULTILINE)
 READ_ELSEWHERE = "class TopoHz"
 LOCAL_POINTS = "1 PtA 0 0 10 0.001\n0 PtB 10 0 10\n0 PtC 10 10 10\n1 PtD 0 -10 10 0.001\n"
+AERIAL = {
+    "flight.opk": "A 700000 6600000 1500 0 0 0 c\nB 700400 6600000 1500 0 0 0 c\n",
+    "camera.txt": "name = c\nppax = 500\nppay = 400\nfocal = 1000\nwidth = 1000\nheight = 800\n",
+    "ground.asc": "ncols 20\nnrows 20\nxllcorner 699000\nyllcorner 6599000\ncellsize 100\n" + 400 * "100 ",
+    "ties.mes": "".join(
+        f"{p} A {x} {y}\n{p} B {x - 286} {y}\n"
+        for p, x, y in [("P", 600, 300), ("Q", 700, 500), ("R", 300, 100), ("S", 900, 200), ("T", 450, 700)]
+    ),
+    "control.app": "".join(
+        f"{p} 3 {700000 + 1.4 * (x - 500)} {6600000 - 1.4 * (y - 400)} 100\n"
+        for p, x, y in [("P", 600, 300), ("Q", 700, 500), ("R", 300, 100), ("S", 900, 200), ("T", 450, 700)]
+    ),
+}
+"""Two vertical shots 1400 m above flat ground, and points that both see."""
 MODULES = [module.name for module in pkgutil.walk_packages(obseq.__path__, "obseq.")]
 
 
@@ -41,7 +58,28 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / f"site.{name}").write_bytes((DEMO / f"demo.{name}").read_bytes())
     (tmp_path / "survey.obs").write_bytes((DEMO / "demo.obs").read_bytes())
     (tmp_path / "points.cor").write_text(LOCAL_POINTS, encoding="utf-8")
+    for name, text in AERIAL.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path
+
+
+@pytest.fixture
+def project(site: Path) -> Path:
+    """A project tree of two images with tie points, beside the files of examples."""
+    from obseq.images import Camera, Poses
+    from obseq.images.epipolar import OrientedCamera
+    from obseq.project import pairs_text, write_orientation
+
+    camera = Camera("Calib", 6000, 4000, focal=5000.0)
+    centres = [[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]]
+    poses = Poses.of(["im1.tif", "im2.tif"], centres, [np.eye(3)] * 2, cameras="Calib")
+    tree = site / "MMVII-PhgrProj"
+    write_orientation(tree / "Ori" / "BA", poses, {"Calib": camera})
+    scene = np.random.default_rng(1).uniform([-100, -100, 900], [200, 100, 1100], (30, 3))
+    pairs = np.hstack([OrientedCamera(camera, poses[image]).project(scene) for image in poses])
+    (tree / "TieP" / "All" / "im1.tif").mkdir(parents=True)
+    (tree / "TieP" / "All" / "im1.tif" / "im2.tif.csv").write_text(pairs_text(pairs), encoding="utf-8")
+    return site
 
 
 class Checker(doctest.OutputChecker):
@@ -52,10 +90,10 @@ class Checker(doctest.OutputChecker):
 
 
 @pytest.mark.parametrize("page", WITH_EXAMPLES, ids=lambda page: page.name)
-def test_examples_run(page: Path, site: Path) -> None:
+def test_examples_run(page: Path, project: Path) -> None:
     for language, name, text in blocks(page):
         if language == "text" and name:
-            (site / name).write_text(text, encoding="utf-8")
+            (project / name).write_text(text, encoding="utf-8")
         elif language == "python" and READ_ELSEWHERE not in text:
             exec(compile(text, f"{page.name}: {text.splitlines()[0]}", "exec"), {})
         elif language == "sh":

@@ -272,6 +272,20 @@ def test_parallel_rays_and_rays_that_meet_behind_have_no_point():
     assert np.isfinite(found.points[2]).all()
 
 
+def test_points_without_enough_rays_do_not_disturb_the_others():
+    site = one_shot()
+    ground = np.array([[700150.0, 6600080.0, 20.0]])
+    exact = site.world_to_image(np.array([0, 1]), np.repeat(ground, 2, axis=0))
+    point, shots = np.array([0, 1, 1, 2, 2]), np.array([0, 0, 1, 1, 1])
+    pixels = np.vstack([[[1.0, 2.0]], exact, [[5.0, 5.0], [5.0, 5.0]]])
+    found = intersect_rays(site, point, shots, pixels, 4, sigma=1.0)
+    np.testing.assert_allclose(found.points[1], ground[0], rtol=0.0, atol=1e-6)
+    assert np.isnan(found.points[[0, 2, 3]]).all()
+    assert np.isnan(found.covariances[[0, 2, 3]]).all()
+    assert np.isfinite(found.covariances[1]).all()
+    assert found.n_rays.tolist() == [1, 2, 2, 0]
+
+
 def test_a_point_seen_by_one_shot_has_no_pair():
     site = one_shot()
     pairs = most_distant_pairs(site, np.array([0, 1, 1, 2, 2]), np.array([0, 0, 1, 1, 1]), 4)
