@@ -254,7 +254,7 @@ def intersect_rays(
     points = system.from_geocentric(found)
     lost = np.bincount(point, weights=~np.isfinite(residuals).all(axis=1), minlength=count) > 0
     points[lost] = np.nan
-    lost = np.isnan(points).any(axis=1)
+    lost = np.asarray(np.isnan(points).any(axis=1))
     covariances = (
         None if sigma is None else map_covariances(worksite, points, sigma**2 * _inverses(normal, lost))
     )

@@ -101,7 +101,7 @@ def summed(parts: FloatArray, point: IntArray, count: int) -> FloatArray:
 
 def solved_by_point(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Solutions (n, 3) of small systems; nan where a matrix is singular to the rounding error."""
-    good = np.isfinite(matrices).all(axis=(1, 2))
+    good = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     scale = np.trace(matrices[good], axis1=1, axis2=2)
     good[good] = np.linalg.eigvalsh(matrices[good])[:, 0] > PARALLEL * scale
     found = np.full_like(right, np.nan)
