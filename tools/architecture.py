@@ -17,18 +17,29 @@ FILES = ("arguments", "arrays", "errors", "plain", "printable", "record", "stopw
 """Single files beside the rooms, for everybody; they import each other and nothing else."""
 
 ARROWS: dict[str, tuple[str, ...]] = {
+    "compilation": (),
     "geometry": (),
     "crs": (),
     "formulas": (),
     "report": (),
     "codegen": ("formulas", "kernels"),
     "generated": ("kernels",),
-    "kernels": (),
-    "leastsquares": ("kernels", "geometry"),
+    "kernels": ("compilation",),
+    "leastsquares": ("kernels", "compilation", "geometry"),
     "survey": ("leastsquares", "kernels", "geometry", "crs"),
     "images": ("leastsquares", "kernels", "geometry", "crs", "survey"),
     "project": ("images", "geometry"),
-    "cli": ("report", "survey", "images", "project", "leastsquares", "kernels", "crs", "codegen"),
+    "cli": (
+        "report",
+        "survey",
+        "images",
+        "project",
+        "leastsquares",
+        "kernels",
+        "compilation",
+        "crs",
+        "codegen",
+    ),
 }
 """Each room and what it may import, type-only imports included. Codegen and the generated modules take the
 layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for."""

@@ -11,4 +11,14 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 PositionArray: TypeAlias = NDArray[np.uint32]
 """Places in a store, or in a column of values."""
 
+IndexArray: TypeAlias = NDArray[np.int32]
+KeyArray: TypeAlias = NDArray[np.uint64]
+ByteArray: TypeAlias = NDArray[np.uint8]
+
+FloatRows: TypeAlias = NDArray[np.float64]
+"""Two dimensions; in compiled loops the names above stand for one."""
+
+IntRows: TypeAlias = NDArray[np.int64]
+PositionRows: TypeAlias = NDArray[np.uint32]
+
 Array: TypeAlias = NDArray[Any]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from obseq.compilation.numba_compiler import dispatcher
 from obseq.kernels import functions
 
 DIGITS = 250
@@ -90,7 +91,7 @@ CASES = {
 def _evaluate(name, *arguments):
     function = getattr(functions, name)
     names = ", ".join("abc"[: len(arguments)])
-    scope = {"f": function}
+    scope = {"f": dispatcher(function)}
     items = names.replace(",", "[i],") + "[i]"
     exec(f"def loop(out, {names}):\n for i in range(out.size):\n  out[i] = f({items})", scope)
     loop = njit(error_model="numpy", fastmath={"contract"})(scope["loop"])

@@ -1,6 +1,6 @@
 """The lane loops of kernels are vectorised: packed operations, no scalar floating-point arithmetic.
 
-The optimised code is read as LLVM keeps it with the compiled kernel; for a few kernels, as machine code.
+The optimised code is read as LLVM has it; for a few kernels, as machine code.
 """
 
 import re
@@ -9,10 +9,13 @@ from typing import Any
 
 import pytest
 from llvmlite import binding
-from numba import cfunc
 
+from obseq.compilation import host, numba_compiler
+from obseq.compilation.functions import Function
+from obseq.compilation.routines import Routine
+from obseq.compilation.signatures import KERNEL
 from obseq.kernels import formula_names, load, ondemand
-from obseq.kernels.loading import _compiled
+from obseq.kernels.loading import routine
 
 NO_AVX2 = not binding.get_host_cpu_features().get("avx2")
 pytestmark = pytest.mark.skipif(NO_AVX2, reason="asserted of processors with AVX2")
@@ -29,7 +32,12 @@ PACKED_MACHINE = re.compile(r"\bv?(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d{3})p
 
 
 def _optimised(module: ModuleType, function: str) -> str:
-    return str(_compiled(module, function)._library._get_module_for_linking())
+    return str(_module(routine(module, function)))
+
+
+def _module(kernel: Routine) -> Any:
+    """LLVM's module of a kernel for this processor, compiled afresh."""
+    return numba_compiler.optimised(kernel.function, kernel.signature, kernel.symbol, host.machine())
 
 
 def _along(name: str) -> str:
@@ -45,7 +53,13 @@ def _computes(module: ModuleType, function: str) -> bool:
     return bool(values if function == "value" else everything)
 
 
-@pytest.mark.parametrize("name", formula_names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if k % 8 == 0 else pytest.mark.slow)  # each is compiled afresh
+        for k, name in enumerate(formula_names())
+    ],
+)
 def test_every_kernel_is_vectorised(name: str) -> None:
     module = load(name).module
     for function in KERNELS:
@@ -73,16 +87,15 @@ def test_many_kernels_along_a_direction_are_vectorised(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["Dist3D", "Dir_Stenope", "TopoHz"])
 def test_machine_code_is_vectorised(name: str) -> None:
-    """The last step too: what the processor runs. Compiled afresh, since numba does not keep this text."""
+    """The last step too: what the processor runs."""
     for function in ("value", "value_and_jacobian"):
-        code = _assembly(getattr(load(name).module, function))
+        code = _assembly(routine(load(name).module, function))
         assert not SCALAR_MACHINE.findall(code)
         assert PACKED_MACHINE.search(code)
 
 
-def _assembly(function: Any) -> str:
-    compiled = cfunc("void(CPointer(float64), int64)", error_model="numpy", fastmath={"contract"})(function)
-    return str(compiled._library.get_asm_str())
+def _assembly(kernel: Routine) -> str:
+    return str(host.machine().emit_assembly(_module(kernel)))
 
 
 def test_the_check_sees_a_loop_that_is_not_vectorised() -> None:
@@ -90,6 +103,6 @@ def test_the_check_sees_a_loop_that_is_not_vectorised() -> None:
         for k in range(1, n_tiles):
             tiles[k] = tiles[k] + tiles[k - 1] * tiles[k]
 
-    compiled = cfunc("void(CPointer(float64), int64)", error_model="numpy")(chained)
-    assert SCALAR.search(str(compiled._library._get_module_for_linking()))
-    assert SCALAR_MACHINE.search(str(compiled._library.get_asm_str()))
+    kernel = Routine(Function(chained), KERNEL)
+    assert SCALAR.search(str(_module(kernel)))
+    assert SCALAR_MACHINE.search(_assembly(kernel))

@@ -123,10 +123,3 @@ def test_jacobian_on_request_is_that_of_the_differences():
     rows = jacobian_rows(system.unknowns, batches[2])
     assert rows.shape == (3 + 3 * 9, 33)
     assert np.allclose(rows[:3].T, system.residuals(batches[2]), rtol=0, atol=1e-14)
-
-
-def test_the_drivers_and_the_kernels_lay_tiles_out_alike():
-    from obseq.kernels import layout
-    from obseq.leastsquares.loops import accumulation
-
-    assert (accumulation.LANES, accumulation.STRIDE) == (layout.LANES, layout.STRIDE)

@@ -28,10 +28,11 @@ import cpp_contenders
 import numpy as np
 import rival
 from interleaved import Repeat, race, ratio
-from numba import njit
 from numpy.typing import NDArray
 
+from obseq.arrays import FloatArray
 from obseq.codegen.compiler import Derived, derive
+from obseq.compilation import compiled
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import calculator, derivatives
 from obseq.kernels.layout import LANES, STRIDE
@@ -74,8 +75,8 @@ class Row:
     disagreement: dict[str, float]
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def _run_kernel(address: int, tiles: Array, n_tiles: int, repeats: int) -> None:
+@compiled
+def _run_kernel(address: int, tiles: FloatArray, n_tiles: int, repeats: int) -> None:
     for _ in range(repeats):
         call_kernel(address, tiles, n_tiles)
 

@@ -19,7 +19,7 @@ Accuracy (against 60-digit arithmetic, in units in the last place of the result)
 | normalised_ratio, its slope | all | 1.5 ulp |
 
 The polynomials are those of the public fdlibm (Sun Microsystems, 1993); reductions follow Cody and Waite.
-Kernels carry a hash of this module: numba's cache does not see a change in a function that a kernel calls.
+The digest of a kernel's machine code covers the functions that it calls.
 """
 
 import math
@@ -27,9 +27,9 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+
+from obseq.compilation import Instruction, compiled
+from obseq.compilation.functions import CONTRACT
 
 __all__ = [
     "acos",
@@ -54,7 +54,10 @@ __all__ = [
     "wrap_angle",
 ]
 
-inline: Any = njit(fastmath={"contract"}, error_model="numpy", forceinline=True)
+inline: Any = compiled(flags=CONTRACT, always_inline=True)
+keep_loop = Instruction("obseq.kernels.instructions", "keep_loop")
+_bits = Instruction("obseq.kernels.instructions", "bits_of")
+_float = Instruction("obseq.kernels.instructions", "float_of")
 
 TWO_OVER_PI = 6.36619772367581382433e-01
 HALF_PI_1 = 1.57079632673412561417e00
@@ -219,37 +222,6 @@ def tan(x):  # type: ignore[no-untyped-def]
     odd = quadrant != 2.0 * np.floor(0.5 * quadrant)
     value = (-cosine if odd else sine) / (sine if odd else cosine)
     return value if abs(x) <= LARGEST_ANGLE else math.nan
-
-
-@intrinsic
-def keep_loop(typing_context):  # type: ignore[no-untyped-def]
-    """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
-
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        builder.function.attributes.add("optsize")
-        return context.get_dummy_value()
-
-    return types.void(), generate
-
-
-@intrinsic
-def _bits(typing_context, x):  # type: ignore[no-untyped-def]
-    """The bits of a float as a whole number."""
-
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        return builder.bitcast(arguments[0], ir.IntType(64))
-
-    return types.uint64(types.float64), generate
-
-
-@intrinsic
-def _float(typing_context, bits):  # type: ignore[no-untyped-def]
-    """The float that has some bits."""
-
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.uint64), generate
 
 
 @inline

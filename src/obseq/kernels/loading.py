@@ -4,8 +4,10 @@ import functools
 import importlib
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
 
+from obseq.compilation.functions import CONTRACT, Function
+from obseq.compilation.routines import Routine
+from obseq.compilation.signatures import KERNEL
 from obseq.errors import FormulaError, nearest
 from obseq.kernels import ondemand
 from obseq.kernels.layout import Block, Input
@@ -65,13 +67,13 @@ class Kernel:
 
     @property
     def value_address(self) -> int:
-        """Address of the compiled value kernel; compiled or read from numba's cache at the first call."""
-        return int(_compiled(self.module, "value").address)
+        """Address of the compiled value kernel; found or compiled at the first call."""
+        return routine(self.module, "value").address
 
     @property
     def value_and_jacobian_address(self) -> int:
         """Address of the compiled kernel of values and derivatives."""
-        return int(_compiled(self.module, "value_and_jacobian").address)
+        return routine(self.module, "value_and_jacobian").address
 
     @property
     def directional_address(self) -> int:
@@ -80,7 +82,7 @@ class Kernel:
         Modules made on demand have it; for a generated formula one is made, where the generator is installed.
         """
         module = self.module if hasattr(self.module, "directional") else ondemand.find(self.name)
-        return int(_compiled(module, "directional").address) if module else 0
+        return routine(module, "directional").address if module else 0
 
 
 def formula_names() -> tuple[str, ...]:
@@ -142,15 +144,6 @@ def _modules() -> dict[str, str]:
 
 
 @functools.cache
-def _compiled(module: ModuleType, function: str) -> Any:
-    """The compiled kernel; kept alive for the life of the process, so that its address stays valid.
-
-    Numba keeps compiled code beside the module's file; a module made in memory has none.
-    """
-    from numba import cfunc
-
-    has_file = getattr(module, "__file__", None) is not None
-    compile_kernel = cfunc(
-        "void(CPointer(float64), int64)", cache=has_file, error_model="numpy", fastmath={"contract"}
-    )
-    return compile_kernel(getattr(module, function))
+def routine(module: ModuleType, function: str) -> Routine:
+    """The machine code of one kernel of a generated module."""
+    return Routine(Function(getattr(module, function), CONTRACT), KERNEL)

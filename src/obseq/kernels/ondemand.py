@@ -11,12 +11,12 @@ import importlib
 import importlib.util
 import linecache
 import logging
-import os
 import re
 import sys
 from pathlib import Path
 from types import ModuleType
 
+from obseq.compilation.cache import user_folder
 from obseq.errors import LONGEST_NAME, FormulaError, InputError
 from obseq.writing import write_text
 
@@ -60,15 +60,6 @@ def folder() -> Path:
     return user_folder() / _version()
 
 
-def user_folder() -> Path:
-    """The user's folder for what obseq builds: `$OBSEQ_CACHE`, or the platform's place for caches."""
-    if chosen := os.environ.get("OBSEQ_CACHE"):
-        return Path(chosen)
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "obseq"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obseq"
-
-
 @functools.cache
 def _version() -> str:
     """Hash of the equations, of the generator, and of what kernels rely on."""
@@ -80,7 +71,7 @@ def _version() -> str:
 
 def _sources() -> list[Path]:
     kernels = Path(__file__).parent
-    files = [kernels / "functions.py", kernels / "layout.py"]
+    files = [kernels / name for name in ("functions.py", "instructions.py", "layout.py")]
     for package in ("obseq.formulas", "obseq.codegen"):
         spec = importlib.util.find_spec(package)
         for place in (spec.submodule_search_locations or []) if spec else []:

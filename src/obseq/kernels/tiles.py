@@ -1,39 +1,28 @@
 """Tiles: the records that kernels work on, and the compiled drivers that fill, run and read them."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
 
+from obseq.compilation import Instruction, compiled
 from obseq.kernels.layout import LANES, STRIDE
 
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, FloatRows
 
-@intrinsic
-def _call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
-    """Calls the compiled kernel at an address; the driver needs no recompilation for another kernel."""
-    signature = types.void(types.intp, types.intp, types.intp)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kernel = ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer(), ir.IntType(64)])
-        pointer = builder.inttoptr(arguments[0], kernel.as_pointer())
-        tiles = builder.inttoptr(arguments[1], ir.DoubleType().as_pointer())
-        builder.call(pointer, [tiles, arguments[2]])
-        return context.get_dummy_value()
-
-    return signature, generate
+call_address = Instruction("obseq.kernels.instructions", "call_address")
+pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
 
 
-@njit(error_model="numpy", inline="always")
-def call_kernel(address, tiles, n_tiles):  # type: ignore[no-untyped-def]
+@compiled
+def call_kernel(address: int, tiles: FloatArray, n_tiles: int) -> None:
     """Runs the kernel at an address on the first tiles of an aligned array."""
-    _call_address(address, tiles.ctypes.data, n_tiles)
+    call_address(address, pointer_to(tiles, 0), n_tiles)
 
 
-def aligned_tiles(
-    n_rows: int, n_tiles: int, constants: tuple[tuple[int, float], ...] = ()
-) -> np.ndarray[Any, np.dtype[np.float64]]:
+def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float], ...] = ()) -> FloatArray:
     """Zeroed tiles, (n_tiles * n_rows * STRIDE,) float64 on a 64-byte boundary.
 
     Args:
@@ -49,26 +38,34 @@ def aligned_tiles(
     return tiles
 
 
-@njit(error_model="numpy", forceinline=True)
-def _fill(tiles, at, rows, start):  # type: ignore[no-untyped-def]
+@compiled(always_inline=True)
+def _fill(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies rows to the lanes of a tile, the last row again and again where there are no more."""
-    last = rows.shape[0] - 1
+    last = len(rows) - 1
     for lane in range(LANES):
         row = min(start + lane, last)
         for i in range(rows.shape[1]):
             tiles[at + i * STRIDE + lane] = rows[row, i]
 
 
-@njit(error_model="numpy", forceinline=True)
-def _read(tiles, at, rows, start):  # type: ignore[no-untyped-def]
+@compiled(always_inline=True)
+def _read(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
-    for lane in range(min(LANES, rows.shape[0] - start)):
+    for lane in range(min(LANES, len(rows) - start)):
         for i in range(rows.shape[1]):
             rows[start + lane, i] = tiles[at + i * STRIDE + lane]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def evaluate(address, tiles, n_rows, unknowns, observations, values, derivatives):  # type: ignore[no-untyped-def]
+@compiled
+def evaluate(
+    address: int,
+    tiles: FloatArray,
+    n_rows: int,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    values: FloatRows,
+    derivatives: FloatRows,
+) -> None:
     """Runs a kernel over rows of arguments, a few tiles at a time, and copies rows of results out.
 
     Args:
@@ -90,7 +87,7 @@ def evaluate(address, tiles, n_rows, unknowns, observations, values, derivatives
         for k in range(n_tiles):
             _fill(tiles, k * tile_size, unknowns, start + k * LANES)
             _fill(tiles, k * tile_size + observed, observations, start + k * LANES)
-        _call_address(address, tiles.ctypes.data, n_tiles)
+        call_kernel(address, tiles, n_tiles)
         for k in range(n_tiles):
             _read(tiles, k * tile_size + residuals, values, start + k * LANES)
             _read(tiles, k * tile_size + derived, derivatives, start + k * LANES)

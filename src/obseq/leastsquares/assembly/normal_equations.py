@@ -157,7 +157,15 @@ class NormalEquations:
         from obseq.leastsquares.loops.schur_complement import substitute_back
 
         table, layout = self.table, self.layout
-        substitute_back(self._store, layout.diagonal, layout.groups, table.start, table.size, damping, step)
+        room = self._elimination_room()
+        substitute_back(
+            self._store, layout.diagonal, layout.groups, table.start, table.size, damping, step, *room
+        )
+
+    def _elimination_room(self) -> tuple[FloatArray, FloatArray]:
+        """Room for the factor and for the gradient of one eliminated group."""
+        most = self.layout.groups.most
+        return np.empty((most, most)), np.empty(most)
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
@@ -288,6 +296,8 @@ class NormalEquations:
             damping,
             gradient,
             failed,
+            *self._elimination_room(),
+            np.empty(2 * layout.groups.most * layout.groups.widest),
         )
         if failed[0] >= 0:
             raise eliminated_error(table, int(failed[0]))

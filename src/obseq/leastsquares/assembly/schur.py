@@ -21,9 +21,7 @@ from obseq.leastsquares.loops.groups import Groups
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
-    from obseq.arrays import BoolArray, IntArray
+    from obseq.arrays import BoolArray, IntArray, PositionArray
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
@@ -60,18 +58,28 @@ def fill_keys(groups: Groups, n: int) -> IntArray:
     return distinct
 
 
-def fill_offsets(groups: Groups, n: int, distinct: IntArray, offsets: IntArray) -> NDArray[np.uint32]:
+def fill_offsets(groups: Groups, n: int, distinct: IntArray, offsets: IntArray) -> PositionArray:
     """(n_pairs,) offset of each pair of neighbours, from those of the distinct keys."""
     found = [offsets[np.searchsorted(distinct, keys)].astype(np.uint32) for keys in _pair_keys(groups, n)]
     return np.concatenate(found) if found else np.zeros(0, dtype=np.uint32)
 
 
-def placed(groups: Groups, places: IntArray) -> Groups:
-    """The same with the places of the pairs (n_pairs,) instead of their numbers."""
+def placed(groups: Groups, places: IntArray, free: IntArray) -> Groups:
+    """The same with the places of the pairs instead of their numbers, and the rows of each group laid out.
+
+    Args:
+        groups: the groups.
+        places: (n_pairs,) places in the store.
+        free: (n_blocks,) free unknowns of each block.
+    """
     links, inner = groups.links.copy(), groups.inner.copy()
     links[:, 0] = places[links[:, 0]]
     inner[:, 0] = places[inner[:, 0]]
-    return groups._replace(links=links, inner=inner)
+    widths = (free[groups.neighbours] + 3) // 4 * 4
+    ends = np.concatenate([[0], np.cumsum(widths)])
+    part = ends[:-1] - np.repeat(ends[groups.bounds[:-1]], np.diff(groups.bounds))
+    widest = int(np.max(np.diff(ends[groups.bounds]), initial=4))
+    return groups._replace(links=links, inner=inner, part=part, widest=widest)
 
 
 def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> Groups:
@@ -93,7 +101,9 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
     inner = np.column_stack([within, pairs.rows[within], pairs.columns[within]])
     inner_bounds = np.searchsorted(group[pairs.rows[within]], steps)
     neighbours, bounds, links, link_bounds = _met(pairs, of_row ^ of_column, of_column, group, steps)
-    return Groups(blocks, block_bounds, inner, inner_bounds, neighbours, bounds, links, link_bounds, local)
+    most = int(local.max(initial=0)) + 1
+    met = (neighbours, bounds, links, link_bounds)
+    return Groups(blocks, block_bounds, inner, inner_bounds, *met, local, np.zeros_like(neighbours), most, 4)
 
 
 def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntArray:

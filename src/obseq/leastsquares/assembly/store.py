@@ -153,7 +153,7 @@ def store_layout(
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
-        groups=placed(groups, places.pair),
+        groups=placed(groups, places.pair, free.count),
         fill=fill_offsets(groups, n, fill, of_fill),
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),

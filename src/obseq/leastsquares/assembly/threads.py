@@ -13,7 +13,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import IntArray
-    from obseq.leastsquares.assembly.store import StoreLayout
+    from obseq.leastsquares.assembly.store import BatchLayout, StoreLayout
 
 
 Result = TypeVar("Result")
@@ -35,6 +35,9 @@ LEAST_SHARE = 8192
 """Observations of a share: a millisecond of work, ten times what it costs to start a thread."""
 
 MOST_THREADS = 64
+
+MOVES_AT_ONCE = 4096
+"""Moves that are noted in one go."""
 
 
 @dataclass(frozen=True)
@@ -101,30 +104,30 @@ def share_out(layout: StoreLayout, counts: Sequence[int], threads: int) -> Share
     bounds = share_bounds(counts, threads)
     if len(bounds) == 2:
         return Shares(bounds, np.zeros((0, 4), dtype=np.int64), layout.size)
-    from obseq.leastsquares.loops.shares import divert
-
     owner = np.zeros(layout.size, dtype=np.uint8)
     copy = np.zeros(layout.size, dtype=np.uint32)
     found, end = [], -(-layout.size // 8) * 8
     for share in range(len(bounds) - 1):
         copy[:] = 0
         for batch, first, last in zip(layout.batches, bounds[share], bounds[share + 1], strict=True):
-            moves, end = divert(
-                batch.pairs,
-                batch.positions,
-                batch.heights,
-                first,
-                last,
-                share,
-                layout.spare,
-                owner,
-                copy,
-                end,
-            )
+            moves, end = _diverted(batch, (first, last, share, layout.spare, owner, copy), end)
             found.append(moves)
         if end > np.iinfo(np.uint32).max:
             raise InputError("the normal matrix has more than 4e9 numbers: use fewer threads, or one")
     return Shares(bounds, np.concatenate(found), end)
+
+
+def _diverted(batch: BatchLayout, share: tuple[Any, ...], end: int) -> tuple[IntArray, int]:
+    """The moves of one share of a batch, (n, 4), and the new end; `share` as `divert` takes it."""
+    from obseq.leastsquares.loops.shares import divert
+
+    found, state = [], np.array([0, 0, 0, end])
+    while state[0] < len(batch.pairs):
+        state[2] = 0
+        moves = np.empty((MOVES_AT_ONCE, 4), dtype=np.int64)
+        divert(batch.pairs, batch.positions, batch.heights, *share, moves, state)
+        found.append(moves[: state[2]])
+    return np.concatenate([np.empty((0, 4), np.int64), *found]), int(state[3])
 
 
 def blas_threads(threads: int) -> AbstractContextManager[None]:

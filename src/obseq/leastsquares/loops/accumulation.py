@@ -15,17 +15,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from obseq.compilation import compiled
+from obseq.compilation.functions import SUMS
+from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.tiles import call_kernel
-from obseq.leastsquares.loops.vectors import outer1, outer4, outer_threes, transpose3, transpose4
+from obseq.kernels.vectors import outer1, outer4, outer_threes, transpose3, transpose4
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray, PositionArray
+    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionArray, PositionRows
 
 
-LANES = 32  # written here too, those of kernels.layout: numba's cache does not see another file change
-STRIDE = 40
 U = np.uint64
 ROW = U(STRIDE)
 ONE = U(1)
@@ -34,7 +34,7 @@ THREE = U(3)
 FOUR = U(4)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def gather_rows(
     tile: FloatArray, row: int, size: int, source: FloatArray, start: PositionArray, first: int
 ) -> None:
@@ -64,15 +64,15 @@ def gather_rows(
                 at += ROW
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def fill_tile(
     tile: FloatArray,
-    blocks: IntArray,
-    starts: PositionArray,
-    contexts: PositionArray,
+    blocks: IntRows,
+    starts: PositionRows,
+    contexts: PositionRows,
     values: FloatArray,
     context: FloatArray,
-    observations: FloatArray,
+    observations: FloatRows,
     observation_rows: IntArray,
     first: int,
 ) -> None:
@@ -90,7 +90,7 @@ def fill_tile(
             tile[row + U(lane)] = observations[U(k), U(first) + U(lane)]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
     """The kernel of plain linear rows: coefficients . unknowns - value; the coefficients."""
     coefficient, residual = U(n_unknowns) * ROW, U(2 * n_unknowns + 1) * ROW
@@ -104,13 +104,13 @@ def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
             tile[residual + U(lane)] += tile[at] * tile[coefficient + at]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "nsz"})
+@compiled(flags=SUMS)
 def scale_rows(
     tile: FloatArray,
     first_row: int,
     n_residuals: int,
     n_unknowns: int,
-    weights: FloatArray,
+    weights: FloatRows,
     first: int,
     scaled: FloatArray,
 ) -> float:
@@ -141,8 +141,8 @@ def scale_rows(
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "nsz"})
-def whiten_rows(scaled: FloatArray, roots: FloatArray, n_residuals: int, rows: int, first: int) -> float:
+@compiled(flags=SUMS)
+def whiten_rows(scaled: FloatArray, roots: FloatRows, n_residuals: int, rows: int, first: int) -> float:
     """Multiplies the scaled rows of each lane by an upper triangular matrix; returns the new sum of squares.
 
     `roots` (m (m + 1) / 2, n): entries row by row. `rows`: scaled rows per residual.
@@ -169,7 +169,7 @@ def whiten_rows(scaled: FloatArray, roots: FloatArray, n_residuals: int, rows: i
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def make_records(
     scaled: FloatArray, record_rows: IntArray, n_residuals: int, rows: int, records: FloatArray
 ) -> None:
@@ -197,12 +197,12 @@ def make_records(
                 )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def scatter(
     store: FloatArray,
-    pairs: IntArray,
-    positions: PositionArray,
-    heights: PositionArray,
+    pairs: IntRows,
+    positions: PositionRows,
+    heights: PositionRows,
     records: FloatArray,
     width: int,
     n_residuals: int,
@@ -229,7 +229,7 @@ def scatter(
             )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def add_block(
     store: FloatArray,
     at: np.uint64,
@@ -255,7 +255,7 @@ def add_block(
             column += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def scatter_runs(
     store: FloatArray,
     pair: IntArray,
@@ -293,7 +293,7 @@ def scatter_runs(
         lane = last
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def scatter_each(
     store: FloatArray,
     pair: IntArray,
@@ -331,24 +331,24 @@ def scatter_each(
             add_block(store, at, quads, columns, records, base + a, base + b, w, n)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def assemble(
     kernel: int,
     tile: FloatArray,
     shape: IntArray,
-    blocks: IntArray,
-    starts: PositionArray,
-    contexts: PositionArray,
+    blocks: IntRows,
+    starts: PositionRows,
+    contexts: PositionRows,
     values: FloatArray,
     context: FloatArray,
-    observations: FloatArray,
+    observations: FloatRows,
     observation_rows: IntArray,
-    weights: FloatArray,
-    roots: FloatArray,
+    weights: FloatRows,
+    roots: FloatRows,
     record_rows: IntArray,
-    pairs: IntArray,
-    positions: PositionArray,
-    heights: PositionArray,
+    pairs: IntRows,
+    positions: PositionRows,
+    heights: PositionRows,
     scratch: FloatArray,
     store: FloatArray,
 ) -> float:
@@ -380,20 +380,20 @@ def assemble(
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def evaluate(
     kernel: int,
     tile: FloatArray,
     shape: IntArray,
-    blocks: IntArray,
-    starts: PositionArray,
-    contexts: PositionArray,
+    blocks: IntRows,
+    starts: PositionRows,
+    contexts: PositionRows,
     values: FloatArray,
     context: FloatArray,
-    observations: FloatArray,
+    observations: FloatRows,
     observation_rows: IntArray,
     rows: int,
-    results: FloatArray,
+    results: FloatRows,
 ) -> None:
     """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded).
 

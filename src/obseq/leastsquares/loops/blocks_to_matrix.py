@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
+from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def pattern_rows(
     column: IntArray,
     row: IntArray,
@@ -21,7 +18,7 @@ def pattern_rows(
     n_free: IntArray,
     first: IntArray,
     indptr: IntArray,
-    indices: NDArray[np.int32],
+    indices: IndexArray,
 ) -> None:
     """Writes the rows of each column, from the blocks (column, row) sorted by column, then row."""
     for k in range(len(column)):
@@ -32,7 +29,7 @@ def pattern_rows(
                 indices[at + i] = first[p] + i
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def pour_diagonal(
     store: FloatArray,
     place: IntArray,
@@ -64,10 +61,10 @@ def pour_diagonal(
         store[at : at + width * (n + 1)] = 0.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def pour_pairs(
     store: FloatArray,
-    stored: IntArray,
+    stored: IntRows,
     start: IntArray,
     size: IntArray,
     free: IntArray,

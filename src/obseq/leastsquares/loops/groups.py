@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from obseq.arrays import IntArray
+    from obseq.arrays import IntArray, IntRows
 
 
 class Groups(NamedTuple):
@@ -22,14 +22,20 @@ class Groups(NamedTuple):
             eliminated block, and 1 where the eliminated block is the column part.
         link_bounds: (n + 1,) where the links of each group begin.
         local: (n_scalars,) number of each eliminated unknown within its group; -1 for all others.
+        part: (n_neighbours,) where each neighbour begins in the rows of its group, in fours.
+        most: unknowns of the largest group, at least one.
+        widest: length of the longest rows of a group, at least four.
     """
 
     blocks: IntArray
     block_bounds: IntArray
-    inner: IntArray
+    inner: IntRows
     inner_bounds: IntArray
     neighbours: IntArray
     bounds: IntArray
-    links: IntArray
+    links: IntRows
     link_bounds: IntArray
     local: IntArray
+    part: IntArray
+    most: int
+    widest: int

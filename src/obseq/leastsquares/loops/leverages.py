@@ -9,16 +9,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray, IntRows, PositionRows
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _place(indptr: IntArray, indices: NDArray[np.integer], row: int, column: int) -> int:
+@compiled
+def _place(indptr: IntArray, indices: IndexArray, row: int, column: int) -> int:
     """Position of an entry of the lower triangle among the values; it must be on the pattern."""
     low, high = np.int64(indptr[column]), np.int64(indptr[column + 1])
     while high - low > 1:
@@ -30,17 +29,17 @@ def _place(indptr: IntArray, indices: NDArray[np.integer], row: int, column: int
     return int(low)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _read_block(
     inverse: FloatArray,
     indptr: IntArray,
-    indices: NDArray[np.integer],
+    indices: IndexArray,
     number: IntArray,
     left: int,
     right: int,
     n_left: int,
     n_right: int,
-    block: FloatArray,
+    block: FloatRows,
 ) -> bool:
     """Copies a block of Q, zero where an unknown is frozen; False when the whole of it is.
 
@@ -71,8 +70,8 @@ def _read_block(
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _form(block: FloatArray, a: FloatArray, b: FloatArray, p: int, q: int, n_p: int, n_q: int) -> float:
+@compiled
+def _form(block: FloatRows, a: FloatArray, b: FloatArray, p: int, q: int, n_p: int, n_q: int) -> float:
     """The product of the parts from p of a and from q of b with a block between them."""
     total = 0.0
     for i in range(n_p):
@@ -83,18 +82,20 @@ def _form(block: FloatArray, a: FloatArray, b: FloatArray, p: int, q: int, n_p: 
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def leverages(
-    derivatives: FloatArray,
-    weights: FloatArray,
-    starts: NDArray[np.uint32],
-    roles: IntArray,
+    derivatives: FloatRows,
+    weights: FloatRows,
+    starts: PositionRows,
+    roles: IntRows,
     number: IntArray,
     inverse: FloatArray,
     indptr: IntArray,
-    indices: NDArray[np.integer],
+    indices: IndexArray,
     crossed: bool,
-    results: FloatArray,
+    results: FloatRows,
+    block: FloatRows,
+    a: FloatRows,
 ) -> None:
     """Writes a Q a' of some observations of one formula, a being divided by the sigma.
 
@@ -109,13 +110,11 @@ def leverages(
         indices: its rows.
         crossed: with the products of different residuals of one observation.
         results: (n, n_residuals), written; (n, n_residuals^2) when `crossed`.
+        block: room for a block of Q, as long and as wide as the largest block of unknowns.
+        a: (n_residuals, n_unknowns) room for the rows of one observation.
     """
     n_residuals, n = weights.shape
     n_unknowns, n_roles = len(derivatives) // n_residuals, len(roles)
-    largest = 0
-    for p in range(n_roles):
-        largest = max(largest, roles[p, 1])
-    block, a = np.zeros((largest, largest)), np.zeros((n_residuals, n_unknowns))
     for k in range(n):
         for r in range(n_residuals):
             for u in range(n_unknowns):

@@ -5,22 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
-from obseq.leastsquares.loops.vectors import outer_threes
+from obseq.compilation import compiled
+from obseq.kernels.vectors import outer_threes
+from obseq.leastsquares.loops.groups import Groups
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.loops.groups import Groups
+    from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray
 
 
 TINY = 1e-14
 """A pivot below this share of its diagonal entry vanishes: the observations do not determine the unknown."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def neighbour_pairs(
     bounds: IntArray, neighbours: IntArray, first: int, last: int, n: int, keys: IntArray
 ) -> None:
@@ -33,7 +31,7 @@ def neighbour_pairs(
                 at += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns: int) -> float:
     """One entry of a pair in the store: columns of three rows are packed when both blocks are threes."""
     if rows == 3 and columns == 3:
@@ -41,8 +39,8 @@ def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns:
     return float(store[at + column * ((rows + 4) // 4 * 4) + row])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def factored(normal: FloatArray, n: int, damping: float) -> int:
+@compiled
+def factored(normal: FloatRows, n: int, damping: float) -> int:
     """Cholesky factor, in place, of a damped lower triangle; the first vanishing pivot, or -1."""
     for j in range(n):
         for i in range(j, n):
@@ -61,7 +59,7 @@ def factored(normal: FloatArray, n: int, damping: float) -> int:
     return -1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def gathered(
     store: FloatArray,
     diagonal: IntArray,
@@ -69,7 +67,7 @@ def gathered(
     group: int,
     start: IntArray,
     size: IntArray,
-    normal: FloatArray,
+    normal: FloatRows,
     right: FloatArray,
 ) -> int:
     """Copies N_tt (lower triangle) and g_t of a group from the store; returns the number of its unknowns."""
@@ -104,8 +102,8 @@ def gathered(
     return n
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def forward(factor: FloatArray, n: int, vector: FloatArray) -> None:
+@compiled
+def forward(factor: FloatRows, n: int, vector: FloatArray) -> None:
     """Solves L y = vector in place."""
     for i in range(n):
         value = vector[i]
@@ -114,8 +112,8 @@ def forward(factor: FloatArray, n: int, vector: FloatArray) -> None:
         vector[i] = value / factor[i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def backward(factor: FloatArray, n: int, vector: FloatArray) -> None:
+@compiled
+def backward(factor: FloatRows, n: int, vector: FloatArray) -> None:
     """Solves L' x = vector in place."""
     for back in range(n):
         i = n - 1 - back
@@ -125,61 +123,48 @@ def backward(factor: FloatArray, n: int, vector: FloatArray) -> None:
         vector[i] = value / factor[i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def coupling_rows(
     store: FloatArray,
     groups: Groups,
     group: int,
-    part: IntArray,
     start: IntArray,
     size: IntArray,
     number: IntArray,
-    rows: FloatArray,
+    record: FloatArray,
+    width: int,
 ) -> None:
-    """Adds the coupling of a group to `rows` (n, width), each neighbour from its part on."""
+    """Adds the coupling of a group to the rows of a record, each neighbour from its part on."""
     for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
         place, slot, k = groups.links[link, 0], groups.links[link, 1], groups.links[link, 2]
         t, turned = groups.links[link, 3], groups.links[link, 4]
-        column = part[slot]
+        column = groups.part[slot]
         for j in range(size[k]):
             if number[start[k] + j] < 0:
                 continue
             for i in range(size[t]):
                 row = groups.local[start[t] + i]
                 if row >= 0 and turned:
-                    rows[row, column] += entry(store, place, j, i, size[k], size[t])
+                    record[row * width + column] += entry(store, place, j, i, size[k], size[t])
                 elif row >= 0:
-                    rows[row, column] += entry(store, place, i, j, size[t], size[k])
+                    record[row * width + column] += entry(store, place, i, j, size[t], size[k])
             column += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def forward_rows(factor: FloatArray, n: int, rows: FloatArray, width: int) -> None:
+@compiled
+def forward_rows(factor: FloatRows, n: int, record: FloatArray, width: int) -> None:
     """Solves L Y = rows in place, for all columns together."""
     for i in range(n):
         for k in range(i):
             c = factor[i, k]
             for column in range(width):
-                rows[i, column] -= c * rows[k, column]
+                record[i * width + column] -= c * record[k * width + column]
         c = 1.0 / factor[i, i]
         for column in range(width):
-            rows[i, column] *= c
+            record[i * width + column] *= c
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def widths_of(bounds: IntArray, neighbours: IntArray, count: IntArray, part: IntArray) -> int:
-    """Writes where the part of each neighbour begins in the rows of its group; returns the widest rows."""
-    widest = 4
-    for group in range(len(bounds) - 1):
-        total = 0
-        for slot in range(bounds[group], bounds[group + 1]):
-            part[slot] = total
-            total += (count[neighbours[slot]] + 3) // 4 * 4
-        widest = max(widest, total)
-    return widest
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def subtract_squares(
     store: FloatArray,
     slots: IntArray,
@@ -188,7 +173,7 @@ def subtract_squares(
     first: IntArray,
     count: IntArray,
     indptr: IntArray,
-    offsets: NDArray[np.uint32],
+    offsets: PositionArray,
     pair: int,
     record: FloatArray,
     width: int,
@@ -227,16 +212,7 @@ def subtract_squares(
     return pair
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def most_unknowns(groups: Groups) -> int:
-    """Number of unknowns of the largest group, at least one."""
-    most = 1
-    for scalar in range(len(groups.local)):
-        most = max(most, groups.local[scalar] + 1)
-    return most
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def scalar_of(groups: Groups, group: int, wanted: int, start: IntArray, size: IntArray) -> int:
     """The unknown, among all, that has a number within a group."""
     for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
@@ -247,7 +223,7 @@ def scalar_of(groups: Groups, group: int, wanted: int, start: IntArray, size: In
     return -1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def eliminate(
     store: FloatArray,
     diagonal: IntArray,
@@ -258,10 +234,13 @@ def eliminate(
     first: IntArray,
     count: IntArray,
     indptr: IntArray,
-    offsets: NDArray[np.uint32],
+    offsets: PositionArray,
     damping: float,
     gradient: FloatArray,
     failed: IntArray,
+    factor: FloatRows,
+    right: FloatArray,
+    record: FloatArray,
 ) -> float:
     """Subtracts the effect of all eliminated blocks from the matrix and from the gradient.
 
@@ -279,16 +258,14 @@ def eliminate(
         damping: share of the diagonal of the eliminated blocks that is added to it.
         gradient: (n_free,) changed.
         failed: (1,) written: the first unknown that its observations do not determine; -1 when all is well.
+        factor: (most, most) room for the factor of a group.
+        right: (most,) room for its gradient.
+        record: (2 most widest,) room for its rows, and for their opposites.
 
     Returns:
         Sum of g_t' N_tt^-1 g_t over the eliminated blocks.
     """
-    most = most_unknowns(groups)
-    bounds, neighbours = groups.bounds, groups.neighbours
-    part = np.zeros(len(neighbours) + 1, np.int64)
-    columns = widths_of(bounds, neighbours, count, part)
-    factor, right = np.zeros((most, most)), np.zeros(most)
-    record = np.zeros(2 * most * columns)
+    bounds, neighbours, part = groups.bounds, groups.neighbours, groups.part
     decrease, pair = 0.0, 0
     failed[0] = -1
     for group in range(len(bounds) - 1):
@@ -305,17 +282,16 @@ def eliminate(
             continue
         last = slots[1] - 1
         width = part[last] + (count[neighbours[last]] + 3) // 4 * 4
-        rows = record[: n * width].reshape(n, width)
-        rows[:] = 0.0
-        coupling_rows(store, groups, group, part, start, size, number, rows)
-        forward_rows(factor, n, rows, width)
+        record[: n * width] = 0.0
+        coupling_rows(store, groups, group, start, size, number, record, width)
+        forward_rows(factor, n, record, width)
         for i in range(n * width):
             record[n * width + i] = -record[i]
         for a in range(slots[0], slots[1]):
             for i in range(count[neighbours[a]]):
                 value = 0.0
                 for k in range(n):
-                    value += rows[k, part[a] + i] * right[k]
+                    value += record[k * width + part[a] + i] * right[k]
                 gradient[first[neighbours[a]] + i] -= value
         pair = subtract_squares(
             store, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n
@@ -323,7 +299,7 @@ def eliminate(
     return decrease
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def substitute_back(
     store: FloatArray,
     diagonal: IntArray,
@@ -332,10 +308,13 @@ def substitute_back(
     size: IntArray,
     damping: float,
     step: FloatArray,
+    factor: FloatRows,
+    right: FloatArray,
 ) -> None:
-    """Writes the step of the eliminated unknowns, from that of the others (n_scalars,)."""
-    most = most_unknowns(groups)
-    factor, right = np.zeros((most, most)), np.zeros(most)
+    """Writes the step of the eliminated unknowns, from that of the others (n_scalars,).
+
+    `factor` and `right` are room as in `eliminate`.
+    """
     for group in range(len(groups.bounds) - 1):
         n = gathered(store, diagonal, groups, group, start, size, factor, right)
         factored(factor, n, damping)

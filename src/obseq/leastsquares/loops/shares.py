@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray, PositionArray
+    from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray, PositionRows
 
 
 STORED_HEIGHT = 5
@@ -20,20 +19,21 @@ STORED_THREES = 12
 """Doubles of such a block."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def divert(
-    pairs: IntArray,
-    positions: PositionArray,
-    heights: PositionArray,
+    pairs: IntRows,
+    positions: PositionRows,
+    heights: PositionRows,
     first: int,
     last: int,
     share: int,
     spare: IntArray,
-    owner: NDArray[np.uint8],
+    owner: ByteArray,
     copy: PositionArray,
-    end: int,
-) -> tuple[IntArray, int]:
-    """Sends one share of a batch to copies of the blocks that earlier shares own.
+    moves: IntRows,
+    state: IntArray,
+) -> None:
+    """Sends one share of a batch to copies of the blocks that earlier shares own, as long as there is room.
 
     Args:
         pairs: as in `BatchLayout`.
@@ -45,17 +45,16 @@ def divert(
         spare: (2,) place and length of the block that takes what concerns frozen blocks.
         owner: (size,) one plus the share that owns the block at each place, 0 for none yet; changed.
         copy: (size,) place of this share's copy of the block at each place, 0 for none yet; changed.
-        end: where the next copy may begin.
-
-    Returns:
-        The moves (n, 4), as in `Shares`, and the new end.
+        moves: (most, 4) as in `Shares`, written.
+        state: (4,) pair and observation to go on from, moves written, where the next copy may begin; changed.
+            All is done when the pair is the one behind the last.
     """
-    moves, n = np.zeros((64, 4), np.int64), 0
-    for pair in range(len(pairs)):
+    for pair in range(state[0], len(pairs)):
         threes = pairs[pair, 4]
         unit = 1 if threes >= 0 else 4
         length = STORED_THREES if threes >= 0 else 4 * pairs[pair, 2] * pairs[pair, 3]
-        for k in range(first, last):
+        begin = max(first, state[1]) if pair == state[0] else first
+        for k in range(begin, last):
             place = unit * np.int64(positions[pair, k])
             if owner[place] == 0:
                 owner[place] = share + 1
@@ -64,24 +63,24 @@ def divert(
             code = np.int64(heights[threes, k]) if threes >= 0 else 0
             is_direct = threes >= 0 and place < spare[0]
             if copy[place] == 0:
+                n, end = state[2], state[3]
                 if n == len(moves):
-                    grown = np.zeros((2 * n, 4), np.int64)
-                    grown[:n] = moves
-                    moves = grown
+                    state[0], state[1] = pair, k
+                    return
                 moves[n, 0], moves[n, 1] = place, end
                 moves[n, 2] = 0 if place == spare[0] else length
                 moves[n, 3] = code >> 1 if is_direct else 0
-                n += 1
                 copy[place] = end
-                end += spare[1] if place == spare[0] else length
+                state[2] = n + 1
+                state[3] = end + (spare[1] if place == spare[0] else length)
             positions[pair, k] = copy[place] // unit
             if is_direct:
                 heights[threes, k] = 2 * STORED_HEIGHT + (code & 1)
-    return moves[:n].copy(), end
+    state[0] = len(pairs)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def add_copies(store: FloatArray, moves: IntArray) -> None:
+@compiled
+def add_copies(store: FloatArray, moves: IntRows) -> None:
     """Adds each copy to its block, and clears it; `moves` as in `Shares`."""
     for k in range(len(moves)):
         place, source, length, height = moves[k, 0], moves[k, 1], moves[k, 2], moves[k, 3]

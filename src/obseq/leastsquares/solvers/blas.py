@@ -3,40 +3,45 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from scipy.linalg import cython_blas, cython_lapack
+
+from obseq.compilation import Instruction
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
+LAPACK, BLAS = "scipy.linalg.cython_lapack", "scipy.linalg.cython_blas"
 ROUTINES = (
-    (cython_lapack, "dpotrf"),
-    (cython_lapack, "dpotri"),
-    (cython_blas, "dtrsm"),
-    (cython_blas, "dsyrk"),
-    (cython_blas, "dsymm"),
-    (cython_blas, "dgemm"),
-    (cython_blas, "dtrsv"),
-    (cython_blas, "dgemv"),
+    (LAPACK, "dpotrf"),
+    (LAPACK, "dpotri"),
+    (BLAS, "dtrsm"),
+    (BLAS, "dsyrk"),
+    (BLAS, "dsymm"),
+    (BLAS, "dgemm"),
+    (BLAS, "dtrsv"),
+    (BLAS, "dgemv"),
 )
+fortran = Instruction("obseq.leastsquares.solvers.fortran_calls", "fortran")
+lapack = Instruction("obseq.leastsquares.solvers.fortran_calls", "lapack")
+address_of = Instruction("obseq.leastsquares.solvers.fortran_calls", "address_of")
+
 POTRF, POTRI, TRSM, SYRK, SYMM, GEMM, TRSV, GEMV = range(len(ROUTINES))
 
 
 @lru_cache(maxsize=1)
 def routine_addresses() -> NDArray[np.int64]:
     """Addresses of the routines, in the order of `ROUTINES`; they differ from one process to the next."""
-    return np.array([_address(module, name) for module, name in ROUTINES], dtype=np.int64)
+    return np.array(
+        [_address(importlib.import_module(module), name) for module, name in ROUTINES], dtype=np.int64
+    )
 
 
 def _address(module: Any, name: str) -> int:
@@ -50,26 +55,6 @@ def _address(module: Any, name: str) -> int:
     if b"int *" not in signature:
         raise ImportError(f"SciPy's {name} has the unexpected signature {signature.decode()}")
     return int(pointer(capsule, signature))
-
-
-@intrinsic
-def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
-    """Calls a Fortran routine; uint8, int32 and float64 go by reference, int64 are addresses."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        pointers = []
-        for position, kind in enumerate(signature.args[1].types):
-            value = builder.extract_value(values[1], position)
-            if kind == types.int64:
-                pointers.append(builder.inttoptr(value, cgutils.voidptr_t))
-            else:
-                slot = cgutils.alloca_once_value(builder, value)
-                pointers.append(builder.bitcast(slot, cgutils.voidptr_t))
-        function_type = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * len(pointers))
-        builder.call(builder.inttoptr(values[0], function_type.as_pointer()), pointers)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, arguments), generate
 
 
 @lru_cache(maxsize=1)

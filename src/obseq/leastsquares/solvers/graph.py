@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.compiled import compiled
+from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, IntArray
+    from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows, KeyArray
     from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 
@@ -63,7 +63,8 @@ def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Groupi
     """
     keys = np.random.default_rng(0).integers(0, 2**64, pattern.n + 1, dtype=np.uint64)
     indices = pattern.indices.astype(np.int32, copy=False)
-    signatures = neighbourhood_signatures(pattern.indptr, indices, keys[:-1])
+    signatures = keys[:-1].copy()
+    sum_keys(pattern.indptr, indices, keys, signatures)
     signatures[last] = keys[-1]
     _, leaders, groups = np.unique(signatures, return_index=True, return_inverse=True)
     if len(last):
@@ -79,42 +80,60 @@ def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Groupi
 
 
 @compiled
-def neighbourhood_signatures(indptr: Array, indices: Array, keys: Array) -> Array:
-    """(n,) sum of the keys of the neighbours of each unknown and of its own."""
-    signatures = keys.copy()
-    for j in range(len(keys)):
+def sum_keys(indptr: IntArray, indices: IndexArray, keys: KeyArray, signatures: KeyArray) -> None:
+    """Adds the keys of the neighbours of each unknown to its signature (n,), which is its own key before."""
+    for j in range(len(signatures)):
         for k in range(indptr[j] + 1, indptr[j + 1]):
             i = indices[k]
             signatures[i] += keys[j]
             signatures[j] += keys[i]
-    return signatures
+
+
+def quotient_edges(
+    indptr: IntArray, indices: IndexArray, vertex: IntArray, is_read: BoolArray, count: int
+) -> tuple[IntArray, IntArray]:
+    """Edges between vertices, read from the unknowns that stand for them: their starts, their other ends."""
+    counts = np.zeros(count + 2, np.int64)
+    count_edges(indptr, indices, vertex, is_read, counts)
+    filled = np.cumsum(counts)
+    neighbours = np.empty(filled[-1], np.int64)
+    write_edges(indptr, indices, vertex, is_read, filled, neighbours)
+    return filled[:-1], neighbours
 
 
 @compiled
-def quotient_edges(
-    indptr: Array, indices: Array, vertex: Array, is_read: Array, count: int
-) -> tuple[Array, Array]:
-    """Edges between vertices, read from the unknowns that stand for them."""
-    start = np.zeros(count + 2, np.int64)
+def count_edges(
+    indptr: IntArray, indices: IndexArray, vertex: IntArray, is_read: BoolArray, counts: IntArray
+) -> None:
+    """Counts the edges of each vertex, two places behind its own."""
     for j in range(len(vertex)):
         if is_read[j]:
             for k in range(indptr[j] + 1, indptr[j + 1]):
                 i = indices[k]
                 if is_read[i] and vertex[i] != vertex[j]:
-                    start[vertex[i] + 2] += 1
-                    start[vertex[j] + 2] += 1
-    start = np.cumsum(start)
-    neighbours = np.empty(start[-1], np.int64)
+                    counts[vertex[i] + 2] += 1
+                    counts[vertex[j] + 2] += 1
+
+
+@compiled
+def write_edges(
+    indptr: IntArray,
+    indices: IndexArray,
+    vertex: IntArray,
+    is_read: BoolArray,
+    filled: IntArray,
+    neighbours: IntArray,
+) -> None:
+    """Writes the edges of each vertex from its place in `filled` on, one behind its own; it moves along."""
     for j in range(len(vertex)):
         if is_read[j]:
             for k in range(indptr[j] + 1, indptr[j + 1]):
                 i = indices[k]
                 if is_read[i] and vertex[i] != vertex[j]:
-                    neighbours[start[vertex[i] + 1]] = vertex[j]
-                    start[vertex[i] + 1] += 1
-                    neighbours[start[vertex[j] + 1]] = vertex[i]
-                    start[vertex[j] + 1] += 1
-    return start[:-1], neighbours
+                    neighbours[filled[vertex[i] + 1]] = vertex[j]
+                    filled[vertex[i] + 1] += 1
+                    neighbours[filled[vertex[j] + 1]] = vertex[i]
+                    filled[vertex[j] + 1] += 1
 
 
 def peel(graph: Graph, kept_out: IntArray) -> tuple[IntArray, IntArray, Graph]:
@@ -133,7 +152,7 @@ def peel(graph: Graph, kept_out: IntArray) -> tuple[IntArray, IntArray, Graph]:
     rest = _restricted(graph, is_out, np.empty((0, 2), np.int64))
     eliminated = [np.empty(0, dtype=np.int64)]
     for _ in range(ROUNDS):
-        peeled, bridges = peel_once(rest.start, rest.neighbours)
+        peeled, bridges = peel_once(rest)
         if len(peeled) <= WORTH_A_ROUND * rest.n:
             break
         eliminated.append(remaining[peeled])
@@ -144,24 +163,38 @@ def peel(graph: Graph, kept_out: IntArray) -> tuple[IntArray, IntArray, Graph]:
     return np.concatenate(eliminated), remaining, rest
 
 
-def _restricted(graph: Graph, is_out: Array, bridges: IntArray) -> Graph:
+def _restricted(graph: Graph, is_out: BoolArray, bridges: IntRows) -> Graph:
     """The graph without some vertices, with some more edges (k, 2), without repeated edges."""
-    start, neighbours = restrict(graph.start, graph.neighbours, is_out, bridges)
+    start, neighbours = _edges_left(graph, is_out, bridges)
     return Graph(start, neighbours, graph.weights[~is_out])
 
 
-@compiled
-def peel_once(start: Array, neighbours: Array) -> tuple[Array, Array]:
+def peel_once(graph: Graph) -> tuple[IntArray, IntRows]:
     """One round: leaves as long as there are any, then chains of vertices with two neighbours.
 
     Returns:
         Vertices in the order of their elimination; edges (k, 2) that join the two ends of each chain.
     """
+    order, waiting = np.empty((2, graph.n), np.int64)
+    bridges = np.empty((graph.n, 2), np.int64)
+    degree, is_out, found = np.diff(graph.start), np.zeros(graph.n, np.bool_), np.zeros(2, np.int64)
+    peel_leaves_and_chains(graph.start, graph.neighbours, degree, is_out, order, waiting, bridges, found)
+    return order[: found[0]], bridges[: found[1]]
+
+
+@compiled
+def peel_leaves_and_chains(
+    start: IntArray,
+    neighbours: IntArray,
+    degree: IntArray,
+    is_out: BoolArray,
+    order: IntArray,
+    waiting: IntArray,
+    bridges: IntRows,
+    found: IntArray,
+) -> None:
+    """Writes what `peel_once` returns, and in `found` how much of each; `waiting` is room."""
     n = len(start) - 1
-    degree = start[1:] - start[:-1]
-    is_out = np.zeros(n, np.bool_)
-    order = np.empty(n, np.int64)
-    waiting = np.empty(n, np.int64)
     done = 0
     for first in range(n):
         if is_out[first] or degree[first] > 1:
@@ -179,7 +212,6 @@ def peel_once(start: Array, neighbours: Array) -> tuple[Array, Array]:
                     if degree[u] <= 1:
                         following = u
             v = following
-    bridges = np.empty((n, 2), np.int64)
     n_bridges = 0
     for seed in range(n):
         if is_out[seed] or degree[seed] != 2:
@@ -215,34 +247,47 @@ def peel_once(start: Array, neighbours: Array) -> tuple[Array, Array]:
             bridges[n_bridges, 0] = a
             bridges[n_bridges, 1] = v
             n_bridges += 1
-    return order[:done], bridges[:n_bridges]
+    found[0], found[1] = done, n_bridges
+
+
+def _edges_left(graph: Graph, is_out: BoolArray, bridges: IntRows) -> tuple[IntArray, IntArray]:
+    """Edges among the vertices that are not out, renumbered, with bridges, each once."""
+    across_at = np.bincount(bridges.ravel() + 2, minlength=graph.n + 2).cumsum()
+    across = np.empty(bridges.size, np.int64)
+    number, seen = np.cumsum(~is_out) - ~is_out, np.full(graph.n, -1)
+    start = np.zeros(int(np.count_nonzero(~is_out)) + 1, np.int64)
+    neighbours = np.empty(len(graph.neighbours) + len(across), np.int64)
+    write_edges_left(
+        graph.start, graph.neighbours, is_out, bridges, across_at, across, number, seen, start, neighbours
+    )
+    return start, neighbours[: start[-1]].copy()
 
 
 @compiled
-def restrict(start: Array, neighbours: Array, is_out: Array, bridges: Array) -> tuple[Array, Array]:
-    """Edges among the vertices that are not out, renumbered, with bridges, each once."""
-    n = len(start) - 1
-    number = np.empty(n, np.int64)
-    kept = 0
-    for v in range(n):
-        number[v] = kept
-        kept += not is_out[v]
-    bridge_start = np.zeros(n + 2, np.int64)
-    for b in range(len(bridges)):
-        bridge_start[bridges[b, 0] + 2] += 1
-        bridge_start[bridges[b, 1] + 2] += 1
-    bridge_start = np.cumsum(bridge_start)
-    across = np.empty(2 * len(bridges), np.int64)
+def write_edges_left(
+    start: IntArray,
+    neighbours: IntArray,
+    is_out: BoolArray,
+    bridges: IntRows,
+    across_at: IntArray,
+    across: IntArray,
+    number: IntArray,
+    seen: IntArray,
+    new_start: IntArray,
+    new_neighbours: IntArray,
+) -> None:
+    """Writes the edges of the vertices that stay, under their new numbers.
+
+    `across_at` (n + 2,) says where the bridges of each vertex begin, one place behind its own; `across` and
+    `seen` (-1 before) are room.
+    """
     for b in range(len(bridges)):
         for side in range(2):
             at = bridges[b, side] + 1
-            across[bridge_start[at]] = bridges[b, 1 - side]
-            bridge_start[at] += 1
-    new_start = np.zeros(kept + 1, np.int64)
-    new_neighbours = np.empty(len(neighbours) + len(across), np.int64)
-    seen = np.full(n, -1, np.int64)
+            across[across_at[at]] = bridges[b, 1 - side]
+            across_at[at] += 1
     filled = 0
-    for v in range(n):
+    for v in range(len(is_out)):
         if is_out[v]:
             continue
         seen[v] = v
@@ -252,11 +297,10 @@ def restrict(start: Array, neighbours: Array, is_out: Array, bridges: Array) -> 
                 seen[u] = v
                 new_neighbours[filled] = number[u]
                 filled += 1
-        for k in range(bridge_start[v], bridge_start[v + 1]):
+        for k in range(across_at[v], across_at[v + 1]):
             u = across[k]
             if seen[u] != v:
                 seen[u] = v
                 new_neighbours[filled] = number[u]
                 filled += 1
         new_start[number[v] + 1] = filled
-    return new_start, new_neighbours[:filled].copy()

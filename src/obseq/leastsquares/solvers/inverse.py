@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, fortran
-from obseq.leastsquares.solvers.compiled import compiled, compiled_sums
+from obseq.compilation import compiled
+from obseq.compilation.functions import SUMS
+from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, address_of, fortran, lapack
 from obseq.leastsquares.solvers.numeric import (
     LOWER,
     MINUS,
@@ -20,29 +21,29 @@ from obseq.leastsquares.solvers.numeric import (
     TRANSPOSED,
     ZERO,
 )
+from obseq.leastsquares.solvers.symbolic import Structure
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array
-    from obseq.leastsquares.solvers.symbolic import Structure
+    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 
 FROM_LEFT = np.uint8(ord("L"))
 
 
-@compiled_sums
+@compiled(flags=SUMS)
 def invert_nodes(
-    nodes: Array,
+    nodes: IntArray,
     structure: Structure,
-    front_at: Array,
-    update_at: Array,
-    is_shared: Array,
+    front_at: IntArray,
+    update_at: IntArray,
+    is_shared: BoolArray,
     room: int,
-    panels: Array,
-    workspace: Array,
-    scratch: Array,
+    panels: FloatArray,
+    workspace: FloatArray,
+    scratch: FloatArray,
     stop: int,
-    selected: Array,
-    addresses: Array,
+    selected: FloatArray,
+    addresses: IntArray,
 ) -> None:
     """Inverse on the fronts of some supernodes, parents first; keeps the entries of the pattern.
 
@@ -92,7 +93,9 @@ def invert_nodes(
 
 
 @compiled
-def gather_triangle(relative: Array, workspace: Array, source: int, outer: int, to: int, stride: int) -> None:
+def gather_triangle(
+    relative: IndexArray, workspace: FloatArray, source: int, outer: int, to: int, stride: int
+) -> None:
     """Copies the rows and columns `relative` of the lower triangle of a front of order `outer`."""
     order = len(relative)
     for j in range(order):
@@ -103,7 +106,7 @@ def gather_triangle(relative: Array, workspace: Array, source: int, outer: int, 
 
 @compiled
 def copy_triangle(
-    workspace: Array, source: int, source_stride: int, to: int, stride: int, order: int
+    workspace: FloatArray, source: int, source_stride: int, to: int, stride: int, order: int
 ) -> None:
     """Copies a lower triangle."""
     for j in range(order):
@@ -111,9 +114,15 @@ def copy_triangle(
             workspace[to + j * stride + i] = workspace[source + j * source_stride + i]
 
 
-@compiled_sums
+@compiled(flags=SUMS)
 def invert_small(
-    panels: Array, panel: int, width: int, front: int, workspace: Array, at: int, scratch: Array
+    panels: FloatArray,
+    panel: int,
+    width: int,
+    front: int,
+    workspace: FloatArray,
+    at: int,
+    scratch: FloatArray,
 ) -> None:
     """Inverse on a small front by plain loops; the columns of the supernode from the last to the first.
 
@@ -138,16 +147,16 @@ def invert_small(
         workspace[to + j] = diagonal
 
 
-@compiled_sums
+@compiled(flags=SUMS)
 def invert_large(
-    panels: Array,
+    panels: FloatArray,
     panel: int,
     width: int,
     front: int,
-    workspace: Array,
+    workspace: FloatArray,
     at: int,
-    scratch: Array,
-    addresses: Array,
+    scratch: FloatArray,
+    addresses: IntArray,
 ) -> None:
     """Inverse on a front by BLAS."""
     below = front - width
@@ -156,17 +165,16 @@ def invert_large(
             workspace[at + j * front + i] = panels[panel + j * front + i]
         for i in range(below):
             scratch[j * below + i] = panels[panel + j * front + width + i]
-    result = np.int64(workspace.ctypes.data) + 8 * at
-    status = np.zeros(1, np.int32)
+    result = address_of(workspace, at)
     wide, tall, deep = np.int32(width), np.int32(front), np.int32(below)
     if below > 0:
-        y, triangle = np.int64(scratch.ctypes.data), np.int64(panels.ctypes.data) + 8 * panel
+        y, triangle = address_of(scratch, 0), address_of(panels, panel)
         corner, side = result + 8 * (width * front + width), result + 8 * width
         fortran(addresses[TRSM], (RIGHT, LOWER, PLAIN, NOT_UNIT, deep, wide, ONE, triangle, tall, y, deep))
         fortran(
             addresses[SYMM], (FROM_LEFT, LOWER, deep, wide, MINUS, corner, tall, y, deep, ZERO, side, tall)
         )
-    fortran(addresses[POTRI], (LOWER, wide, result, tall, np.int64(status.ctypes.data)))
+    lapack(addresses[POTRI], (LOWER, wide, result, tall))
     if below > 0:
         fortran(
             addresses[GEMM],

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, fortran
-from obseq.leastsquares.solvers.compiled import compiled
+from obseq.compilation import compiled
+from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, address_of, fortran, lapack
+from obseq.leastsquares.solvers.symbolic import Structure
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array
-    from obseq.leastsquares.solvers.symbolic import Structure
+    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 
 LOWER, RIGHT = np.uint8(ord("L")), np.uint8(ord("R"))
@@ -29,19 +29,19 @@ SMALL_FRONT = 32
 
 @compiled
 def factor_nodes(
-    nodes: Array,
+    nodes: IntArray,
     structure: Structure,
-    update_at: Array,
-    is_shared: Array,
+    update_at: IntArray,
+    is_shared: BoolArray,
     room: int,
-    values: Array,
-    panels: Array,
-    workspace: Array,
-    scratch: Array,
-    pivots: Array,
+    values: FloatArray,
+    panels: FloatArray,
+    workspace: FloatArray,
+    scratch: FloatArray,
+    pivots: FloatArray,
     tolerance: float,
     stop: int,
-    addresses: Array,
+    addresses: IntArray,
 ) -> None:
     """Factors some supernodes.
 
@@ -94,7 +94,13 @@ def factor_nodes(
 
 @compiled
 def add_to_panel(
-    relative: Array, workspace: Array, child: int, panels: Array, panel: int, width: int, front: int
+    relative: IndexArray,
+    workspace: FloatArray,
+    child: int,
+    panels: FloatArray,
+    panel: int,
+    width: int,
+    front: int,
 ) -> None:
     """Adds the columns of a child's update matrix that are columns of the supernode."""
     order = len(relative)
@@ -107,7 +113,9 @@ def add_to_panel(
 
 
 @compiled
-def add_to_update(relative: Array, workspace: Array, child: int, update: int, width: int, below: int) -> None:
+def add_to_update(
+    relative: IndexArray, workspace: FloatArray, child: int, update: int, width: int, below: int
+) -> None:
     """Adds the columns of a child's update matrix that are rows below of the supernode."""
     order = len(relative)
     for j in range(order - 1, -1, -1):
@@ -120,12 +128,12 @@ def add_to_update(relative: Array, workspace: Array, child: int, update: int, wi
 
 @compiled
 def factor_columns(
-    panels: Array,
+    panels: FloatArray,
     panel: int,
     width: int,
     front: int,
     rows: int,
-    pivots: Array,
+    pivots: FloatArray,
     first: int,
     tolerance: float,
 ) -> None:
@@ -155,7 +163,9 @@ def factor_columns(
 
 
 @compiled
-def update_small(panels: Array, panel: int, width: int, front: int, workspace: Array, update: int) -> None:
+def update_small(
+    panels: FloatArray, panel: int, width: int, front: int, workspace: FloatArray, update: int
+) -> None:
     """Update matrix of a small front: minus the rows below times their transpose."""
     below = front - width
     for k in range(below):
@@ -172,25 +182,23 @@ def update_small(panels: Array, panel: int, width: int, front: int, workspace: A
 
 @compiled
 def factor_panel(
-    panels: Array,
+    panels: FloatArray,
     panel: int,
     width: int,
     front: int,
-    scratch: Array,
-    pivots: Array,
+    scratch: FloatArray,
+    pivots: FloatArray,
     first: int,
     tolerance: float,
-    addresses: Array,
+    addresses: IntArray,
 ) -> None:
     """Factors a panel by LAPACK; its diagonal block by columns where a pivot vanishes."""
-    base = np.int64(panels.ctypes.data) + 8 * panel
+    base = address_of(panels, panel)
     for j in range(width):
         for i in range(j, width):
             scratch[i + j * width] = panels[panel + j * front + i]
-    status = np.zeros(1, np.int32)
     wide, tall, deep = np.int32(width), np.int32(front), np.int32(front - width)
-    fortran(addresses[POTRF], (LOWER, wide, base, tall, np.int64(status.ctypes.data)))
-    regular = status[0] == 0
+    regular = lapack(addresses[POTRF], (LOWER, wide, base, tall)) == 0
     for j in range(width):
         regular = regular and panels[panel + j * (front + 1)] ** 2 > tolerance * pivots[first + j]
     if regular:
@@ -215,14 +223,20 @@ def factor_panel(
 
 @compiled
 def update_large(
-    panels: Array, panel: int, width: int, front: int, workspace: Array, update: int, addresses: Array
+    panels: FloatArray,
+    panel: int,
+    width: int,
+    front: int,
+    workspace: FloatArray,
+    update: int,
+    addresses: IntArray,
 ) -> None:
     """Update matrix of a front by BLAS."""
     if front == width:
         return
     below = np.int32(front - width)
-    source = np.int64(panels.ctypes.data) + 8 * (panel + width)
-    result = np.int64(workspace.ctypes.data) + 8 * update
+    source = address_of(panels, panel + width)
+    result = address_of(workspace, update)
     fortran(
         addresses[SYRK],
         (LOWER, PLAIN, below, np.int32(width), MINUS, source, np.int32(front), ZERO, result, below),

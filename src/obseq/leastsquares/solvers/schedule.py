@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.compiled import compiled
+from obseq.compilation import compiled
 from obseq.leastsquares.solvers.tree import front_seconds
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from obseq.arrays import Array, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows
     from obseq.leastsquares.solvers.symbolic import Structure
 
 
@@ -60,7 +60,8 @@ def plan(structure: Structure, threads: int) -> Schedule:
     parent, below = structure.parent, structure.below
     seconds = front_seconds(structure.width, structure.below).astype(np.float64)
     share = np.inf if threads == 1 else seconds.sum() / (TASKS_PER_THREAD * threads)
-    task = assign_tasks(parent, seconds, float(share))
+    task = np.empty(len(parent), np.int64)
+    assign_tasks(parent, seconds.copy(), float(share), np.zeros_like(task), task)
     count = int(task.max(initial=-1)) + 1
     is_shared = (parent >= 0) & (task != task[parent])
     tasks = (
@@ -74,8 +75,10 @@ def plan(structure: Structure, threads: int) -> Schedule:
     update_room = front_room = 0
     for nodes in tasks:
         inside = np.where((parent[nodes] >= 0) & ~is_shared[nodes], np.searchsorted(nodes, parent[nodes]), -1)
-        update_room = max(update_room, place_updates(nodes, inside, below, is_shared, update_at))
-        front_room = max(front_room, place_fronts(nodes, inside, structure.front, front_at))
+        update_room = max(
+            update_room, place_updates(nodes, inside, below, is_shared, update_at, _room(2, nodes))
+        )
+        front_room = max(front_room, place_fronts(nodes, inside, structure.front, front_at, _room(4, nodes)))
     return Schedule(
         tasks,
         above,
@@ -89,24 +92,28 @@ def plan(structure: Structure, threads: int) -> Schedule:
     )
 
 
+def _room(rows: int, nodes: IntArray) -> IntRows:
+    """(rows, n + 2) zeros."""
+    return np.zeros((rows, len(nodes) + 2), np.int64)
+
+
 @compiled
-def assign_tasks(parent: Array, seconds: Array, share: float) -> Array:
-    """(m,) task of each supernode; those above have lower numbers.
+def assign_tasks(
+    parent: IntArray, total: FloatArray, share: float, large_children: IntArray, task: IntArray
+) -> None:
+    """Writes the task of each supernode (m,); those above have lower numbers.
 
     Supernodes with subtrees of more than a share make tasks that end where two of them meet; the subtrees
     that hang from them are one task each, or part of the same where they are tiny. Small trees are put
-    together.
+    together. `total` (m,) holds the seconds of each supernode, `large_children` (m,) zeros; both are changed.
     """
     m = len(parent)
-    total = seconds.copy()
     for s in range(m):
         if parent[s] >= 0:
             total[parent[s]] += total[s]
-    large_children = np.zeros(m, np.int64)
     for s in range(m):
         if parent[s] >= 0 and total[s] > share:
             large_children[parent[s]] += 1
-    task = np.empty(m, np.int64)
     count, filled = 0, share
     gathering = 0
     for s in range(m - 1, -1, -1):
@@ -124,11 +131,12 @@ def assign_tasks(parent: Array, seconds: Array, share: float) -> Array:
         else:
             task[s] = count
             count += 1
-    return task
 
 
 @compiled
-def place_updates(nodes: Array, inside: Array, below: Array, is_shared: Array, at: Array) -> int:
+def place_updates(
+    nodes: IntArray, inside: IntArray, below: IntArray, is_shared: BoolArray, at: IntArray, room: IntRows
+) -> int:
     """Places the update matrices of a task in two stacks, for supernodes of odd and of even depth.
 
     When a supernode comes, its children are alone on top of the other stack: nothing is ever moved.
@@ -139,17 +147,18 @@ def place_updates(nodes: Array, inside: Array, below: Array, is_shared: Array, a
         below: (m,) rows below.
         is_shared: (m,) supernodes whose update matrix has its place elsewhere.
         at: (m,) places, filled for the others of these nodes.
+        room: (2, n + 2) zeros; changed.
 
     Returns:
         Numbers in the room that this takes.
     """
-    depth = np.zeros(len(nodes), np.int64)
-    for k in range(len(nodes) - 1, -1, -1):
+    count = len(nodes)
+    depth, lowest = room[0], room[1]  # of each node; lowest place among its children
+    top, highest = room[0, count:], room[1, count:]
+    for k in range(count - 1, -1, -1):
+        lowest[k] = -1
         if inside[k] >= 0:
             depth[k] = 1 - depth[inside[k]]
-    top = np.zeros(2, np.int64)
-    highest = np.zeros(2, np.int64)
-    lowest = np.full(len(nodes), -1, np.int64)  # lowest place among the children of each
     for k in range(len(nodes)):
         s, d = nodes[k], depth[k]
         if lowest[k] >= 0:
@@ -168,7 +177,7 @@ def place_updates(nodes: Array, inside: Array, below: Array, is_shared: Array, a
 
 
 @compiled
-def place_fronts(nodes: Array, inside: Array, front: Array, at: Array) -> int:
+def place_fronts(nodes: IntArray, inside: IntArray, front: IntArray, at: IntArray, room: IntRows) -> int:
     """Places the fronts of a task, visited from the root down, in two stacks as `place_updates` does.
 
     A front is needed until its last child has been visited, which is the first one in the elimination: the
@@ -179,29 +188,30 @@ def place_fronts(nodes: Array, inside: Array, front: Array, at: Array) -> int:
         inside: index in `nodes` of the parent of each, -1 where it has none in the task.
         front: (m,) orders of the fronts.
         at: (m,) places, filled for these nodes.
+        room: (4, n + 2) zeros; changed.
 
     Returns:
         Numbers in the room that this takes.
     """
     count = len(nodes)
-    first_child = np.full(count, -1, np.int64)
+    first_child, depth, highest = room[0], room[1], room[1, count:]
+    free = room[2:]  # where the children of each may start, on both stacks
+    for k in range(count):
+        first_child[k] = -1
     for k in range(count - 1, -1, -1):
         if inside[k] >= 0:
             first_child[inside[k]] = k
-    depth = np.zeros(count, np.int64)
-    free = np.zeros(2 * count, np.int64)  # where the children of each may start, on both stacks
-    highest = np.zeros(2, np.int64)
     for k in range(count - 1, -1, -1):
         p = inside[k]
         if p >= 0:
             depth[k] = 1 - depth[p]
-            free[2 * k], free[2 * k + 1] = free[2 * p], free[2 * p + 1]
+            free[0, k], free[1, k] = free[0, p], free[1, p]
             if first_child[p] == k:
-                free[2 * k + depth[p]] = at[nodes[p]]
+                free[depth[p], k] = at[nodes[p]]
         d = depth[k]
-        at[nodes[k]] = free[2 * k + d]
-        free[2 * k + d] += front[nodes[k]] * front[nodes[k]]
-        highest[d] = max(highest[d], free[2 * k + d])
+        at[nodes[k]] = free[d, k]
+        free[d, k] += front[nodes[k]] * front[nodes[k]]
+        highest[d] = max(highest[d], free[d, k])
     for k in range(count):
         if depth[k] == 1:
             at[nodes[k]] += highest[0]

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.blas import GEMV, TRSV, fortran
-from obseq.leastsquares.solvers.compiled import compiled_sums
+from obseq.compilation import compiled
+from obseq.compilation.functions import SUMS
+from obseq.leastsquares.solvers.blas import GEMV, TRSV, address_of, fortran
 from obseq.leastsquares.solvers.numeric import LOWER, NOT_UNIT, ONE, PLAIN, TRANSPOSED, ZERO
+from obseq.leastsquares.solvers.symbolic import Structure
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array
-    from obseq.leastsquares.solvers.symbolic import Structure
+    from obseq.arrays import FloatArray, FloatRows, IntArray
 
 
 SMALL_WIDTH = 8
@@ -21,9 +22,14 @@ SMALL_WIDTH = 8
 STRIDE = np.int32(1)
 
 
-@compiled_sums
+@compiled(flags=SUMS)
 def substitute_forward(
-    structure: Structure, stop: int, panels: Array, x: Array, scratch: Array, addresses: Array
+    structure: Structure,
+    stop: int,
+    panels: FloatArray,
+    x: FloatRows,
+    scratch: FloatArray,
+    addresses: IntArray,
 ) -> None:
     """Solves L y = x in place for each row of x (k, n), by the columns of the supernodes before `stop`.
 
@@ -35,7 +41,7 @@ def substitute_forward(
         below = structure.rows[below_at[s] : below_at[s + 1]]
         front = width + len(below)
         wide, tall, deep = np.int32(width), np.int32(front), np.int32(len(below))
-        block = np.int64(panels.ctypes.data) + 8 * panel
+        block = address_of(panels, panel)
         for right in range(len(x)):
             if width <= SMALL_WIDTH:
                 for i in range(len(below)):
@@ -49,9 +55,9 @@ def substitute_forward(
                     for i in range(len(below)):
                         scratch[i] += y * panels[column + width + i]
             else:
-                part = np.int64(x.ctypes.data) + 8 * (right * x.shape[1] + first)
+                part = address_of(x, right * x.shape[1] + first)
                 fortran(addresses[TRSV], (LOWER, PLAIN, NOT_UNIT, wide, block, tall, part, STRIDE))
-                product = np.int64(scratch.ctypes.data)
+                product = address_of(scratch, 0)
                 fortran(
                     addresses[GEMV],
                     (PLAIN, deep, wide, ONE, block + 8 * width, tall, part, STRIDE, ZERO, product, STRIDE),
@@ -60,9 +66,14 @@ def substitute_forward(
                 x[right, below[i]] -= scratch[i]
 
 
-@compiled_sums
+@compiled(flags=SUMS)
 def substitute_backward(
-    structure: Structure, stop: int, panels: Array, x: Array, scratch: Array, addresses: Array
+    structure: Structure,
+    stop: int,
+    panels: FloatArray,
+    x: FloatRows,
+    scratch: FloatArray,
+    addresses: IntArray,
 ) -> None:
     """Solves L' y = x in place for each row of x (k, n), by the columns of the supernodes before `stop`."""
     start, below_at = structure.start, structure.below_at
@@ -71,7 +82,7 @@ def substitute_backward(
         below = structure.rows[below_at[s] : below_at[s + 1]]
         front = width + len(below)
         wide, tall, deep = np.int32(width), np.int32(front), np.int32(len(below))
-        block = np.int64(panels.ctypes.data) + 8 * panel
+        block = address_of(panels, panel)
         for right in range(len(x)):
             for i in range(len(below)):
                 scratch[i] = -x[right, below[i]]
@@ -85,8 +96,8 @@ def substitute_backward(
                         y += panels[column + width + i] * scratch[i]
                     x[right, first + j] = y / panels[column + j]
             else:
-                part = np.int64(x.ctypes.data) + 8 * (right * x.shape[1] + first)
-                known = np.int64(scratch.ctypes.data)
+                part = address_of(x, right * x.shape[1] + first)
+                known = address_of(scratch, 0)
                 fortran(
                     addresses[GEMV],
                     (TRANSPOSED, deep, wide, ONE, block + 8 * width, tall, known, STRIDE, ONE, part, STRIDE),

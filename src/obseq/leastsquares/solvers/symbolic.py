@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.leastsquares.solvers.compiled import compiled
+from obseq.compilation import compiled
 from obseq.leastsquares.solvers.graph import group_indistinguishable
 from obseq.leastsquares.solvers.ordering import elimination_order
 from obseq.leastsquares.solvers.tree import column_counts, elimination_tree, postorder, supernodes
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, IntArray
+    from obseq.arrays import IndexArray, IntArray
     from obseq.leastsquares.solvers.graph import Graph, Grouping
     from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
@@ -43,12 +43,12 @@ class Structure(NamedTuple):
     children_at: IntArray
     children: IntArray
     below_at: IntArray
-    rows: Array
-    relative: Array
+    rows: IndexArray
+    relative: IndexArray
     panel_at: IntArray
     entry_at: IntArray
-    entry: Array
-    target: Array
+    entry: IndexArray
+    target: IndexArray
 
     @property
     def width(self) -> IntArray:
@@ -139,67 +139,98 @@ def _unknowns_in_order(grouping: Grouping, place: IntArray) -> IntArray:
     return np.argsort(place[grouping.vertex], kind="stable")
 
 
-@compiled
 def row_structure(
-    start: Array, neighbours: Array, order: Array, place: Array, node: Array, tree: Array
-) -> tuple[Array, Array]:
-    """Rows below each supernode, as vertices: where they start, and which they are, ascending.
+    start: IntArray, neighbours: IntArray, order: IntArray, place: IntArray, node: IntArray, tree: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Rows below each supernode, as vertices: where they start, and which they are, ascending."""
+    counts, none = np.zeros(len(tree) + 2, np.int64), np.empty(0, np.int64)
+    seen = np.full(len(tree), -1)
+    climb_rows(start, neighbours, order, place, node, tree, seen, counts, none)
+    filled = np.cumsum(counts)
+    rows = np.empty(filled[-1], np.int64)
+    seen[:] = -1
+    climb_rows(start, neighbours, order, place, node, tree, seen, filled, rows)
+    return filled[:-1], rows
 
-    Each row visits the supernodes of its row of the factor, climbing the tree; twice: to count, to fill.
+
+@compiled
+def climb_rows(
+    start: IntArray,
+    neighbours: IntArray,
+    order: IntArray,
+    place: IntArray,
+    node: IntArray,
+    tree: IntArray,
+    seen: IntArray,
+    filled: IntArray,
+    rows: IntArray,
+) -> None:
+    """Each row visits the supernodes of its row of the factor, climbing the tree: to be counted, or written.
+
+    Without room in `rows` it counts, two places behind each supernode in `filled`; else it writes from the
+    place one behind each supernode on, which moves along. `seen` is -1 before.
     """
-    m = len(tree)
-    rows_at = np.zeros(m + 2, np.int64)
-    rows = np.empty(0, np.int64)
-    seen = np.empty(m, np.int64)
-    for turn in range(2):
-        seen[:] = -1
-        for i in range(len(order)):
-            seen[node[i]] = i
-            for k in range(start[order[i]], start[order[i] + 1]):
-                j = place[neighbours[k]]
-                if j < i:
-                    s = node[j]
-                    while seen[s] != i:
-                        seen[s] = i
-                        if turn == 0:
-                            rows_at[s + 2] += 1
-                        else:
-                            rows[rows_at[s + 1]] = i
-                            rows_at[s + 1] += 1
-                        s = tree[s]
-        if turn == 0:
-            rows_at = np.cumsum(rows_at)
-            rows = np.empty(rows_at[-1], np.int64)
-    return rows_at[:-1], rows
+    writing = len(rows) > 0
+    for i in range(len(order)):
+        seen[node[i]] = i
+        for k in range(start[order[i]], start[order[i] + 1]):
+            j = place[neighbours[k]]
+            if j < i:
+                s = node[j]
+                while seen[s] != i:
+                    seen[s] = i
+                    if writing:
+                        rows[filled[s + 1]] = i
+                        filled[s + 1] += 1
+                    else:
+                        filled[s + 2] += 1
+                    s = tree[s]
 
 
-@compiled
-def expand_rows(rows_at: Array, vertex_rows: Array, first: Array) -> tuple[Array, Array]:
+def expand_rows(rows_at: IntArray, vertex_rows: IntArray, first: IntArray) -> tuple[IntArray, IndexArray]:
     """Rows below each supernode as unknowns: each vertex v becomes the rows `first[v]` to `first[v + 1]`."""
-    below_at = np.empty_like(rows_at)
-    total = 0
-    for v in vertex_rows:
-        total += first[v + 1] - first[v]
-    rows = np.empty(total, np.int32)
-    filled = 0
-    for s in range(len(rows_at) - 1):
-        below_at[s] = filled
-        for k in range(rows_at[s], rows_at[s + 1]):
-            for row in range(first[vertex_rows[k]], first[vertex_rows[k] + 1]):
-                rows[filled] = row
-                filled += 1
-    below_at[-1] = filled
-    return below_at, rows
+    ends = np.concatenate([[0], np.cumsum(np.diff(first)[vertex_rows])])
+    rows = np.empty(ends[-1], np.int32)
+    write_rows(vertex_rows, first, rows)
+    return ends[rows_at], rows
 
 
 @compiled
+def write_rows(vertex_rows: IntArray, first: IntArray, rows: IndexArray) -> None:
+    """Writes the unknowns of each vertex, one vertex after the other."""
+    filled = 0
+    for v in vertex_rows:
+        for row in range(first[v], first[v + 1]):
+            rows[filled] = row
+            filled += 1
+
+
 def relative_rows(
-    tree: Array, children_at: Array, children: Array, start: Array, below_at: Array, rows: Array
-) -> Array:
+    tree: IntArray,
+    children_at: IntArray,
+    children: IntArray,
+    start: IntArray,
+    below_at: IntArray,
+    rows: IndexArray,
+) -> IndexArray:
     """Position of each row below in the front of the parent."""
-    relative = np.empty(len(rows), np.int32)
-    position = np.empty(start[-1], np.int32)
-    for p in range(len(tree)):
+    relative, position = np.empty(len(rows), np.int32), np.empty(start[-1], np.int32)
+    place_rows(children_at, children, start, below_at, rows, position, relative)
+    return relative
+
+
+@compiled
+def place_rows(
+    children_at: IntArray,
+    children: IntArray,
+    start: IntArray,
+    below_at: IntArray,
+    rows: IndexArray,
+    position: IndexArray,
+    relative: IndexArray,
+) -> None:
+    """Writes the position of each row below in the front of the parent; `position` (n,) is room."""
+    for p in range(len(start) - 1):
         width = start[p + 1] - start[p]
         for k in range(below_at[p], below_at[p + 1]):
             position[rows[k]] = width + k - below_at[p]
@@ -207,36 +238,73 @@ def relative_rows(
             for k in range(below_at[c], below_at[c + 1]):
                 row = rows[k]
                 relative[k] = row - start[p] if row < start[p + 1] else position[row]
-    return relative
 
 
-@compiled
 def scatter_map(
-    indptr: Array, indices: Array, place: Array, node: Array, start: Array, below_at: Array, rows: Array
-) -> tuple[Array, Array, Array]:
+    indptr: IntArray,
+    indices: IndexArray,
+    place: IntArray,
+    node: IntArray,
+    start: IntArray,
+    below_at: IntArray,
+    rows: IndexArray,
+) -> tuple[IntArray, IndexArray, IndexArray]:
     """Entries of the matrix by supernode: `entry_at`, `entry` and `target` of `Structure`.
 
     `place` (n,) is the position of each unknown in the order of elimination, `node` (n,) the supernode of
     each position.
     """
-    m = len(start) - 1
-    entry_at = np.zeros(m + 2, np.int64)
-    row = np.empty(len(indices), np.int32)
-    column = np.empty(len(indices), np.int32)
+    row, column, entry, target = np.empty((4, len(indices)), np.int32)
+    counts = np.zeros(len(start) + 1, np.int64)
+    turn_entries(indptr, indices, place, node, row, column, counts)
+    filled = np.cumsum(counts)
+    sort_entries(column, node, filled, entry)
+    position = np.empty(len(place), np.int32)
+    place_entries(filled, entry, row, column, start, below_at, rows, position, target)
+    return filled[:-1], entry, target
+
+
+@compiled
+def turn_entries(
+    indptr: IntArray,
+    indices: IndexArray,
+    place: IntArray,
+    node: IntArray,
+    row: IndexArray,
+    column: IndexArray,
+    counts: IntArray,
+) -> None:
+    """Writes row and column of each entry in the order of elimination; counts them two behind their node."""
     for j in range(len(indptr) - 1):
         for k in range(indptr[j], indptr[j + 1]):
             a, b = place[indices[k]], place[j]
             row[k], column[k] = max(a, b), min(a, b)
-            entry_at[node[column[k]] + 2] += 1
-    entry_at = np.cumsum(entry_at)
-    entry = np.empty(len(indices), np.int32)
-    for k in range(len(indices)):
+            counts[node[column[k]] + 2] += 1
+
+
+@compiled
+def sort_entries(column: IndexArray, node: IntArray, filled: IntArray, entry: IndexArray) -> None:
+    """Writes the entries of each supernode, from its place in `filled` on, one behind its own."""
+    for k in range(len(column)):
         s = node[column[k]] + 1
-        entry[entry_at[s]] = k
-        entry_at[s] += 1
-    target = np.empty(len(indices), np.int32)
-    position = np.empty(len(place), np.int32)
-    for s in range(m):
+        entry[filled[s]] = k
+        filled[s] += 1
+
+
+@compiled
+def place_entries(
+    entry_at: IntArray,
+    entry: IndexArray,
+    row: IndexArray,
+    column: IndexArray,
+    start: IntArray,
+    below_at: IntArray,
+    rows: IndexArray,
+    position: IndexArray,
+    target: IndexArray,
+) -> None:
+    """Writes the place of each entry in the panel of its supernode; `position` (n,) is room."""
+    for s in range(len(start) - 1):
         width = start[s + 1] - start[s]
         front = width + below_at[s + 1] - below_at[s]
         for k in range(below_at[s], below_at[s + 1]):
@@ -244,4 +312,3 @@ def scatter_map(
         for e in range(entry_at[s], entry_at[s + 1]):
             i, j = row[entry[e]], column[entry[e]] - start[s]
             target[e] = (i - start[s] if i < start[s + 1] else position[i]) + front * j
-    return entry_at[:-1], entry, target

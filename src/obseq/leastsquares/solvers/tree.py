@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.leastsquares.solvers.compiled import compiled
+from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array
+    from obseq.arrays import IntArray, IntRows
 
 
 OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
@@ -26,13 +26,24 @@ def front_seconds(width: Any, below: Any) -> Any:
 _front_seconds = compiled(front_seconds)
 
 
+def elimination_tree(start: IntArray, neighbours: IntArray, order: IntArray, place: IntArray) -> IntArray:
+    """(n,) parent of each position of the order, -1 at a root."""
+    parent, ancestor = np.full((2, len(order)), -1)
+    find_parents(start, neighbours, order, place, parent, ancestor)
+    return parent
+
+
 @compiled
-def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array) -> Array:
-    """(n,) parent of each position of the order, -1 at a root (Liu, with path compression)."""
-    n = len(order)
-    parent = np.full(n, -1, np.int64)
-    ancestor = np.full(n, -1, np.int64)
-    for i in range(n):
+def find_parents(
+    start: IntArray,
+    neighbours: IntArray,
+    order: IntArray,
+    place: IntArray,
+    parent: IntArray,
+    ancestor: IntArray,
+) -> None:
+    """Writes the parent of each position of the order (Liu, with path compression); both are -1 before."""
+    for i in range(len(order)):
         for k in range(start[order[i]], start[order[i] + 1]):
             j = place[neighbours[k]]
             while j != -1 and j < i:
@@ -41,15 +52,21 @@ def elimination_tree(start: Array, neighbours: Array, order: Array, place: Array
                 if above == -1:
                     parent[j] = i
                 j = above
-    return parent
+
+
+def postorder(parent: IntArray, size: IntArray) -> IntArray:
+    """(n,) nodes of a forest, children before parents, the child of largest `size` first."""
+    n = len(parent)
+    order = np.empty(n, np.int64)
+    visit_children_first(parent, size, order, np.full((3, n + 1), -1))
+    return order
 
 
 @compiled
-def postorder(parent: Array, size: Array) -> Array:
-    """(n,) nodes of a forest, children before parents, the child of largest `size` first."""
+def visit_children_first(parent: IntArray, size: IntArray, order: IntArray, room: IntRows) -> None:
+    """Writes the nodes of a forest as `postorder` says; `room` (3, n + 1) is -1 before."""
     n = len(parent)
-    head = np.full(n + 1, -1, np.int64)
-    following = np.empty(n, np.int64)
+    head, following, stack = room[0], room[1], room[2]
     # The list of children is filled by prepending: the last one put is the first one visited.
     for v in range(n - 1, -1, -1):
         p = parent[v] if parent[v] >= 0 else n
@@ -60,8 +77,6 @@ def postorder(parent: Array, size: Array) -> Array:
         else:
             following[v] = following[first]
             following[first] = v
-    order = np.empty(n, np.int64)
-    stack = np.empty(n + 1, np.int64)
     done = 0
     stack[0] = n
     depth = 0
@@ -76,18 +91,35 @@ def postorder(parent: Array, size: Array) -> Array:
                 order[done] = stack[depth]
                 done += 1
             depth -= 1
-    return order
+
+
+def column_counts(
+    start: IntArray,
+    neighbours: IntArray,
+    order: IntArray,
+    place: IntArray,
+    parent: IntArray,
+    weights: IntArray,
+) -> IntArray:
+    """(n,) unknowns in the column of each position, its own included, by walking every row of the factor."""
+    counts, seen = weights[order], np.full(len(order), -1)
+    count_rows(start, neighbours, order, place, parent, weights, counts, seen)
+    return counts
 
 
 @compiled
-def column_counts(
-    start: Array, neighbours: Array, order: Array, place: Array, parent: Array, weights: Array
-) -> Array:
-    """(n,) unknowns in the column of each position, its own included, by walking every row of the factor."""
-    n = len(order)
-    counts = weights[order]
-    seen = np.full(n, -1, np.int64)
-    for i in range(n):
+def count_rows(
+    start: IntArray,
+    neighbours: IntArray,
+    order: IntArray,
+    place: IntArray,
+    parent: IntArray,
+    weights: IntArray,
+    counts: IntArray,
+    seen: IntArray,
+) -> None:
+    """Adds to the counts of a column the unknowns of each of its rows below; `seen` is -1 before."""
+    for i in range(len(order)):
         seen[i] = i
         for k in range(start[order[i]], start[order[i] + 1]):
             j = place[neighbours[k]]
@@ -96,11 +128,11 @@ def column_counts(
                     seen[j] = i
                     counts[j] += weights[order[i]]
                     j = parent[j]
-    return counts
 
 
-@compiled
-def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> tuple[Array, Array]:
+def supernodes(
+    parent: IntArray, counts: IntArray, weights: IntArray, has_last: bool
+) -> tuple[IntArray, IntArray]:
     """Gathers postordered vertices in supernodes: equal structures, then small losses.
 
     Args:
@@ -112,15 +144,30 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
     Returns:
         (n,) supernode of each vertex, and (n_supernodes,) parent of each; parents have higher numbers.
     """
+    node, tree = np.full((2, len(parent)), -1)
+    kept = gather_vertices(
+        parent, counts, weights, has_last, node, tree, np.zeros((8, len(parent)), np.int64)
+    )
+    return node, tree[:kept].copy()
+
+
+@compiled
+def gather_vertices(
+    parent: IntArray,
+    counts: IntArray,
+    weights: IntArray,
+    has_last: bool,
+    node: IntArray,
+    tree: IntArray,
+    room: IntRows,
+) -> int:
+    """Writes what `supernodes` returns, and their number; `room` (8, n) is zero before, `tree` -1."""
     n = len(parent)
-    n_children = np.zeros(n, np.int64)
+    n_children, width, below, above = room[0], room[1], room[2], room[3]
+    into, number, head, following = room[4], room[5], room[6], room[7]
     for v in range(n):
         if parent[v] >= 0:
             n_children[parent[v]] += 1
-    node = np.empty(n, np.int64)
-    width = np.empty(n, np.int64)
-    below = np.empty(n, np.int64)
-    above = np.empty(n, np.int64)
     m = 0
     for v in range(n):
         joins = v > 0 and parent[v - 1] == v and n_children[v] == 1 and not (has_last and v == n - 1)
@@ -132,13 +179,11 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
         width[s] += weights[v]
         below[s] = counts[v] - weights[v]
         above[s] = parent[v]
-    into = np.empty(m, np.int64)
     for s in range(m):
-        into[s] = s
+        into[s], head[s], following[s] = s, -1, -1
         above[s] = node[above[s]] if above[s] >= 0 else -1
-    absorbed = _absorb(above, width, below, into, m - 1 if has_last else m)
+    absorbed = absorb(above, width, below, into, head, following, m, m - 1 if has_last else m)
     # Chains of absorptions end in the supernode that stays; number those that stay.
-    number = np.empty(m, np.int64)
     kept = m - absorbed
     at = kept
     for s in range(m - 1, -1, -1):
@@ -148,20 +193,28 @@ def supernodes(parent: Array, counts: Array, weights: Array, has_last: bool) -> 
         else:
             into[s] = into[into[s]]
             number[s] = number[into[s]]
-    tree = np.full(kept, -1, np.int64)
     for s in range(m):
         if into[s] == s and above[s] >= 0:
             tree[number[s]] = number[above[s]]
-    return number[node], tree
+    for v in range(n):
+        node[v] = number[node[v]]
+    return kept
 
 
 @compiled
-def _absorb(above: Array, width: Array, below: Array, into: Array, limit: int) -> int:
+def absorb(
+    above: IntArray,
+    width: IntArray,
+    below: IntArray,
+    into: IntArray,
+    head: IntArray,
+    following: IntArray,
+    count: int,
+    limit: int,
+) -> int:
     """Merges children into their parents where few zeros enter the factor; returns how many."""
-    head = np.full(len(into), -1, np.int64)
-    following = np.full(len(into), -1, np.int64)
     absorbed = 0
-    for s in range(len(into)):
+    for s in range(count):
         child = head[s]
         while child >= 0 and s < limit:
             if is_worth_merging(width[child], below[child], width[s], below[s]):

@@ -56,6 +56,8 @@ class FinalState:
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
         pattern = self.equations.pattern
+        largest = int(np.max(roles[:, 1], initial=0))
+        block, rows = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
         for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
             chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
             leverages(
@@ -69,6 +71,8 @@ class FinalState:
                 pattern.indices,
                 crossed,
                 results[chosen[0] : chosen[-1] + 1],
+                block,
+                rows,
             )
         return results.reshape(batch.n, k, k) if crossed else results
 

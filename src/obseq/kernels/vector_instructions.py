@@ -1,8 +1,8 @@
 """Four doubles at a time: the two operations that assembly is made of, as LLVM vector instructions.
 
 The compiler does not find them by itself in a loop over scalars (it emits one scalar instruction per
-product), and they are most of the work between an observation and its normal equations.
-Loops that use them are cached by numba, which does not see changes in this file: touch `accumulation.py` too.
+product), and they are most of the work between an observation and its normal equations. Imported when
+something is compiled; `vectors` has their names.
 """
 
 from __future__ import annotations

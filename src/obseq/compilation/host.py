@@ -1,0 +1,53 @@
+"""This process: the processor, and compiled code put to work in memory. Only here llvmlite runs code."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+
+
+def description() -> str:
+    """System, processor and its features: code compiled for one description runs where it is the same."""
+    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features()}"
+
+
+@cache
+def features() -> str:
+    """Features of the processor, as LLVM writes them."""
+    return str(llvm.get_host_cpu_features().flatten())
+
+
+def machine() -> Any:
+    """The target of code that is put to work in this process."""
+    _initialise()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    model = "static" if target.name.startswith("x86") else "default"
+    options = {"reloc": model, "codemodel": "jitdefault", "jit": True}
+    return target.create_target_machine(llvm.get_host_cpu_name(), features(), opt=3, **options)
+
+
+def load(code: bytes, symbol: str) -> int:
+    """Puts an object file in memory; the address of one of its functions."""
+    engine = _engine()
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    address = int(engine.get_function_address(symbol))
+    if not address:
+        raise RuntimeError(f"{symbol} is not in its object file")
+    return address
+
+
+@cache
+def _engine() -> Any:
+    """The engine that keeps all loaded code until the end of the process."""
+    module = llvm.parse_assembly("")
+    module.triple = llvm.get_process_triple()
+    return llvm.create_mcjit_compiler(module, machine())
+
+
+@cache
+def _initialise() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()

@@ -1,0 +1,137 @@
+"""Loops: plain functions over arrays, called from Python, run as machine code outside its lock."""
+
+from __future__ import annotations
+
+import ctypes
+import operator
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
+
+import numpy as np
+
+from obseq.compilation.functions import Function
+from obseq.compilation.routines import Routine
+from obseq.compilation.settings import FAILED
+from obseq.compilation.signatures import signature_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+F = TypeVar("F", bound="Callable[..., Any]")
+NUMBERS = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_int64}
+CONVERSIONS: dict[str, Callable[[Any], Any]] = {"int64": operator.index, "float64": float, "bool": int}
+
+
+class Loop(Function):
+    """A compiled function: call it as if it were the plain one.
+
+    Arrays must be C-contiguous and of the type that the annotations say; NamedTuples of them are taken as
+    they are. The function is compiled, or found, when it is first called.
+    """
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The result of the function; arrays are changed in place.
+
+        Raises:
+            TypeError: an argument is not what the annotation of its parameter says.
+        """
+        entry, result = self._entry, self._result()
+        given = self._members(arguments) if self._records else arguments
+        try:
+            status = entry(ctypes.byref(result), NDARRAY, *given)
+        except ctypes.ArgumentError:
+            status = entry(ctypes.byref(result), NDARRAY, *self._converted(given))
+        if status:
+            self._refuse(status, given)
+        return result.value if self._has_result else None
+
+    @cached_property
+    def routine(self) -> Routine:
+        """The machine code."""
+        return Routine(self, signature_of(self.python))
+
+    @cached_property
+    def _entry(self) -> Callable[..., int]:
+        routine = self.routine
+        kinds: list[Any] = [
+            ctypes.py_object if parameter.dimensions else NUMBERS[parameter.type]
+            for parameter in routine.signature.parameters
+        ]
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, *kinds)
+        return cast("Callable[..., int]", prototype(routine.address))
+
+    @cached_property
+    def _has_result(self) -> bool:
+        return self.routine.signature.result is not None
+
+    @cached_property
+    def _result(self) -> Any:
+        return NUMBERS[self.routine.signature.result or "int64"]
+
+    @cached_property
+    def _records(self) -> tuple[int, ...]:
+        """Positions of the arguments that are NamedTuples."""
+        arguments = self.routine.signature.arguments
+        return tuple(k for k, argument in enumerate(arguments) if argument.record)
+
+    def _members(self, arguments: tuple[Any, ...]) -> list[Any]:
+        given = list(arguments)
+        for k in reversed(self._records):
+            given[k : k + 1] = given[k]
+        return given
+
+    def _converted(self, given: Any) -> list[Any]:
+        """The same with numbers of any type as Python's own."""
+        parameters = self.routine.signature.parameters
+        if len(given) != len(parameters):
+            raise TypeError(
+                f"{self.name} takes {len(parameters)} arguments, members counted; not {len(given)}"
+            )
+        return [
+            value if parameter.dimensions else CONVERSIONS[parameter.type](value)
+            for parameter, value in zip(parameters, given, strict=True)
+        ]
+
+    def _refuse(self, status: int, given: Any) -> None:
+        if status == FAILED:
+            raise RuntimeError(f"{self.name}: the compiled loop failed")
+        parameter = self.routine.signature.parameters[status - 1]
+        raise TypeError(
+            f"{self.name}: {parameter} is wanted, C-contiguous, not {_described(given[status - 1])}"
+        )
+
+
+NDARRAY = id(np.ndarray)
+"""What machine code compares the type of arrays with: it reads their fields."""
+
+
+def _described(value: Any) -> str:
+    if not isinstance(value, np.ndarray):
+        return type(value).__name__
+    order = "" if value.flags.c_contiguous else ", not contiguous"
+    return f"{type(value).__name__} of {value.dtype} with {value.ndim} dimensions{order}"
+
+
+@overload
+def compiled(function: F) -> F: ...
+@overload
+def compiled(*, flags: frozenset[str] = frozenset(), always_inline: bool = False) -> Callable[[F], F]: ...
+def compiled(
+    function: F | None = None, *, flags: frozenset[str] = frozenset(), always_inline: bool = False
+) -> F | Callable[[F], F]:
+    """Marks a function that is run as machine code: a loop, or a part of one.
+
+    It may name constants, NumPy's functions, and other functions that are marked so, of any module. It
+    neither allocates nor raises: what it needs is given.
+
+    Args:
+        function: the function.
+        flags: freedom of floating-point arithmetic: `functions.SUMS`, `functions.CONTRACT`.
+        always_inline: put the text where it is called, whatever its length.
+    """
+
+    def mark(function: F) -> F:
+        return cast("F", Loop(cast("Any", function), flags, always_inline))
+
+    return mark if function is None else mark(function)

@@ -1,0 +1,64 @@
+"""Operations that kernels and loops use in LLVM's own terms; imported when something is compiled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
+    """Calls the compiled kernel at an address; the loop needs no compilation for another kernel."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kernel = ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer(), ir.IntType(64)])
+        pointer = builder.inttoptr(arguments[0], kernel.as_pointer())
+        builder.call(pointer, [arguments[1], arguments[2]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.CPointer(types.float64), types.int64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def pointer_to(typing_context: Any, array: Any, place: Any) -> Any:
+    """Pointer to an entry of an array of doubles, counted from its first one."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.gep(data, [arguments[1]])
+
+    return types.CPointer(types.float64)(array, types.int64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def keep_loop(typing_context: Any) -> Any:
+    """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.function.attributes.add("optsize")
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def bits_of(typing_context: Any, x: Any) -> Any:
+    """The bits of a float as a whole number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.uint64(types.float64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def float_of(typing_context: Any, bits: Any) -> Any:
+    """The float that has some bits."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.uint64), generate
