@@ -17,7 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from obseq.compilation import cache
 from obseq.kernels import formula_names, load
+from obseq.kernels.loading import routine
 from obseq.survey import Network
 
 HERE = Path(__file__).parent

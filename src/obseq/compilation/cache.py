@@ -33,11 +33,11 @@ def user_folder() -> Path:
 
 
 def _home() -> Path:
-    """The home of the user; a folder that does not exist where nobody knows it."""
+    """The home of the user; where nobody knows it, a place where nothing can be kept."""
     try:
         return Path.home()
     except RuntimeError:
-        return Path("/nonexistent")
+        return Path(os.devnull)
 
 
 def folder() -> Path:

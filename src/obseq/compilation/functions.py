@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class Instruction:
     def text(self) -> str:
         """Text of the whole module."""
         return _module_text(self.module)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Has a meaning in compiled functions only."""
+        raise TypeError(f"{self.name} can be called by compiled functions only")
 
 
 class Function:

@@ -40,7 +40,7 @@ class Loop(Function):
         given = self._members(arguments) if self._records else arguments
         try:
             status = entry(ctypes.byref(result), NDARRAY, *given)
-        except ctypes.ArgumentError:
+        except (ctypes.ArgumentError, TypeError):
             status = entry(ctypes.byref(result), NDARRAY, *self._converted(given))
         if status:
             self._refuse(status, given)

@@ -135,5 +135,5 @@ def _text(annotation: object) -> str:
     """An annotation as it is written."""
     if isinstance(annotation, str):
         return annotation
-    forward = getattr(annotation, "__forward_arg__", None)  # NamedTuple keeps them so
-    return forward or getattr(annotation, "__name__", str(annotation))
+    name = getattr(annotation, "__forward_arg__", None)  # NamedTuple keeps them so
+    return str(name or getattr(annotation, "__name__", annotation))

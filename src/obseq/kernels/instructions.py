@@ -9,7 +9,7 @@ from numba import types
 from numba.extending import intrinsic
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
     """Calls the compiled kernel at an address; the loop needs no compilation for another kernel."""
 
@@ -22,7 +22,7 @@ def call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> 
     return types.void(types.int64, types.CPointer(types.float64), types.int64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def pointer_to(typing_context: Any, array: Any, place: Any) -> Any:
     """Pointer to an entry of an array of doubles, counted from its first one."""
 
@@ -33,7 +33,7 @@ def pointer_to(typing_context: Any, array: Any, place: Any) -> Any:
     return types.CPointer(types.float64)(array, types.int64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def keep_loop(typing_context: Any) -> Any:
     """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
 
@@ -44,7 +44,7 @@ def keep_loop(typing_context: Any) -> Any:
     return types.void(), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def bits_of(typing_context: Any, x: Any) -> Any:
     """The bits of a float as a whole number."""
 
@@ -54,7 +54,7 @@ def bits_of(typing_context: Any, x: Any) -> Any:
     return types.uint64(types.float64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def float_of(typing_context: Any, bits: Any) -> Any:
     """The float that has some bits."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from obseq.leastsquares.problem.arguments import whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.arrays import IntArray
+    from obseq.arrays import ByteArray, IntArray, IntRows, PositionArray
     from obseq.leastsquares.assembly.store import BatchLayout, StoreLayout
 
 
@@ -110,24 +110,45 @@ def share_out(layout: StoreLayout, counts: Sequence[int], threads: int) -> Share
     for share in range(len(bounds) - 1):
         copy[:] = 0
         for batch, first, last in zip(layout.batches, bounds[share], bounds[share + 1], strict=True):
-            moves, end = _diverted(batch, (first, last, share, layout.spare, owner, copy), end)
+            moves, end = _diverted(batch, int(first), int(last), share, layout.spare, owner, copy, end)
             found.append(moves)
         if end > np.iinfo(np.uint32).max:
             raise InputError("the normal matrix has more than 4e9 numbers: use fewer threads, or one")
     return Shares(bounds, np.concatenate(found), end)
 
 
-def _diverted(batch: BatchLayout, share: tuple[Any, ...], end: int) -> tuple[IntArray, int]:
-    """The moves of one share of a batch, (n, 4), and the new end; `share` as `divert` takes it."""
+def _diverted(
+    batch: BatchLayout,
+    first: int,
+    last: int,
+    share: int,
+    spare: IntArray,
+    owner: ByteArray,
+    copy: PositionArray,
+    end: int,
+) -> tuple[IntRows, int]:
+    """The moves of one share of a batch, (n, 4), and the new end; arguments as `divert` takes them."""
     from obseq.leastsquares.loops.shares import divert
 
-    found, state = [], np.array([0, 0, 0, end])
+    found, state = [np.empty((0, 4), dtype=np.int64)], np.array([0, 0, 0, end])
     while state[0] < len(batch.pairs):
         state[2] = 0
         moves = np.empty((MOVES_AT_ONCE, 4), dtype=np.int64)
-        divert(batch.pairs, batch.positions, batch.heights, *share, moves, state)
+        divert(
+            batch.pairs,
+            batch.positions,
+            batch.heights,
+            first,
+            last,
+            share,
+            spare,
+            owner,
+            copy,
+            moves,
+            state,
+        )
         found.append(moves[: state[2]])
-    return np.concatenate([np.empty((0, 4), np.int64), *found]), int(state[3])
+    return np.concatenate(found), int(state[3])
 
 
 def blas_threads(threads: int) -> AbstractContextManager[None]:

@@ -123,7 +123,7 @@ def leverages(
         for p in range(n_roles):
             for q in range(p + 1):
                 i, j, n_i, n_j = roles[p, 0], roles[q, 0], roles[p, 1], roles[q, 1]
-                left, right = np.int64(starts[p, k]), np.int64(starts[q, k])
+                left, right = int(starts[p, k]), int(starts[q, k])
                 if not _read_block(inverse, indptr, indices, number, left, right, n_i, n_j, block):
                     continue
                 for r in range(n_residuals):

@@ -25,7 +25,7 @@ def _called(context: Any, builder: Any, kinds: Any, values: Any, more: tuple[Any
     builder.call(builder.inttoptr(values[0], function_type.as_pointer()), pointers)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
     """Calls a Fortran routine; uint8, int32 and float64 go by reference, int64 are addresses."""
 
@@ -36,7 +36,7 @@ def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
     return types.void(types.int64, arguments), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def lapack(typing_context: Any, address: Any, arguments: Any) -> Any:
     """The same for a routine that has one more argument, its status, which is the result."""
 
@@ -49,7 +49,7 @@ def lapack(typing_context: Any, address: Any, arguments: Any) -> Any:
     return types.int32(types.int64, arguments), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def address_of(typing_context: Any, array: Any, place: Any) -> Any:
     """Address of an entry of an array, counted from its first one."""
 

@@ -254,7 +254,8 @@ def _edges_left(graph: Graph, is_out: BoolArray, bridges: IntRows) -> tuple[IntA
     """Edges among the vertices that are not out, renumbered, with bridges, each once."""
     across_at = np.bincount(bridges.ravel() + 2, minlength=graph.n + 2).cumsum()
     across = np.empty(bridges.size, np.int64)
-    number, seen = np.cumsum(~is_out) - ~is_out, np.full(graph.n, -1)
+    number: IntArray = np.cumsum(~is_out) - ~is_out
+    seen = np.full(graph.n, -1)
     start = np.zeros(int(np.count_nonzero(~is_out)) + 1, np.int64)
     neighbours = np.empty(len(graph.neighbours) + len(across), np.int64)
     write_edges_left(

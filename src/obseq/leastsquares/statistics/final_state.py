@@ -56,6 +56,7 @@ class FinalState:
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
         pattern = self.equations.pattern
+        indices = pattern.indices.astype(np.int32, copy=False)
         largest = int(np.max(roles[:, 1], initial=0))
         block, rows = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
         for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
@@ -68,7 +69,7 @@ class FinalState:
                 self.equations.free.number,
                 self.cofactors.values,
                 pattern.indptr,
-                pattern.indices,
+                indices,
                 crossed,
                 results[chosen[0] : chosen[-1] + 1],
                 block,

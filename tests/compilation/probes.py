@@ -1,0 +1,33 @@
+"""Small loops that the tests call."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from obseq.compilation import compiled
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, FloatRows
+
+
+class Pair(NamedTuple):
+    """Two arrays and a number."""
+
+    row: FloatArray
+    rows: FloatRows
+    number: int
+
+
+@compiled
+def scaled_sum(x: FloatArray, times: int, scaled: bool, scale: float) -> float:
+    """The sum, scaled or not."""
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i]
+    return times * scale * total if scaled else total
+
+
+@compiled
+def first_of_pair(pair: Pair) -> float:
+    """The first entry of one array, the last of the other, and the number."""
+    return pair.row[0] + pair.rows[1, 2] + pair.number

@@ -1,0 +1,99 @@
+"""The cache of compiled code: whole files or none, and never an error."""
+
+import errno
+import logging
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from obseq.compilation import cache
+
+CODE = bytes(range(256)) * 9
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
+    cache._say_once.cache_clear()
+    return tmp_path / "cache"
+
+
+def test_what_was_written_is_read(place: Path) -> None:
+    assert cache.read("loop_1") is None
+    cache.write("loop_1", CODE)
+    assert cache.read("loop_1") == CODE
+    assert place in cache.folder().parents
+    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.o"]
+
+
+def test_versions_and_processor_name_the_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert cache.folder().name.startswith("obseq-")
+    assert "numba-" in cache.folder().name and "llvmlite-" in cache.folder().name
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:10],
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:-1],
+        lambda content: content[:500] + bytes(len(content) - 500),
+        lambda content: bytes(reversed(content)),
+        lambda content: content + b"more",
+    ],
+)
+def test_a_damaged_file_is_discarded(damage, caplog: pytest.LogCaptureFixture) -> None:
+    cache.write("loop_1", CODE)
+    path = cache.folder() / "loop_1.o"
+    path.write_bytes(damage(path.read_bytes()))
+    with caplog.at_level(logging.WARNING, logger="obseq"):
+        assert cache.read("loop_1") is None
+    assert not path.exists() and str(path) in caplog.text
+    cache.write("loop_1", CODE)
+    assert cache.read("loop_1") == CODE
+
+
+def test_a_full_disk_leaves_nothing_behind_and_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.write("loop_1", CODE)
+
+    class Full:
+        def __init__(self, descriptor: int, mode: str) -> None:
+            os.close(descriptor)
+
+        def __enter__(self) -> "Full":
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        def __exit__(self, *details: object) -> None: ...
+
+    monkeypatch.setattr(os, "fdopen", Full)
+    with caplog.at_level(logging.WARNING, logger="obseq"):
+        cache.write("loop_2", CODE)
+        cache.write("loop_3", CODE)
+    assert caplog.text.count("cannot be kept") == 1 and "No space left" in caplog.text
+    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.o"]
+
+
+def test_a_place_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, caplog) -> None:
+    with tempfile.NamedTemporaryFile() as file:
+        monkeypatch.setenv("OBSEQ_CACHE", str(Path(file.name) / "below-a-file"))
+        with caplog.at_level(logging.WARNING, logger="obseq"):
+            cache.write("loop_1", CODE)
+            assert cache.read("loop_1") is None
+    assert "OBSEQ_CACHE" in caplog.text
+
+
+def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OBSEQ_CACHE")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    cache.write("loop_1", CODE)
+    assert cache.read("loop_1") is None

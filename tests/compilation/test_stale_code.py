@@ -1,0 +1,84 @@
+"""No stale machine code: a change of anything that a compiled function calls is seen, with a warm cache.
+
+A copy of the package computes with one loop of each compiled room; then a constant is flipped in a
+helper that the loop calls, in another file, and the loop must compute with the new one.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+IGNORED = shutil.ignore_patterns("__pycache__", "formulas", "codegen", "generated")
+
+KERNELS = """
+import obseq
+print(obseq.calculator("Dir_EquiRect").values([[0.5, 0.25, 0.25]], [[]]))
+"""
+LOOPS = """
+import numpy as np
+from obseq.leastsquares.loops.accumulation import gather_rows
+tile = np.zeros(4 * 40)
+gather_rows(tile, 0, 4, np.arange(128.0), np.arange(0, 128, 4, dtype=np.uint32), 0)
+print(tile.reshape(4, 40)[:, :3])
+"""
+SOLVERS = """
+import numpy as np
+from obseq.leastsquares.solvers.tree import supernodes
+chain = np.array([1, 2, 3, 4, 5, -1])
+print(supernodes(chain, np.array([2, 2, 2, 2, 2, 1]), np.ones(6, np.int64), False))
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("copy")
+    shutil.copytree(ROOT / "src" / "obseq", place / "obseq", ignore=IGNORED)
+    (place / "obseq" / "generated").mkdir()
+    for name in ("__init__.py", "index.py", "dir_equi_rect.py"):
+        shutil.copy(ROOT / "generated" / name, place / "obseq" / "generated")
+    return place
+
+
+def printed(copy: Path, script: str) -> str:
+    environment = os.environ | {"PYTHONPATH": str(copy), "OBSEQ_CACHE": str(copy / "cache")}
+    check = f"import obseq\nassert obseq.__file__.startswith({str(copy)!r})\n"
+    done = subprocess.run(
+        [sys.executable, "-c", check + script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+CASES = [
+    (KERNELS, "kernels/functions.py", "HALF_PI, HALF_PI_TAIL = 1.57", "HALF_PI, HALF_PI_TAIL = 2.57"),
+    (
+        LOOPS,
+        "kernels/vector_instructions.py",
+        "(builder, a, b, [0, 4, 2, 6])",
+        "(builder, a, b, [4, 0, 6, 2])",
+    ),
+    (SOLVERS, "leastsquares/solvers/tree.py", "1.5e8, 5e-8", "1.5e8, 5e9"),
+]
+
+
+@pytest.mark.slow  # seven processes, six compilations
+@pytest.mark.parametrize(("script", "file", "before", "after"), CASES, ids=["kernels", "loops", "solvers"])
+def test_a_change_in_what_is_called_is_seen(
+    copy: Path, script: str, file: str, before: str, after: str
+) -> None:
+    first = printed(copy, script)
+    path = copy / "obseq" / file
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after), encoding="utf-8")
+    changed = printed(copy, script)
+    assert changed != first
+    path.write_text(text, encoding="utf-8")
+    kept = {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.o")}
+    assert printed(copy, script) == first
+    assert {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.o")} == kept
