@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from obseq.codegen.c99_functions import HELPERS, WORDS
+from obseq.codegen.c_text import WORDS
 from obseq.codegen.compiler import Derived, derive
 from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS
@@ -45,10 +45,8 @@ def statements(derived: Derived, outputs: Sequence[tuple[int, str, str]], inputs
     printer = Printer(derived.graph, inputs, C99)
     lines = printer.loop([Store(*output) for output in outputs])
     for function in sorted(printer.functions):
-        if function not in HELPERS:
-            raise FormulaError(
-                f"{derived.formula.name}: the operator {function} has no C text; add it to c99_functions.py"
-            )
+        if OPERATORS[function].c is None:
+            raise FormulaError(f"{derived.formula.name}: the operator {function} has no C text")
     return CBody(lines, printer.functions)
 
 
@@ -103,7 +101,7 @@ def header(derived: Derived, identifier: str) -> str:
 
 def with_helpers(body: CBody) -> tuple[list[str], list[str]]:
     """(texts of the helpers that some statements call, the statements with the helpers' full names)."""
-    helpers = [HELPERS[name] for name in _needed(body.functions) if HELPERS[name]]
+    helpers = [text for name in _needed(body.functions) if (text := OPERATORS[name].c)]
     return helpers, [_prefixed(line) for line in body.lines]
 
 
@@ -112,8 +110,8 @@ def _needed(functions: set[str]) -> list[str]:
     needed: list[str] = []
 
     def need(name: str) -> None:
-        for other in HELPERS:
-            if other != name and HELPERS[other] and f"obseq_{other}(" in HELPERS[name]:
+        for other, operator in OPERATORS.items():
+            if other != name and operator.c and f"obseq_{other}(" in (OPERATORS[name].c or ""):
                 need(other)
         if name not in needed:
             needed.append(name)
@@ -156,8 +154,9 @@ def _function(name: str, results: str, lines: Sequence[str]) -> str:
 
 def _prefixed(line: str) -> str:
     """A statement with the full names of the helpers that it calls."""
-    return re.sub(
-        r"\b(\w+)\(",
-        lambda call: f"obseq_{call.group(1)}(" if HELPERS.get(call.group(1)) else call.group(0),
-        line,
-    )
+
+    def full(call: re.Match[str]) -> str:
+        operator = OPERATORS.get(call.group(1))
+        return f"obseq_{call.group(0)}" if operator and operator.c else call.group(0)
+
+    return re.sub(r"\b(\w+)\(", full, line)

@@ -8,21 +8,15 @@ from typing import Any
 import sympy
 
 from obseq.codegen.expressions import factors_of, repeated, signed_terms
+from obseq.codegen.operators import OPERATORS
 from obseq.codegen.whole_blocks import Reading, Term, common_name, read
 from obseq.formulas import functions
 from obseq.formulas.base import Formula
 
 SUM, PRODUCT, POWER, ATOM = range(4)
 
-FUNCTIONS: dict[type[sympy.Basic], str] = {
-    functions.WrapAngle: "wrap",
-    functions.SincSqrt: "sinc_sqrt",
-    functions.CosSqrt: "cos_sqrt",
-    functions.AngleRatio: "angle_ratio",
-    functions.AxialSum: "axial_sum",
-    functions.NormalisedRatio: "contrast",
-}
-"""What our own functions are called in equations; the others keep sympy's names."""
+FUNCTIONS = {operator.symbolic: operator.written for operator in OPERATORS.values()}
+"""What functions are called in equations, when that is not the name of their class."""
 
 
 @dataclass(frozen=True)

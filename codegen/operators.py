@@ -1,7 +1,7 @@
-"""The operators of the expression graph: how each one is printed, computed on constants, and differentiated.
+"""The operators of the expression graph: all that the generator knows of each one is its entry here.
 
-An operator with a hand-written derivative is one entry here, one kernel function of the same name in
-`obseq.kernels.functions`, and one function for people in `obseq.formulas.functions`.
+Besides its entry, an operator is a function for people in `obseq.formulas.functions`, on numbers and on
+symbols, and a kernel function of the entry's name in `obseq.kernels.functions`.
 """
 
 import math
@@ -9,6 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+import sympy
+
+from obseq.codegen.c_text import helper, polynomial
 from obseq.formulas import functions
 
 
@@ -51,6 +54,9 @@ class Operator:
         partials: Its derivatives; None when nothing may be differentiated through it.
         expensive: True when it is a long chain (square root, reciprocal, trigonometry).
         function: Name of the kernel function that its text calls, if any.
+        symbolic: The sympy class that becomes it; None when formulas cannot write it.
+        written: Its name in equations, when that is not the class's.
+        c: Text of the C function `obseq_NAME`; empty when math.h has it; None when there is none.
     """
 
     symbol: str
@@ -58,12 +64,24 @@ class Operator:
     partials: Partials | None
     expensive: bool = False
     function: str = ""
+    symbolic: type[sympy.Basic] | None = None
+    written: str = ""
+    c: str | None = None
 
 
-def _call(
-    name: str, value: Callable[..., float] | None, partials: Partials | None, arity: int = 1
+def calls(
+    name: str,
+    symbolic: type[sympy.Basic] | None,
+    value: Callable[..., float] | None,
+    partials: Partials | None,
+    *,
+    arity: int = 1,
+    written: str = "",
+    c: str | None = "",
 ) -> Operator:
-    return Operator(f"{name}({', '.join(['{}'] * arity)})", value, partials, expensive=True, function=name)
+    """An operator that is a call of the kernel function of a name."""
+    text = f"{name}({', '.join(['{}'] * arity)})"
+    return Operator(text, value, partials, True, name, symbolic, written, c)
 
 
 def _sqrt_partials(g: Arithmetic, node: int, _: tuple[int, ...]) -> tuple[int, ...]:
@@ -123,31 +141,148 @@ def _normalised_ratio_partials(g: Arithmetic, _: int, operands: tuple[int, ...])
     return g.apply("normalised_ratio_slope", a, b), g.neg(g.apply("normalised_ratio_slope", b, a))
 
 
+SINC_SLOPE = [(-1) ** k * k / math.factorial(2 * k + 1) for k in range(1, 13)]
+"""Derivative of sin(r)/r by r^2, as a series in r^2."""
+
+SEGMENT = [(-1) ** k * 2 ** (2 * k + 2) / math.factorial(2 * k + 3) for k in range(14)]
+"""(t - sin t cos t)/t^3, as a series in t^2."""
+
 OPERATORS: dict[str, Operator] = {
     "add": Operator("{} + {}", lambda a, b: a + b, lambda g, n, o: (g.constant(1.0), g.constant(1.0))),
     "sub": Operator("{} - {}", lambda a, b: a - b, lambda g, n, o: (g.constant(1.0), g.constant(-1.0))),
     "mul": Operator("{} * {}", lambda a, b: a * b, lambda g, n, o: (o[1], o[0])),
     "neg": Operator("-{}", lambda a: -a, lambda g, n, o: (g.constant(-1.0),)),
     "rcp": Operator("1.0 / {}", lambda a: math.inf if a == 0 else 1.0 / a, _rcp_partials, expensive=True),
-    "sqrt": _call("sqrt", math.sqrt, _sqrt_partials),
-    "sin": _call("sin", math.sin, lambda g, n, o: (g.apply("cos", *o),)),
-    "cos": _call("cos", math.cos, lambda g, n, o: (g.neg(g.apply("sin", *o)),)),
-    "exp": _call("exp", math.exp, lambda g, n, o: (n,)),
-    "log": _call("log", math.log, lambda g, n, o: (g.rcp(o[0]),)),
-    "tan": _call("tan", math.tan, _tan_partials),
-    "asin": _call("asin", math.asin, _asin_partials),
-    "acos": _call("acos", math.acos, _acos_partials),
-    "atan": _call("atan", math.atan, _atan_partials),
-    "atan2": _call("atan2", math.atan2, _atan2_partials, arity=2),
-    "wrap_angle": _call("wrap_angle", None, lambda g, n, o: (g.constant(1.0),)),
-    "sinc_sqrt": _call("sinc_sqrt", functions.sinc_sqrt, _sinc_sqrt_partials),
-    "sinc_sqrt_slope": _call("sinc_sqrt_slope", None, None),
-    "cos_sqrt": _call("cos_sqrt", functions.cos_sqrt, _cos_sqrt_partials),
-    "angle_ratio": _call("angle_ratio", functions.angle_ratio, _angle_ratio_partials, arity=2),
-    "angle_ratio_slope": _call("angle_ratio_slope", None, None, arity=3),
-    "axial_sum": _call("axial_sum", functions.axial_sum, _axial_sum_partials, arity=2),
-    "normalised_ratio": _call(
-        "normalised_ratio", functions.normalised_ratio, _normalised_ratio_partials, arity=2
+    "sqrt": calls("sqrt", functions.Sqrt, math.sqrt, _sqrt_partials),
+    "sin": calls("sin", sympy.sin, math.sin, lambda g, n, o: (g.apply("cos", *o),)),
+    "cos": calls("cos", sympy.cos, math.cos, lambda g, n, o: (g.neg(g.apply("sin", *o)),)),
+    "exp": calls("exp", sympy.exp, math.exp, lambda g, n, o: (n,)),
+    "log": calls("log", sympy.log, math.log, lambda g, n, o: (g.rcp(o[0]),)),
+    "tan": calls("tan", sympy.tan, math.tan, _tan_partials),
+    "asin": calls("asin", sympy.asin, math.asin, _asin_partials),
+    "acos": calls("acos", sympy.acos, math.acos, _acos_partials),
+    "atan": calls("atan", sympy.atan, math.atan, _atan_partials),
+    "atan2": calls("atan2", sympy.atan2, math.atan2, _atan2_partials, arity=2),
+    "wrap_angle": calls(
+        "wrap_angle",
+        functions.WrapAngle,
+        None,
+        lambda g, n, o: (g.constant(1.0),),
+        written="wrap",
+        c=helper(
+            "wrap_angle",
+            ["angle"],
+            "return angle - 6.283185307179586 * ceil((angle - 3.141592653589793) * 0.15915494309189535);",
+        ),
     ),
-    "normalised_ratio_slope": _call("normalised_ratio_slope", None, None, arity=2),
+    "sinc_sqrt": calls(
+        "sinc_sqrt",
+        functions.SincSqrt,
+        functions.sinc_sqrt,
+        _sinc_sqrt_partials,
+        written="sinc_sqrt",
+        c=helper("sinc_sqrt", ["s"], "return s != 0.0 ? sin(sqrt(s)) / sqrt(s) : 1.0;"),
+    ),
+    "sinc_sqrt_slope": calls(
+        "sinc_sqrt_slope",
+        None,
+        None,
+        None,
+        c=helper(
+            "sinc_sqrt_slope",
+            ["s"],
+            f"""if (s < 2.5)
+    return {polynomial(SINC_SLOPE, "s")};
+return 0.5 * (cos(sqrt(s)) - sin(sqrt(s)) / sqrt(s)) / s;""",
+        ),
+    ),
+    "cos_sqrt": calls(
+        "cos_sqrt",
+        functions.CosSqrt,
+        functions.cos_sqrt,
+        _cos_sqrt_partials,
+        written="cos_sqrt",
+        c=helper("cos_sqrt", ["s"], "return cos(sqrt(s));"),
+    ),
+    "angle_ratio": calls(
+        "angle_ratio",
+        functions.AngleRatio,
+        functions.angle_ratio,
+        _angle_ratio_partials,
+        arity=2,
+        written="angle_ratio",
+        c=helper(
+            "angle_ratio",
+            ["s", "z"],
+            """if (s == 0.0)
+    return z > 0.0 ? 1.0 / z : NAN;
+return atan2(sqrt(s), z) / sqrt(s);""",
+        ),
+    ),
+    "angle_ratio_slope": calls(
+        "angle_ratio_slope",
+        None,
+        None,
+        None,
+        arity=3,
+        c=helper(
+            "angle_ratio_slope",
+            ["ratio", "s", "z"],
+            f"""const double t = ratio * ratio * s;
+if (t < 1.0)
+    return -0.5 * ratio * ratio * ratio * ({polynomial(SEGMENT, "t")});
+return (z / (s + z * z) - ratio) / (2.0 * s);""",
+        ),
+    ),
+    "axial_sum": calls(
+        "axial_sum",
+        functions.AxialSum,
+        functions.axial_sum,
+        _axial_sum_partials,
+        arity=2,
+        written="axial_sum",
+        c=helper(
+            "axial_sum",
+            ["s", "z"],
+            """const double larger = sqrt(s + z * z) + fabs(z);
+return z >= 0.0 ? larger : s / larger;""",
+        ),
+    ),
+    "normalised_ratio": calls(
+        "normalised_ratio",
+        functions.NormalisedRatio,
+        functions.normalised_ratio,
+        _normalised_ratio_partials,
+        arity=2,
+        written="contrast",
+        c=helper(
+            "normalised_ratio",
+            ["first", "second"],
+            """const double a = first > 0.0 ? first : 0.0 * first;
+const double b = second > 0.0 ? second : 0.0 * second;
+const double largest = a > b ? a : b;
+return (a - b) / (largest > 0.0 ? largest : 1.0);""",
+        ),
+    ),
+    "normalised_ratio_slope": calls(
+        "normalised_ratio_slope",
+        None,
+        None,
+        None,
+        arity=2,
+        c=helper(
+            "normalised_ratio_slope",
+            ["first", "second"],
+            """const double b = second > 0.0 ? second : 0.0 * second;
+const double largest = first < b ? b : first;
+if (!(first >= 0.0 && largest > 0.0))
+    return 0.0 * (first + second);
+return (first < b ? 1.0 : b / largest) / largest;""",
+        ),
+    ),
 }
+
+SYMBOLIC: dict[type[sympy.Basic], str] = {
+    operator.symbolic: name for name, operator in OPERATORS.items() if operator.symbolic is not None
+}
+"""The operator that a sympy function becomes; anything else is refused."""

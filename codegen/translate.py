@@ -5,28 +5,9 @@ from collections.abc import Callable, Sequence
 import sympy
 
 from obseq.codegen.graph import Graph
+from obseq.codegen.operators import SYMBOLIC
 from obseq.errors import FormulaError
 from obseq.formulas import functions
-
-FUNCTIONS: dict[type[sympy.Basic], str] = {
-    functions.Sqrt: "sqrt",
-    functions.WrapAngle: "wrap_angle",
-    functions.SincSqrt: "sinc_sqrt",
-    functions.CosSqrt: "cos_sqrt",
-    functions.AngleRatio: "angle_ratio",
-    functions.AxialSum: "axial_sum",
-    functions.NormalisedRatio: "normalised_ratio",
-    sympy.sin: "sin",
-    sympy.cos: "cos",
-    sympy.tan: "tan",
-    sympy.exp: "exp",
-    sympy.log: "log",
-    sympy.asin: "asin",
-    sympy.acos: "acos",
-    sympy.atan: "atan",
-    sympy.atan2: "atan2",
-}
-"""What a sympy function becomes in the graph; anything else is refused."""
 
 
 def graph_of(formula: str, expressions: Sequence[sympy.Expr]) -> tuple[Graph, list[int]]:
@@ -70,8 +51,8 @@ class _Translator:
             return self._power(*expression.args)
         if isinstance(expression, functions.Named):
             return self._name(*expression.args)
-        if type(expression) in FUNCTIONS:
-            return graph.apply(FUNCTIONS[type(expression)], *(self.visit(a) for a in expression.args))
+        if type(expression) in SYMBOLIC:
+            return graph.apply(SYMBOLIC[type(expression)], *(self.visit(a) for a in expression.args))
         raise self._refusal(expression)
 
     def _fold(self, operation: Callable[[int, int], int], arguments: tuple[sympy.Basic, ...]) -> int:
