@@ -50,6 +50,12 @@ def register(commands: Commands) -> None:
         help=f"of the highest polynomial, at most {HIGHEST} ({HIGHEST})",
     )
     command.add_argument(
+        "--image",
+        type=Path,
+        metavar="FILE",
+        help="the first image itself, shown under the cloud (needs the extra raster)",
+    )
+    command.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -99,6 +105,7 @@ class _Report:
         self.n_given, self.n_lost = len(pairs), int((~seen).sum())
         self.pairs, self.values = pairs[seen], found.values[seen]
         self.directions = found.directions[seen]
+        self.grey = _brightness(arguments.image, self.size) if arguments.image else None
         self.fits: list[Fit] = fit_field(self.pixels, self.values, arguments.degree)
         self.text = percentile_text(self.values, self.pixels, self.fits)
 
@@ -122,7 +129,7 @@ class _Report:
             self._table(),
             self.text,
             residual_page(self.title, self.pixels, self.values, self.size, self.fits[-1]),
-            residual_cloud(self.pixels, self.values, self.size),
+            residual_cloud(self.pixels, self.values, self.size, self.grey),
             *(fit_cloud(self.pixels, fit) for fit in self.fits),
         ]
 
@@ -156,3 +163,26 @@ def _camera(folder: Path, image: str) -> "OrientedCamera":
     if not name:
         raise InputError(f"{folder}: the pose of {image} names no calibration")
     return OrientedCamera(cameras[name], poses[image])
+
+
+def _brightness(path: Path, size: tuple[int, int]) -> "FloatArray":
+    """The reduced brightness of an image, 0 to 255.
+
+    Raises:
+        InputError: rasterio is not installed, the file is no image, or of another size than the camera's.
+    """
+    try:
+        import rasterio
+    except ImportError:
+        raise InputError(f"{path}: images are read with rasterio: pip install obseq[raster]") from None
+    from obseq.images.epipolar import reduced
+
+    try:
+        with rasterio.open(path) as raster:
+            values = raster.read(1).astype("float64")
+    except rasterio.errors.RasterioError as error:
+        raise InputError(f"{path}: is no image that can be read: {error}") from None
+    if values.shape != size[::-1]:
+        width, height = values.shape[::-1]
+        raise InputError(f"{path}: is {width} x {height} pixels, its camera says {size[0]} x {size[1]}")
+    return reduced(values * (255.0 / max(float(values.max()), 255.0)))

@@ -13,6 +13,7 @@ from obseq.images.aerial import (
     angles_from_matrices,
     convert_heights,
     matrices_from_angles,
+    read_ground_points,
     remove_alteration,
 )
 
@@ -160,3 +161,24 @@ def test_a_conversion_without_geoid_is_refused():
 def test_systems_that_do_not_serve_are_refused(definition, reason):
     with pytest.raises(CrsError, match=reason):
         MapSystem(definition)
+
+
+@pytest.mark.parametrize("case", cases("transform_proj_points"), ids=identify)
+def test_points_go_to_another_system(case):
+    """The original gives latitude first, as EPSG:4326 says; longitude comes first here, always."""
+    inputs = case["inputs"]
+    known = read_ground_points(FOLDER / inputs["file"], "PTXYZ")
+    system = MapSystem(inputs["epsg_in"])
+    found = system.to_system(known.coordinates[:, :2], f"EPSG:{inputs['epsg_out']}")
+    altitude, height = HeightType.ALTITUDE, HeightType.HEIGHT
+    z = convert_heights(known.coordinates[:, 2], known.coordinates[:, :2], altitude, height, system, geoid())
+    for key, heights in (("z_unchanged", known.coordinates[:, 2]), ("altitude_to_height", z)):
+        wanted = case["expected"][key]
+        assert [row[0] for row in wanted] == list(known.names)
+        np.testing.assert_allclose(found[:, ::-1], [row[1:3] for row in wanted], rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(heights, [row[3] for row in wanted], rtol=0.0, atol=1e-3)
+
+
+def test_another_system_that_proj_does_not_know_is_named():
+    with pytest.raises(CrsError, match="EPSG:999999"):
+        lambert93().to_system(np.zeros((1, 2)), "EPSG:999999")

@@ -15,6 +15,7 @@ from obseq.images.epipolar import (
     fit_cloud,
     fit_field,
     percentile_text,
+    reduced,
     residual_cloud,
     residual_page,
 )
@@ -115,3 +116,13 @@ def test_satellites_agree_on_their_scene_and_see_a_shift_across():
     shifted = epipolar_residuals(first, pixels, second, seen + np.array([0.0, 2.0]))
     np.testing.assert_allclose(np.abs(shifted.values), 1.0, atol=0.02)
     assert (np.sign(shifted.values) == np.sign(shifted.directions[:, 0]) * -1.0).all()
+
+
+def test_a_reduced_image_keeps_its_brightness_and_its_slope():
+    image = np.add.outer(np.arange(57.0), 2.0 * np.arange(101.0))
+    small = reduced(image)
+    assert small.shape == (6, 11)
+    np.testing.assert_allclose(reduced(np.full((57, 101), 7.0)), 7.0)
+    np.testing.assert_allclose(small[1:-1, 1:-1], image[10:50:10, 10:100:10], atol=1e-9)
+    grey = vertices(residual_cloud(np.zeros((0, 2)), np.zeros(0), (101, 57), small))
+    assert grey["colour"][7, 0] == int(small[1, 1])

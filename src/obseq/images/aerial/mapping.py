@@ -75,11 +75,23 @@ class MapSystem:
 
     def wgs84(self, plan: FloatArray) -> FloatArray:
         """Longitude and latitude (n, 2) on WGS 84, degrees, of map points (n, 2): for maps in browsers."""
-        from pyproj import Transformer
+        return self.to_system(plan, "EPSG:4326")
 
-        x, y = _columns(plan)
-        lon, lat = Transformer.from_crs(self.crs, "EPSG:4326", always_xy=True).transform(x, y)
-        return np.stack([np.asarray(lon, dtype=np.float64), np.asarray(lat, dtype=np.float64)], axis=-1)
+    def to_system(self, plan: FloatArray, definition: str) -> FloatArray:
+        """Coordinates (n, 2) of map points (n, 2) in another system, easting or longitude first.
+
+        Raises:
+            CrsError: if PROJ does not know the system.
+        """
+        from pyproj import Transformer
+        from pyproj.exceptions import CRSError as ProjError
+
+        try:
+            transformer = Transformer.from_crs(self.crs, definition, always_xy=True)
+        except ProjError as error:
+            raise CrsError(f"Unknown coordinate system {definition!r}. PROJ said: {error}") from None
+        x, y = transformer.transform(*_columns(plan))
+        return np.stack([np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)], axis=-1)
 
     def convergence(self, geodetic: FloatArray) -> FloatArray:
         """Angle (n,), radians, from grid north to geographic north, counted positive west of the axis.

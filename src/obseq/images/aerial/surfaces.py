@@ -166,7 +166,7 @@ def _ascii_values(path: Path, lines: list[str], shape: tuple[int, int]) -> Float
 
 def _raster_terrain(path: Path, height_type: HeightType | None) -> Terrain:
     try:
-        import rasterio  # type: ignore[import-not-found]  # an extra
+        import rasterio
     except ImportError:
         raise InputError(
             f"{path}: only ESRI ASCII grids are read without rasterio; install it (pip install rasterio)"

@@ -4,7 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from obseq.images.epipolar.clouds import fit_cloud, percentile_text, residual_cloud
+    from obseq.images.epipolar.clouds import fit_cloud, percentile_text, reduced, residual_cloud
     from obseq.images.epipolar.field import (
         Fit,
         Polynomial,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "field": ("Fit", "Polynomial", "exponents", "fit", "fit_field", "percentiles", "robust_weights"),
-    "clouds": ("fit_cloud", "percentile_text", "residual_cloud"),
+    "clouds": ("fit_cloud", "percentile_text", "reduced", "residual_cloud"),
     "page": ("residual_page",),
     "satellites": ("RationalSensor",),
     "residual": ("EpipolarResiduals", "epipolar_residuals"),
@@ -44,6 +44,7 @@ __all__ = [
     "fit_field",
     "percentile_text",
     "percentiles",
+    "reduced",
     "residual_cloud",
     "residual_page",
     "robust_weights",
