@@ -1,16 +1,23 @@
 """Loading a generated module: its description at once, its compiled kernels when they are first asked for."""
 
+from __future__ import annotations
+
 import functools
 import importlib
 from dataclasses import dataclass
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 from obseq.compilation.functions import CONTRACT, Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
 from obseq.errors import FormulaError, nearest
 from obseq.kernels import ondemand
-from obseq.kernels.layout import Block, Input
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
+    from obseq.kernels.layout import Block, Input
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,12 @@ class Kernel:
     value_rows: int
     rows: int
     module: ModuleType
+
+    def __reduce__(self) -> tuple[Callable[..., Kernel], tuple[str, ...]]:
+        """By its name where that gives it, else by the text of its module."""
+        if ondemand.TEXT in self.module.__dict__:
+            return _of_text, (self.name, self.module.__dict__[ondemand.TEXT])
+        return load, (self.name,)
 
     @property
     def first_result(self) -> int:
@@ -105,6 +118,10 @@ def load(name: str) -> Kernel:
     if module is None:
         raise FormulaError(_unknown(name))
     return describe(module)
+
+
+def _of_text(name: str, text: str) -> Kernel:
+    return describe(ondemand.in_memory(name, text))
 
 
 def _unknown(name: str) -> str:

@@ -23,6 +23,9 @@ from obseq.writing import write_text
 LOGGER = logging.getLogger(__name__)
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GENERATOR_NEEDS = ("sympy", "jinja2")
+TEXT = "TEXT"
+"""Name under which a module in memory keeps its own text."""
+
 PREFIX = "obseq_on_demand_"
 
 
@@ -47,6 +50,7 @@ def in_memory(name: str, text: str) -> ModuleType:
     place = f"<generated {name}>"
     linecache.cache[place] = (len(text), None, text.splitlines(keepends=True), place)
     exec(compile(text, place, "exec"), module.__dict__)  # the one place that executes text
+    module.__dict__[TEXT] = text
     return module
 
 

@@ -17,6 +17,7 @@ from obseq.leastsquares.iterations.gauss_newton import Options, Progress, factor
 from obseq.leastsquares.iterations.runs import runner
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
+from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.definition import Definition
 from obseq.leastsquares.problem.objects import UnknownObject, synchronise
 from obseq.leastsquares.solution.cofactors import Cofactors
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.iterations.strategies import Strategy
-    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
@@ -140,6 +140,8 @@ class LeastSquares(Definition):
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
+        if not isinstance(batch, Batch):
+            raise InputError(f"residuals: a batch is wanted, as `add` returns it, not {batch!r}")
         return raw_residuals(self.unknowns, batch, self._threads)
 
     def solve(

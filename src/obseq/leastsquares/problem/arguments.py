@@ -81,13 +81,22 @@ def texts(given: object, what: str) -> tuple[str, ...]:
     Raises:
         InputError: it is one text, or some of it is no text.
     """
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InputError(f"{what}: a list of names is wanted, not {given!r}")
-    names = tuple(given)
+    names = tuple(listed(given, what))
     for number, name in enumerate(names):
         if not isinstance(name, str):
             raise InputError(f"{what}: row {number} is no name: {name!r}")
     return names
+
+
+def listed(given: object, what: str) -> list[Any]:
+    """The items of a list.
+
+    Raises:
+        InputError: it is no list of anything.
+    """
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"{what}: a list is wanted, not {given!r}")
+    return list(given)
 
 
 def text(given: object, what: str) -> str:

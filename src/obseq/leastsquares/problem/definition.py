@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import finite, table_of_rows, texts
+from obseq.leastsquares.problem.arguments import finite, listed, real, table_of_rows, texts
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.manifolds import checked_rotations, direction_context, rotation_context
 from obseq.leastsquares.problem.objects import matching
@@ -209,16 +209,15 @@ class Definition:
         labels: Sequence[str] | None,
         group: str | None,
     ) -> Batch:
-        ids = [self.unknowns.checked(column, "linear rows") for column in columns]
-        if not ids or len(ids) != len(coefficients):
-            raise InputError(f"linear rows: {len(coefficients)} sets of coefficients for {len(ids)} blocks")
-        shape = linear_shape(self.unknowns, ids)
-        n = max(len(column) for column in ids)
-        parts = [
+        ids = [self.unknowns.checked(column, "linear rows") for column in listed(columns, "linear rows")]
+        parts = [real(part, "linear rows, coefficients") for part in listed(coefficients, "linear rows")]
+        if not ids or len(ids) != len(parts):
+            raise InputError(f"linear rows: {len(parts)} sets of coefficients for {len(ids)} blocks")
+        shape, right = linear_shape(self.unknowns, ids), real(values, "linear rows, values")
+        n = max(*(len(column) for column in ids), *(len(rows) for rows in (*parts, right) if rows.ndim))
+        for part, role in zip(parts, shape.roles, strict=True):
             finite(part, (n, role.size), f"linear rows, coefficients {role.name}")
-            for part, role in zip(coefficients, shape.roles, strict=True)
-        ]
-        rows = np.column_stack([*parts, finite(values, (n,), "linear rows, values")])
+        rows = np.column_stack([*parts, finite(right, (n,), "linear rows, values")])
         blocks = {role.name: column for role, column in zip(shape.roles, ids, strict=True)}
         return Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None)
 
@@ -337,7 +336,7 @@ class Definition:
     def remove_constraint(self, constraint: Batch) -> None:
         """Takes a constraint out again."""
         if constraint not in self._constraints:
-            raise InputError(f"this {constraint.name} constraint is not in the system")
+            raise InputError(f"{getattr(constraint, 'name', constraint)!r} is no constraint of the system")
         self.unknowns.owner.check()
         self._constraints.remove(constraint)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.problem.arguments import text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -158,7 +159,7 @@ def matching(table: UnknownTable, pattern: str) -> dict[int, list[int]]:
         InputError: The pattern is no regular expression, or nothing matches it.
     """
     try:
-        expression = re.compile(pattern)
+        expression = re.compile(text(pattern, "matching"))
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
     found: dict[int, list[int]] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -326,8 +327,10 @@ class UnknownTable:
         if components is None:
             return self.scalars(array, what)
         known = self.components(int(array[0]))
-        if isinstance(components, str):
+        if isinstance(components, str) and any(components in _called(name) for name in known):
             components = (components,)
+        if not isinstance(components, Iterable):
+            raise InputError(f"{what}: a list of components is wanted, not {components!r}")
         chosen = [_component(known, component, size, what) for component in components]
         return np.asarray(self.start[array][:, None] + np.array(chosen, dtype=np.int64))
 
@@ -407,10 +410,15 @@ def _component(known: tuple[str, ...], component: str | int, size: int, what: st
     """Number of a component given by name or by number."""
     if isinstance(component, str):
         for number, name in enumerate(known):
-            if component in (name, name.rpartition(".")[2]):
+            if component in _called(name):
                 return number
         raise InputError(f"{what}: no component {component!r}; there are {', '.join(known)}")
     number = whole(component, f"{what}, component")
     if not 0 <= number < size:
         raise InputError(f"{what}: no component {number}; they go from 0 to {size - 1}")
     return number
+
+
+def _called(component: str) -> tuple[str, str]:
+    """What a component may be called: `rotation.x`, or `x`."""
+    return component, component.rpartition(".")[2]
