@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.unplaced import Unplaced
+    from obseq.survey.screening.findings import GrossError
     from obseq.survey.model import FieldBook, Points
 
 
@@ -205,6 +206,19 @@ class Network:
                 if not undetermined or self._was_determined(start, undetermined):
                     raise
                 start = leave_out(start, undetermined)
+
+    def gross_errors(self) -> tuple[GrossError, ...]:
+        """Observations and known points that contradict the rest grossly, with likely causes, the worst first."""
+        from obseq.survey.screening.known_points import PointSystem
+        from obseq.survey.screening.robust import Model
+        from obseq.survey.screening.search import gross_errors
+
+        vertical = self.frame.vertical if self.frame.has_vertical else None
+        model = Model(lambda points, book: initial_values(points, book, vertical), self._equations)
+        outwards = crs.Transformer(self.frame.system, self.points_crs)
+        inwards = crs.Transformer(self.points_crs, self.frame.system)
+        system = PointSystem(outwards.forward, inwards.forward)
+        return gross_errors(model, system, self.points, self.book)
 
     def _replaced(self, initial: InitialValues) -> tuple[Replaced, ...]:
         """The approximate coordinates that are not used, in the system of the points."""

@@ -1,0 +1,45 @@
+"""What is found: a gross error, what it is likely to be, and how far off it is."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+
+class Cause(enum.StrEnum):
+    """Likely causes of gross errors."""
+
+    UNITS = "units"
+    ELEVATION = "elevation for zenith angle"
+    SENSE = "sense or sign"
+    SWAPPED_COORDINATES = "easting and northing swapped"
+    SWAPPED_NAMES = "names swapped"
+    WRONG_POINT = "wrong point"
+    MISTYPED = "mistyped"
+    HORIZONTAL = "horizontal for slope distance"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class GrossError:
+    """One gross error, or one cause of many.
+
+    Attributes:
+        what: the observation, the point or the group, with file and line.
+        cause: what it is likely to be.
+        text: the likely cause in words, and what would fit.
+        size: misfit in sigmas, of the worst observation it explains.
+        rows: the observations that it explains.
+        points: the points that it concerns, by name.
+    """
+
+    what: str
+    cause: Cause
+    text: str
+    size: float
+    rows: tuple[int, ...] = ()
+    points: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """What is suspected and why."""
+        return f"{self.what} contradicts the other observations ({self.size:.3g} sigmas): {self.text}"

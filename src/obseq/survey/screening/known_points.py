@@ -1,0 +1,171 @@
+"""Known points that are wrong: easting and northing swapped, names exchanged, a digit mistyped.
+
+As for groups, each cause is tried: the point is put right, or taken as unknown, and the network computed anew.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import ObseqError
+from obseq.survey.model import ObservationType
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.groups import REMAINS
+from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
+from obseq.survey.screening.values import explained
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.model import Points
+
+_MOST_POINTS = 8
+_LEAST_OBSERVATIONS = 4
+_NEAR = 0.05
+"""Distance (m), beyond the sigmas, at which two places are the same when digits are looked for."""
+_AXES = ("easting (x)", "northing (y)", "height")
+
+
+@dataclass(frozen=True)
+class PointSystem:
+    """The coordinates of the files: from those of the frame, and back."""
+
+    outwards: Callable[[FloatArray], FloatArray]
+    inwards: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    cause: Cause
+    text: str
+    points: Points
+    rows: tuple[int, ...]
+
+
+def known_point_cause(
+    model: Model, system: PointSystem, found: Estimate
+) -> tuple[GrossError, Estimate] | None:
+    """The wrong known point that explains most contradictions, with the network without it."""
+    before = found.disagreement(GROSS)
+    best: tuple[float, _Trial, Estimate] | None = None
+    for trial in _trials(system, found):
+        corrected = _tried(model, found, trial)
+        if corrected is None:
+            continue
+        left = corrected.disagreement(GROSS)
+        if best is None or left < best[0] - 0.3:
+            best = (left, trial, corrected)
+    if best is None or best[0] > REMAINS * before or before - best[0] < 1.5:
+        return None
+    return _described(system, found, best[1], best[2]), best[2]
+
+
+def _tried(model: Model, found: Estimate, trial: _Trial) -> Estimate | None:
+    try:
+        corrected = estimate(model, trial.points, found.book, quick=True)
+    except ObseqError:
+        return None
+    return corrected if np.isfinite(corrected.coordinates[list(trial.rows)]).all() else None
+
+
+def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
+    """What may be wrong, the most particular first."""
+    yield from _swapped(system, found.points, np.flatnonzero(found.points.has_coordinates), "all points")
+    candidates = _candidates(found)
+    for row in candidates:
+        yield from _swapped(system, found.points, np.array([row]), "")
+    for a, b in itertools.combinations(candidates[:4], 2):
+        coordinates = found.points.coordinates.copy()
+        coordinates[[a, b]] = coordinates[[b, a]]
+        text = "the coordinates of these two points are exchanged, or their names"
+        yield _Trial(Cause.SWAPPED_NAMES, text, replace(found.points, coordinates=coordinates), (a, b))
+    counts = _observation_counts(found)
+    for row in candidates:
+        if counts[row] >= _LEAST_OBSERVATIONS:
+            yield _Trial(Cause.MISTYPED, "", _without(found.points, row), (row,))
+
+
+def _swapped(system: PointSystem, points: Points, rows: FloatArray, who: str) -> Iterator[_Trial]:
+    """Points with their first two coordinates exchanged."""
+    coordinates = points.coordinates.copy()
+    given = system.outwards(coordinates[rows])
+    try:
+        coordinates[rows] = system.inwards(given[:, [1, 0, 2]])
+    except ObseqError:
+        return
+    if np.isfinite(coordinates[rows]).all() and np.abs(given[:, 0] - given[:, 1]).max() > _NEAR:
+        text = f"easting and northing of {who or 'the point'} look swapped"
+        which = tuple(rows.tolist())
+        yield _Trial(Cause.SWAPPED_COORDINATES, text, replace(points, coordinates=coordinates), which)
+
+
+def _candidates(found: Estimate) -> list[int]:
+    """Known points, those with the most suspects first."""
+    observations = found.book.observations
+    known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
+    count = np.zeros(len(found.book.point_names))
+    weights = np.minimum(found.ratios / GROSS, 1.0) * observations.active
+    for ends in (observations.from_points, observations.to_points):
+        count += np.bincount(ends, weights, minlength=len(count))
+    ordered = known[np.argsort(-count[known], kind="stable")]
+    return [int(row) for row in ordered[:_MOST_POINTS] if count[row] > 0.0]
+
+
+def _observation_counts(found: Estimate) -> FloatArray:
+    observations, n = found.book.observations, len(found.book.point_names)
+    active = observations.active
+    return np.asarray(
+        np.bincount(observations.from_points[active], minlength=n)
+        + np.bincount(observations.to_points[active], minlength=n)
+    )
+
+
+def _without(points: Points, row: int) -> Points:
+    """The points with one of them unknown."""
+    coordinates, sigmas = points.coordinates.copy(), points.sigmas.copy()
+    coordinates[row] = sigmas[row] = np.nan
+    return replace(points, coordinates=coordinates, sigmas=sigmas)
+
+
+def _described(system: PointSystem, found: Estimate, trial: _Trial, corrected: Estimate) -> GrossError:
+    points, rows = found.points, list(trial.rows)
+    names = tuple(points.names[row] for row in rows)
+    mine = np.isin(found.book.observations.from_points, rows) | np.isin(
+        found.book.observations.to_points, rows
+    )
+    explains = np.flatnonzero(mine & (found.ratios > GROSS))
+    size = float(found.ratios[explains].max(initial=0.0))
+    cause, text = trial.cause, trial.text
+    if cause is Cause.MISTYPED:
+        cause, text = _of_coordinates(system, found, rows[0], corrected)
+    listed = [f"{points.names[row]} ({points.place(row)})" for row in rows[:6]]
+    what = f"known point {' and '.join(listed)}" if len(rows) <= 2 else f"points {', '.join(listed)}"
+    return GrossError(what, cause, text, size, tuple(explains.tolist()), names)
+
+
+def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: Estimate) -> tuple[Cause, str]:
+    """What is wrong with the coordinates of a point that the observations place elsewhere."""
+    there = corrected.coordinates[row]
+    known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
+    for other in known.tolist():
+        if other != row and np.linalg.norm(found.points.coordinates[other] - there) < 10.0 * _NEAR:
+            return (
+                Cause.SWAPPED_NAMES,
+                f"the observations place it at {found.points.names[other]}: wrong name",
+            )
+    given = system.outwards(found.points.coordinates[[row]])[0]
+    right = system.outwards(there[None, :])[0]
+    place = ", ".join(f"{value:.3f}" for value in right)
+    text = f"its coordinates are wrong; the observations place it at ({place})"
+    off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
+    if len(off) == 1:
+        k = off[0]
+        explanation = explained(ObservationType.DZ, float(given[k]), float(right[k]), _NEAR)
+        if explanation is not None:
+            return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}"
+        return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {given[k] - right[k]:.3f}"
+    return Cause.MISTYPED, text

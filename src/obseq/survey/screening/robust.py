@@ -1,0 +1,169 @@
+"""A robust estimate of a network: what it looks like when observations that contradict the others do not count.
+
+Reweighted least squares from the initial values: first nearly the least sum of absolute residuals, which brings
+points to their place that a wrong observation has put elsewhere; then a loss under which large residuals have no
+effect at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import ObseqError
+from obseq.leastsquares.problem.losses import GemanMcClure, Huber
+from obseq.survey.initial.left_out import Determined, leave_out
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares import LeastSquares
+    from obseq.leastsquares.problem.losses import Loss
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.model import FieldBook, Points
+
+Stages = tuple[tuple["Loss", int], ...]
+"""Losses and the most iterations with each."""
+_WHOLE: Stages = ((Huber(1.5), 14), (GemanMcClure(8.0), 6), (GemanMcClure(4.0), 6))
+_QUICK: Stages = ((Huber(1.5), 6),)
+_ARRIVED = 0.05
+"""Iterations end when no unknown moves by more than this share of its standard deviation."""
+_FOLLOW = 3
+"""Verticals and refraction are computed anew after so many iterations."""
+GROSS = 10.0
+"""Misfit, in sigmas, from which an observation is called gross: noise of any honest sigma stays below."""
+
+_LARGEST_SCALE = 4.0
+"""Sigmas may be too small by so much; when misfits are larger still, something is wrong."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """How initial values and equations of a network are made.
+
+    Attributes:
+        initial: points and book -> initial values, as far as they go.
+        equations: a network with its initial values -> its equations.
+    """
+
+    initial: Callable[[Points, FieldBook], InitialValues]
+    equations: Callable[[Determined], Equations]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A network estimated robustly.
+
+    Attributes:
+        points: the points.
+        book: the observations.
+        coordinates: (n, 3) of all points of the frame; NaN where nothing determines them.
+        rotations: (m, 3, 3) instrument -> frame of all stations; NaN where unknown.
+        misfits: (k,) computed minus observed, m or rad; NaN where it is not known.
+        ratios: (k,) size of the misfits in sigmas; 0 where it is not known.
+        scale: how many times larger than their sigmas the misfits of good observations are, 1 to 4.
+    """
+
+    points: Points
+    book: FieldBook
+    coordinates: FloatArray
+    rotations: FloatArray
+    misfits: FloatArray
+    ratios: FloatArray
+    scale: float
+
+    @property
+    def computed(self) -> FloatArray:
+        """(k,) what each observation should have been."""
+        return np.asarray(self.book.observations.values + self.misfits)
+
+    @property
+    def limit(self) -> float:
+        """Misfit in sigmas from which an observation is suspected."""
+        return GROSS * self.scale
+
+    @property
+    def suspects(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+        """Rows of the observations that contradict the others, the worst first."""
+        rows = np.flatnonzero(self.ratios > self.limit)
+        return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
+
+    def disagreement(self, limit: float) -> float:
+        """How many observations contradict the others, counted softly; those that cannot be compared count too."""
+        active = self.book.observations.active
+        sizes = np.where(np.isnan(self.misfits), np.inf, self.ratios)[active] / limit
+        with np.errstate(invalid="ignore"):
+            counts = np.where(np.isfinite(sizes), sizes**2 / (1.0 + sizes**2), 1.0)
+        return float(counts.sum())
+
+
+def estimate(model: Model, points: Points, book: FieldBook, *, quick: bool = False) -> Estimate:
+    """The network by the observations that agree with each other.
+
+    Args:
+        model: how initial values and equations are made.
+        points: of the network.
+        book: its observations.
+        quick: few iterations, enough to see whether a cause explains the contradictions.
+
+    Raises:
+        ObseqError: nothing of the network can be computed.
+    """
+    start = Determined(points, book, model.initial(points, book))
+    start = leave_out(start, start.initial.unplaced)
+    equations = model.equations(start)
+    _settle(equations, _QUICK if quick else _WHOLE)
+    return _estimate(points, book, start, equations)
+
+
+def _settle(equations: Equations, stages: Stages) -> None:
+    """Moves the unknowns to the robust solution, as far as the iterations go."""
+    batches = [batch for _, batch in equations.batches.values()]
+
+    def before(system: LeastSquares, iteration: int) -> None:
+        if iteration % _FOLLOW == 0:
+            equations.follow(system, iteration)
+
+    for loss, count in stages:
+        for batch in batches:
+            batch.loss = loss
+        try:
+            equations.system.solve(max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
+        except ObseqError:
+            break  # what has been found so far is what there is
+
+
+def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equations) -> Estimate:
+    n, m = len(points), len(book.stations)
+    kept_points = [points.index[name] for name in start.points.names]
+    kept_stations = _kept_stations(book, start.book)
+    coordinates, rotations = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan)
+    coordinates[kept_points] = equations.system.values(equations.points)
+    if len(kept_stations):
+        rotations[kept_stations] = equations.system.values(equations.stations)
+    misfits = np.full(len(book.observations), np.nan)
+    ratios = np.zeros(len(book.observations))
+    for rows, batch in equations.batches.values():
+        misfits[rows] = equations.system.residuals(batch)[:, 0]
+        ratios[rows] = np.abs(misfits[rows]) / batch.sigmas[:, 0]
+    return Estimate(points, book, coordinates, rotations, misfits, ratios, _scale(ratios, equations.system))
+
+
+def _kept_stations(before: FieldBook, after: FieldBook) -> list[int]:
+    """Numbers that the stations of a reduced book have in the book before."""
+    starts = after.stations.starts[:-1]
+    firsts = after.stations.members[starts] if len(starts) else np.zeros(0, np.int64)
+    return [int(number) for number in before.observations.stations[firsts]]
+
+
+def _scale(ratios: FloatArray, system: LeastSquares) -> float:
+    """Size of the ratios of good observations: from their median, and the share that is redundant."""
+    seen = ratios[ratios > 0.0]
+    share = system.redundancy / max(len(seen), 1)
+    if not seen.size or share <= 0.0:
+        return 1.0
+    size = 1.4826 * float(np.median(seen)) / min(1.0, share) ** 0.5
+    return min(max(1.0, size), _LARGEST_SCALE)

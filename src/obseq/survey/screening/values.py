@@ -1,0 +1,178 @@
+"""What one value should have been, and which mistakes make the other out of it.
+
+A mistake explains a misfit when it turns the value that was read into the one that the rest of the network gives,
+to the noise. How much that says depends on how likely it is to happen by chance: each mistake is tried in a number
+of ways, and each hits with the tolerance over the range of values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from obseq.survey.model import ObservationType
+from obseq.survey.screening.findings import Cause
+
+GON = 200.0 / math.pi
+_FEET = 0.3048
+_DECIMALS = {True: 5, False: 4}
+"""Decimals of angles (gon) and of lengths (m) in which digits are looked for."""
+LIKELY = 0.02
+"""Chance below which an explanation is believed."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake with a value.
+
+    Attributes:
+        cause: its kind.
+        text: in words.
+        right: the value read (m, rad) -> what it should have been.
+    """
+
+    cause: Cause
+    text: str
+    right: Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A mistake that turns the value read into the one expected, and the chance that it does so by accident."""
+
+    cause: Cause
+    text: str
+    chance: float
+
+
+_IN_DEGREES = Mistake(Cause.UNITS, "degrees instead of gon", lambda v: v * 10.0 / 9.0)
+_ANGLES = (
+    _IN_DEGREES,
+    Mistake(Cause.UNITS, "radians instead of gon", lambda v: v * GON),
+    Mistake(
+        Cause.UNITS, "degrees, minutes and seconds (ddd.mmss) instead of gon", lambda v: _sexagesimal(v * GON)
+    ),
+)
+_LENGTHS = (
+    Mistake(Cause.UNITS, "millimetres instead of metres", lambda v: v / 1000.0),
+    Mistake(Cause.UNITS, "centimetres instead of metres", lambda v: v / 100.0),
+    Mistake(Cause.UNITS, "kilometres instead of metres", lambda v: v * 1000.0),
+    Mistake(Cause.UNITS, "feet instead of metres", lambda v: v * _FEET),
+)
+_SIGN = Mistake(Cause.SENSE, "the sign, or the order of the two points, is wrong", lambda v: -v)
+_OF_ZENITH = (
+    Mistake(Cause.ELEVATION, "an elevation instead of a zenith angle", lambda v: math.pi / 2.0 - v),
+    Mistake(
+        Cause.ELEVATION,
+        "an elevation in degrees instead of a zenith angle in gon",
+        lambda v: math.pi / 2.0 - v * 10.0 / 9.0,
+    ),
+    Mistake(Cause.SENSE, "counted from the nadir, or from the target to the station", lambda v: math.pi - v),
+    Mistake(Cause.SENSE, "read in the other face (400 gon minus it fits)", lambda v: 2.0 * math.pi - v),
+)
+_OF_HZ = (
+    Mistake(Cause.SENSE, "counted anticlockwise", lambda v: -v),
+    Mistake(Cause.SENSE, "200 gon off: read in the other face, or backwards", lambda v: v + math.pi),
+)
+
+
+def mistakes_of(kind: ObservationType) -> tuple[Mistake, ...]:
+    """The mistakes that are made with values of a kind."""
+    if kind is ObservationType.Zen:
+        return _ANGLES + _OF_ZENITH
+    if kind.is_angle:
+        return _ANGLES + _OF_HZ
+    return _LENGTHS if kind is ObservationType.Dist else (*_LENGTHS, _SIGN)
+
+
+def _sexagesimal(value: float) -> float:
+    """Radians of ddd.mmss."""
+    size = abs(value) + 1e-9
+    degrees = math.floor(size)
+    minutes = math.floor((size - degrees) * 100.0)
+    seconds = ((size - degrees) * 100.0 - minutes) * 100.0
+    return math.copysign(math.radians(degrees + minutes / 60.0 + seconds / 3600.0), value)
+
+
+def explained(kind: ObservationType, value: float, expected: float, tolerance: float) -> Explanation | None:
+    """The most telling explanation of a value; None when none is likely.
+
+    Args:
+        kind: of the observation.
+        value: as read (m, rad).
+        expected: what the rest of the network gives.
+        tolerance: how far a good explanation may be from it.
+    """
+    span = 2.0 * math.pi if kind.is_angle else 2.0 * max(abs(value), abs(expected))
+    by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
+    by_digits = _by_digits(kind, value, expected, tolerance, span)
+    found = [e for e in (*by_mistake, *by_digits) if e.chance < LIKELY]
+    return min(found, key=lambda e: e.chance, default=None)
+
+
+def difference(kind: ObservationType, a: float, b: float) -> float:
+    """a - b, of angles in [-pi, pi]."""
+    return math.remainder(a - b, 2.0 * math.pi) if kind.is_angle else a - b
+
+
+def _by_mistakes(
+    kind: ObservationType, value: float, expected: float, tolerance: float, span: float
+) -> Iterator[Explanation]:
+    mistakes = mistakes_of(kind)
+    for mistake in mistakes:
+        if abs(difference(kind, mistake.right(value), expected)) <= tolerance:
+            chance = len(mistakes) * 2.0 * tolerance / span
+            yield Explanation(mistake.cause, mistake.text, chance)
+
+
+def _by_digits(
+    kind: ObservationType, value: float, expected: float, tolerance: float, span: float
+) -> Iterator[Explanation]:
+    """One wrong digit, two digits exchanged, or a decimal point in the wrong place."""
+    unit = GON if kind.is_angle else 1.0
+    read, margin = value * unit, tolerance * unit
+    decimals = _DECIMALS[kind.is_angle]
+    whole = 400.0 if kind.is_angle and kind is not ObservationType.Zen else 0.0
+    tried = list(variants(read, decimals, margin))
+    for text, right in tried:
+        gap = right - expected * unit
+        if whole:
+            gap = math.remainder(gap, whole)
+        if abs(gap) <= margin:
+            yield Explanation(Cause.MISTYPED, text, len(tried) * 2.0 * tolerance / span)
+
+
+def variants(read: float, decimals: int, margin: float) -> Iterator[tuple[str, float]]:
+    """The numbers that differ from one by a single slip of the pen, those within the margin left out.
+
+    Args:
+        read: the number as it was read.
+        decimals: how many of its decimals are looked at.
+        margin: changes below twice this are none.
+    """
+    shown = f"{abs(read):.{decimals}f}"
+    sign = -1.0 if read < 0.0 else 1.0
+    for k, digit in enumerate(shown):
+        if digit == ".":
+            continue
+        for other in "0123456789":
+            if other != digit:
+                changed = shown[:k] + other + shown[k + 1 :]
+                yield from _kept("one digit is wrong", sign * float(changed), read, margin)
+    for k in range(len(shown) - 1):
+        a = k
+        b = k + 1 if shown[k + 1] != "." else k + 2
+        if shown[a] != "." and b < len(shown) and shown[a] != shown[b]:
+            text = list(shown)
+            text[a], text[b] = text[b], text[a]
+            yield from _kept("two digits are exchanged", sign * float("".join(text)), read, margin)
+    for power in (-2, -1, 1, 2):
+        yield from _kept("the decimal point is in the wrong place", read * 10.0**power, read, margin)
+    for digit in "123456789":
+        yield from _kept("a leading digit is missing", sign * float(digit + shown), read, margin)
+
+
+def _kept(text: str, right: float, read: float, margin: float) -> Iterator[tuple[str, float]]:
+    if abs(right - read) > 2.0 * margin:
+        yield text, right

@@ -1,0 +1,357 @@
+"""How often the cause of a planted gross error is named, and how often an honest network raises an alarm.
+
+Random networks (seeded) of 100 m to 3 km are written as OBS and COR files in Lambert 93, each with one mistake as
+people make them: units, elevations, exchanged coordinates or names, digits. The network is read and searched.
+
+Example:
+    python tools/benchmarks/bench_gross_errors.py --networks 100
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import make_network as simulated
+import numpy as np
+import numpy.typing as npt
+
+from obseq.errors import ObseqError
+from obseq.survey import Network, make_points, write_cor, write_obs
+from obseq.survey.screening.findings import Cause, GrossError
+
+FRAME, PLANE = simulated.FRAME, simulated.PLANE
+Random = np.random.Generator
+
+
+@dataclass
+class Site:
+    """The texts of the files of a network: lines of words, to be spoilt.
+
+    Attributes:
+        obs: lines of the OBS file.
+        cor: lines of the COR file.
+        new: names of the unknown points.
+    """
+
+    obs: list[list[str]]
+    cor: list[list[str]]
+    new: list[str]
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """Writes the two files."""
+        paths = folder / "site.obs", folder / "site.cor"
+        for path, lines in zip(paths, (self.obs, self.cor), strict=True):
+            path.write_text("\n".join(" ".join(words) for words in lines) + "\n", encoding="utf-8")
+        return paths
+
+    def read(self, folder: Path) -> Network:
+        """The network of the files."""
+        return Network.read(*self.write(folder), frame=FRAME, points_crs=PLANE)
+
+
+@dataclass(frozen=True)
+class Planted:
+    """What was done: the causes that name it, lines of the OBS file and points it concerns."""
+
+    causes: frozenset[Cause]
+    lines: frozenset[int] = frozenset()
+    points: frozenset[str] = frozenset()
+
+    def is_named_by(self, error: GrossError, network: Network) -> bool:
+        """Whether a finding names this error and its cause."""
+        lines = {int(network.book.observations.lines[row]) for row in error.rows}
+        is_there = bool(self.lines & lines) or bool(self.points & set(error.points))
+        return error.cause in self.causes and is_there
+
+
+def made_site(random: Random) -> Site:
+    """A network of three to five known points and four to nine new ones, observed from most of its points."""
+    n_known, n_new = int(random.integers(3, 6)), int(random.integers(4, 10))
+    true = _spread_points(n_known + n_new, 10.0 ** random.uniform(2.0, 3.5), random)
+    names = [f"K{k + 1}" for k in range(n_known)] + [f"P{k + 1}" for k in range(n_new)]
+    book = simulated.measured(names, true, _sights(true, random), random)
+    noisy = true[:n_known] + random.normal(0.0, 0.001, (n_known, 3))
+    known = make_points(
+        names[:n_known], simulated.in_system(noisy, PLANE), np.full((n_known, 3), simulated.SIGMA_KNOWN)
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        write_obs(Path(folder) / "site.obs", book)
+        write_cor(Path(folder) / "site.cor", known, PLANE)
+        texts = [(Path(folder) / f"site.{kind}").read_text(encoding="utf-8") for kind in ("obs", "cor")]
+    lines = [[line.split() for line in text.splitlines()] for text in texts]
+    kept = [[words for words in each if words and not words[0].startswith("*")] for each in lines]
+    return Site(kept[0], kept[1], names[n_known:])
+
+
+def _spread_points(n: int, size: float, random: Random) -> npt.NDArray[np.float64]:
+    while True:
+        plan = random.uniform(-size / 2.0, size / 2.0, (n, 2))
+        apart = np.linalg.norm(plan[:, None] - plan[None, :], axis=2) + np.eye(n) * size
+        if apart.min() > size / 12.0:
+            return np.column_stack([plan, 100.0 + random.uniform(0.0, size / 10.0, n)])
+
+
+def _sights(true: npt.NDArray[np.float64], random: Random) -> npt.NDArray[np.int32]:
+    """Each of two thirds of the points sees its four to seven nearest."""
+    n = len(true)
+    apart = np.linalg.norm(true[:, None] - true[None, :], axis=2)
+    stations = np.sort(random.permutation(n)[: max(4, 2 * n // 3)])
+    pairs = []
+    for station in stations:
+        nearest = np.argsort(apart[station])[1 : 1 + int(random.integers(4, 8))]
+        pairs += [(station, target) for target in nearest]
+    return np.array(pairs, np.int32)
+
+
+def _angles(site: Site, codes: tuple[str, ...] = ("5", "6", "7")) -> list[int]:
+    return [k for k, words in enumerate(site.obs) if words[0] in codes]
+
+
+def _scaled(site: Site, rows: list[int], change: Callable[[float], float]) -> frozenset[int]:
+    """Changes values as somebody who writes them does; the lines of the file, from 1."""
+    for k in rows:
+        decimals = len(site.obs[k][3].partition(".")[2])
+        site.obs[k][3] = f"{change(float(site.obs[k][3])):.{max(decimals, 3)}f}"
+    return frozenset(k + 1 for k in rows)
+
+
+def _some(rows: list[int], random: Random) -> list[int]:
+    return [rows[int(random.integers(len(rows)))]]
+
+
+def all_in_degrees(site: Site, random: Random) -> Planted:
+    """All angles in degrees."""
+    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site), lambda v: v * 0.9))
+
+
+def station_in_degrees(site: Site, random: Random) -> Planted:
+    """All angles of one station in degrees."""
+    name = site.obs[_some(_angles(site), random)[0]][1]
+    rows = [k for k in _angles(site) if site.obs[k][1] == name]
+    return Planted(frozenset({Cause.UNITS}), _scaled(site, rows, lambda v: v * 0.9))
+
+
+def all_elevations(site: Site, random: Random) -> Planted:
+    """Elevations instead of zenith angles."""
+    return Planted(frozenset({Cause.ELEVATION}), _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v))
+
+
+def all_elevations_in_degrees(site: Site, random: Random) -> Planted:
+    """All angles in degrees, and elevations instead of zenith angles."""
+    lines = _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v)
+    lines |= _scaled(site, _angles(site), lambda v: v * 0.9)
+    return Planted(frozenset({Cause.ELEVATION, Cause.UNITS}), lines)
+
+
+def all_in_millimetres(site: Site, random: Random) -> Planted:
+    """All distances in millimetres."""
+    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site, ("3",)), lambda v: v * 1000.0))
+
+
+def all_in_feet(site: Site, random: Random) -> Planted:
+    """All distances in feet."""
+    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site, ("3",)), lambda v: v / 0.3048))
+
+
+def one_in_degrees(site: Site, random: Random) -> Planted:
+    """One angle in degrees."""
+    lines = _scaled(site, _some(_angles(site), random), lambda v: v * 0.9)
+    return Planted(frozenset({Cause.UNITS}), lines)
+
+
+def one_elevation(site: Site, random: Random) -> Planted:
+    """One elevation instead of a zenith angle."""
+    rows = _some(_angles(site, ("6",)), random)
+    return Planted(frozenset({Cause.ELEVATION}), _scaled(site, rows, lambda v: 100.0 - v))
+
+
+def one_in_millimetres(site: Site, random: Random) -> Planted:
+    """One distance in millimetres."""
+    rows = _some(_angles(site, ("3",)), random)
+    return Planted(frozenset({Cause.UNITS}), _scaled(site, rows, lambda v: v * 1000.0))
+
+
+def one_digit(site: Site, random: Random) -> Planted:
+    """One digit of one value wrong, far above the noise."""
+    k = _some(_angles(site, ("3", "5", "6", "7")), random)[0]
+    text = site.obs[k][3]
+    limit = 0.02 if site.obs[k][0] in ("5", "6", "7") else 0.05
+    point = text.index(".")
+    places = [i for i, c in enumerate(text) if c.isdigit() and 10.0 ** _power(i, point) >= limit]
+    while True:
+        i = places[int(random.integers(len(places)))]
+        changed = text[:i] + str(int(random.integers(10))) + text[i + 1 :]
+        if changed != text and (site.obs[k][0] == "3" or abs(float(changed)) <= 400.0):
+            break
+    site.obs[k][3] = changed
+    return Planted(frozenset({Cause.MISTYPED, Cause.SENSE}), frozenset({k + 1}))
+
+
+def _power(i: int, point: int) -> int:
+    return point - i - 1 if i < point else point - i
+
+
+def exchanged_digits(site: Site, random: Random) -> Planted:
+    """Two neighbouring digits of a distance exchanged."""
+    while True:
+        k = _some(_angles(site, ("3",)), random)[0]
+        text = site.obs[k][3]
+        i = int(random.integers(0, text.index(".") - 1))
+        if text[i] != text[i + 1]:
+            break
+    site.obs[k][3] = text[:i] + text[i + 1] + text[i] + text[i + 2 :]
+    return Planted(frozenset({Cause.MISTYPED}), frozenset({k + 1}))
+
+
+def wrong_target(site: Site, random: Random) -> Planted:
+    """All measures of one sight under the name of another point."""
+    k = _some(_angles(site, ("6",)), random)[0]
+    origin, target = site.obs[k][1:3]
+    sights = [words for words in site.obs if len(words) > 2]
+    others = [w[2] for w in sights if w[1] != origin and w[2] not in (origin, target)]
+    name = others[int(random.integers(len(others)))]
+    rows = [i for i, words in enumerate(site.obs) if words[1:3] == [origin, target]]
+    for i in rows:
+        site.obs[i][2] = name
+    causes = frozenset({Cause.WRONG_POINT, Cause.SWAPPED_NAMES})
+    return Planted(causes, frozenset(i + 1 for i in rows))
+
+
+def exchanged_targets(site: Site, random: Random) -> Planted:
+    """Two targets of one station under each other's names."""
+    k = _some(_angles(site, ("6",)), random)[0]
+    origin, a = site.obs[k][1:3]
+    others = sorted({words[2] for words in site.obs if words[1:2] == [origin]} - {a})
+    b = others[int(random.integers(len(others)))]
+    lines = []
+    for i, words in enumerate(site.obs):
+        if words[1:2] == [origin] and words[2] in (a, b):
+            words[2] = b if words[2] == a else a
+            lines.append(i + 1)
+    return Planted(frozenset({Cause.SWAPPED_NAMES, Cause.WRONG_POINT}), frozenset(lines))
+
+
+def swapped_coordinates(site: Site, random: Random) -> Planted:
+    """Easting and northing of one known point exchanged."""
+    words = site.cor[int(random.integers(len(site.cor)))]
+    words[2], words[3] = words[3], words[2]
+    return Planted(frozenset({Cause.SWAPPED_COORDINATES}), points=frozenset({words[1]}))
+
+
+def all_coordinates_swapped(site: Site, random: Random) -> Planted:
+    """Easting and northing of all known points exchanged."""
+    for words in site.cor:
+        words[2], words[3] = words[3], words[2]
+    names = frozenset(words[1] for words in site.cor)
+    return Planted(frozenset({Cause.SWAPPED_COORDINATES}), points=names)
+
+
+def exchanged_known_points(site: Site, random: Random) -> Planted:
+    """The names of two known points exchanged."""
+    a, b = random.choice(len(site.cor), 2, replace=False)
+    site.cor[a][1], site.cor[b][1] = site.cor[b][1], site.cor[a][1]
+    names = frozenset({site.cor[a][1], site.cor[b][1]})
+    return Planted(frozenset({Cause.SWAPPED_NAMES}), points=names)
+
+
+def mistyped_coordinate(site: Site, random: Random) -> Planted:
+    """One digit of a coordinate of a known point wrong, by a metre or more."""
+    words = site.cor[int(random.integers(len(site.cor)))]
+    k = 2 + int(random.integers(3))
+    text = words[k]
+    places = [i for i in range(text.index(".")) if text[i].isdigit()][-3:]
+    i = places[int(random.integers(len(places)))]
+    words[k] = text[:i] + str((int(text[i]) + 1 + int(random.integers(9))) % 10) + text[i + 1 :]
+    return Planted(frozenset({Cause.MISTYPED}), points=frozenset({words[1]}))
+
+
+MISTAKES: tuple[Callable[[Site, Random], Planted], ...] = (
+    all_in_degrees,
+    station_in_degrees,
+    all_elevations,
+    all_elevations_in_degrees,
+    all_in_millimetres,
+    all_in_feet,
+    one_in_degrees,
+    one_elevation,
+    one_in_millimetres,
+    one_digit,
+    exchanged_digits,
+    wrong_target,
+    exchanged_targets,
+    swapped_coordinates,
+    all_coordinates_swapped,
+    exchanged_known_points,
+    mistyped_coordinate,
+)
+
+
+@dataclass
+class Count:
+    """Networks tried, gross errors announced at all, causes named, named as the worst; seconds of search."""
+
+    tried: int = 0
+    announced: int = 0
+    named: int = 0
+    first: int = 0
+    seconds: float = 0.0
+    missed: tuple[int, ...] = ()
+
+
+def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range) -> Count:
+    """Plants a mistake (none for an honest network) in each network, and counts what is found."""
+    count = Count()
+    for seed in seeds:
+        random = np.random.default_rng(seed)
+        site = made_site(random)
+        planted = mistake(site, random) if mistake else None
+        with tempfile.TemporaryDirectory() as folder:
+            network = site.read(Path(folder))
+        start = time.process_time()
+        errors = network.gross_errors()
+        count.seconds += time.process_time() - start
+        count.tried += 1
+        count.announced += bool(errors)
+        named = [planted is not None and planted.is_named_by(error, network) for error in errors]
+        count.named += any(named)
+        count.first += bool(named and named[0])
+        count.missed += () if planted is None or any(named) else (seed,)
+    return count
+
+
+def main() -> int:
+    """Runs the bench and prints the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--networks", type=int, default=100, help="networks for each mistake")
+    parser.add_argument("--only", nargs="*", help="names of mistakes")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
+    arguments = parser.parse_args()
+    table = {}
+    print(f"{'mistake':28}{'networks':>9}{'announced':>10}{'named':>7}{'first':>7}{'s each':>8}  missed")
+    for mistake in (None, *MISTAKES):
+        name = mistake.__name__ if mistake else "none (false alarms)"
+        if arguments.only and name not in arguments.only:
+            continue
+        count = counted(mistake, range(arguments.networks))
+        table[name] = vars(count)
+        figures = f"{count.tried:9}{count.announced:10}{count.named:7}{count.first:7}"
+        print(f"{name:28}{figures}{count.seconds / count.tried:8.3f}  {count.missed[:8]}", flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(table, indent=1), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except ObseqError as error:
+        sys.exit(str(error))
