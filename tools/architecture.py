@@ -63,7 +63,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "files": ("model", "kinds"),
         "initial": ("model", "kinds"),
         "adjustment": ("initial", "model", "kinds"),
-        "network": ("adjustment", "initial", "files", "model"),
+        "screening": ("adjustment", "initial", "model", "kinds"),
+        "network": ("screening", "adjustment", "initial", "files", "model"),
     },
 }
 """The same for the rooms, and single files, inside a room."""

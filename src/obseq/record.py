@@ -177,6 +177,25 @@ class ReplacedRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class GrossErrorRecord:
+    """Observations or known points that contradict the rest grossly, and the likely cause.
+
+    Attributes:
+        what: Observations, points or groups of them, with file and line.
+        cause: Kind of the likely cause: "units", "mistyped", "names swapped", "unknown"...
+        text: The likely cause in words, and what would fit.
+        size: Misfit of the worst observation, in sigmas.
+        points: Names of the points that it concerns, if any.
+    """
+
+    what: str
+    cause: str
+    text: str
+    size: float
+    points: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseRecord:
     """How long a part of the work took."""
 
@@ -225,6 +244,7 @@ class AdjustmentRecord:
     notes: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
     replaced: tuple[ReplacedRecord, ...] = ()
+    gross_errors: tuple[GrossErrorRecord, ...] = ()
     phases: tuple[PhaseRecord, ...] = ()
     run: RunRecord | None = None
     format: str = FORMAT
@@ -233,7 +253,7 @@ class AdjustmentRecord:
     @property
     def is_complete(self) -> bool:
         """Whether the iterations converged, with everything that was given."""
-        return self.converged and not self.left_out
+        return self.converged and not self.left_out and not self.gross_errors
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

@@ -1,7 +1,8 @@
 """How often the cause of a planted gross error is named, and how often an honest network raises an alarm.
 
-Random networks (seeded) of 100 m to 3 km are written as OBS and COR files in Lambert 93, each with one mistake as
-people make them: units, elevations, exchanged coordinates or names, digits. The network is read and searched.
+Random networks (seeded) of 100 m to 3 km are written as OBS and COR files in Lambert 93, each with one
+mistake as people make them: units, elevations, exchanged coordinates or names, digits. The network is read
+and searched.
 
 Example:
     python tools/benchmarks/bench_gross_errors.py --networks 100
@@ -14,9 +15,9 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import make_network as simulated
 import numpy as np
@@ -25,6 +26,9 @@ import numpy.typing as npt
 from obseq.errors import ObseqError
 from obseq.survey import Network, make_points, write_cor, write_obs
 from obseq.survey.screening.findings import Cause, GrossError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 FRAME, PLANE = simulated.FRAME, simulated.PLANE
 Random = np.random.Generator

@@ -6,7 +6,16 @@ from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
-from obseq.report.summary import expected, how_it_ended, kinds, left_out, notes, run_line, warnings
+from obseq.report.summary import (
+    expected,
+    gross_errors,
+    how_it_ended,
+    kinds,
+    left_out,
+    notes,
+    run_line,
+    warnings,
+)
 from obseq.report.table import lines_of
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict, worst_constraints_first
@@ -36,6 +45,7 @@ def _head(record: AdjustmentRecord) -> Iterator[str]:
     verdict = Verdict(record)
     yield f"Adjustment of {len(record.points)} points: {how_it_ended(record)}"
     yield from left_out(record)
+    yield from gross_errors(record, len(record.gross_errors))
     if record.run:
         yield f"  run           {run_line(record)}"
     yield f"  observations  {record.n_observations} ({kinds(record)})"

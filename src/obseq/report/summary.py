@@ -13,6 +13,7 @@ from obseq.report.verdict import Verdict, worst_constraints_first, worst_first
 
 WIDTH = 100
 MOST_POINTS = 8
+MOST_ERRORS = 5
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
 WORST = 5
@@ -86,6 +87,15 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
         yield f"  LEFT OUT, because nothing determines them: {', '.join(names[:MOST_POINTS])}{more}"
 
 
+def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
+    """What is suspected to be a gross error, the worst first."""
+    found = record.gross_errors
+    if found:
+        yield f"  GROSS ERRORS are suspected ({len(found)}, the worst first):"
+    for item in found[:most]:
+        yield f"    {item.what}: {item.text}"
+
+
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
     """What the user should know of the input, one line each, at most so many of them."""
     found = record.warnings
@@ -102,6 +112,7 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
     yield f"{len(record.points)} points, {len(record.stations)} stations: {how_it_ended(record)}"
     yield from left_out(record)
+    yield from gross_errors(record, MOST_ERRORS)
     yield f"  observations {record.n_observations:>8}   {kinds(record)}"
     yield f"  constraints  {record.n_constraints:>8}   coordinates given with a sigma"
     yield f"  unknowns     {record.n_unknowns:>8}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, PATHS, TEXT, TRUTH, WHOLE, WORDS, expecting, instance
-from obseq.errors import SingularSystemError
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
@@ -37,11 +38,11 @@ if TYPE_CHECKING:
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.unplaced import Unplaced
-    from obseq.survey.screening.findings import GrossError
     from obseq.survey.model import FieldBook, Points
-
+    from obseq.survey.screening.findings import GrossError
 
 MAX_ITERATIONS = 25
+_LOG = logging.getLogger(__name__)
 
 
 def _described(step: Iteration) -> str:
@@ -175,18 +176,21 @@ class Network:
         """Adjusts the network by least squares.
 
         Points and stations that the observations do not determine are left out, with their observations;
-        `Adjustment.left_out` names them.
+        `Adjustment.left_out` names them. Gross errors are looked for before, and named with likely causes
+        (`Adjustment.gross_errors`); the observations are adjusted all the same.
 
         Args:
             max_iterations: The iterations end at this number when they have not converged before.
             tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
             progress: Receives what is being done.
-            strict: Refuse a network of which something would have to be left out.
+            strict: Refuse a network of which something would have to be left out, or with gross errors.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
+        from obseq.survey.screening.search import blame, refuse
+
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
             check_datum(self.points)
@@ -196,11 +200,24 @@ class Network:
                 check_counts(self.points, self.book)
             replaced = self._replaced(start.initial)
             start = leave_out(start, start.initial.unplaced)
+        errors = self._announced(start, watch, strict=strict)
+        try:
+            adjustment = self._determined(start, max_iterations, tolerance, watch, strict=strict)
+        except ObseqError as error:
+            blame(error, errors or self.gross_errors())
+        if not errors and not adjustment.is_honest:
+            errors = self.gross_errors()
+            if strict and errors:
+                refuse(errors)
+        return adjustment.announcing(errors, replaced)
+
+    def _determined(
+        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch, *, strict: bool
+    ) -> Adjustment:
+        """Adjusts, without what turns out to be undetermined."""
         while True:
             try:
-                adjustment = self._adjusted(start, max_iterations, tolerance, watch)
-                sentences = (*(item.sentence() for item in replaced), *adjustment.warnings)
-                return replace(adjustment, replaced=replaced, warnings=sentences)
+                return self._adjusted(start, max_iterations, tolerance, watch)
             except SingularSystemError as error:
                 undetermined = [] if strict else singular_parts(start, error)
                 if not undetermined or self._was_determined(start, undetermined):
@@ -208,17 +225,27 @@ class Network:
                 start = leave_out(start, undetermined)
 
     def gross_errors(self) -> tuple[GrossError, ...]:
-        """Observations and known points that contradict the rest grossly, with likely causes, the worst first."""
-        from obseq.survey.screening.known_points import PointSystem
+        """What contradicts the rest grossly, with likely causes, the worst first."""
         from obseq.survey.screening.robust import Model
         from obseq.survey.screening.search import gross_errors
 
         vertical = self.frame.vertical if self.frame.has_vertical else None
         model = Model(lambda points, book: initial_values(points, book, vertical), self._equations)
-        outwards = crs.Transformer(self.frame.system, self.points_crs)
-        inwards = crs.Transformer(self.points_crs, self.frame.system)
-        system = PointSystem(outwards.forward, inwards.forward)
-        return gross_errors(model, system, self.points, self.book)
+        return gross_errors(model, self.point_system, self.points, self.book)
+
+    def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:
+        """The gross errors, looked for where some observation does not fit the initial values."""
+        from obseq.survey.screening.search import is_doubtful, refuse
+
+        check_sights(start.book, start.initial)
+        Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
+        with watch.phase("gross errors"):
+            errors = self.gross_errors() if is_doubtful(start, self._equations(start)) else ()
+        for error in errors:
+            _LOG.warning("%s", error.sentence())
+        if strict and errors:
+            refuse(errors)
+        return errors
 
     def _replaced(self, initial: InitialValues) -> tuple[Replaced, ...]:
         """The approximate coordinates that are not used, in the system of the points."""
@@ -254,8 +281,6 @@ class Network:
     ) -> Adjustment:
         """Adjusts what is determined of this network."""
         network, initial = replace(self, points=start.points, book=start.book), start.initial
-        check_sights(start.book, initial)
-        Plumb(self.frame, start.points).check(start.book, initial.orientations)
         with watch.phase("equations"):
             equations = self._equations(start)
         with watch.phase("iterations and covariances"):

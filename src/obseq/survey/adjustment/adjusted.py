@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -26,14 +26,14 @@ from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import RunRecord
+    from obseq.record import GrossErrorRecord, RunRecord
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
@@ -42,6 +42,20 @@ if TYPE_CHECKING:
 
 COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
 """Fields of a point record, in the order in which they are filled."""
+
+
+_LARGEST_HONEST = 10.0
+"""Normalised residual from which gross errors are looked for."""
+
+
+class Announcement(Protocol):
+    """A gross error, as the search found it."""
+
+    def sentence(self) -> str:
+        """What is suspected and why."""
+
+    def record(self) -> GrossErrorRecord:
+        """Its entry in the record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +128,7 @@ class Adjustment:
         run: Which run made it.
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
+        gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
     """
 
     solution: LeastSquaresResult
@@ -133,6 +148,7 @@ class Adjustment:
     run: RunRecord
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
+    gross_errors: tuple[GrossErrorRecord, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -143,6 +159,22 @@ class Adjustment:
     def converged(self) -> bool:
         """Whether the iterations ended by themselves."""
         return self.solution.converged
+
+    def announcing(self, errors: Sequence[Announcement], replaced: tuple[Replaced, ...]) -> Adjustment:
+        """The adjustment with what was found out before it."""
+        sentences = (*(error.sentence() for error in errors), *(item.sentence() for item in replaced))
+        return replace(
+            self,
+            replaced=replaced,
+            gross_errors=tuple(error.record() for error in errors),
+            warnings=(*sentences, *self.warnings),
+        )
+
+    @property
+    def is_honest(self) -> bool:
+        """Whether it converged to residuals that their sigmas explain, however generously."""
+        largest = float(np.nanmax(np.abs(self.normalised_residuals), initial=0.0))
+        return self.converged and largest < _LARGEST_HONEST
 
     @property
     def normalised_residuals(self) -> FloatArray:
@@ -177,6 +209,7 @@ class Adjustment:
             notes=self.notes,
             left_out=tuple(item.record() for item in self.left_out),
             replaced=tuple(item.record() for item in self.replaced),
+            gross_errors=self.gross_errors,
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
         )

@@ -52,6 +52,7 @@ class InitialValues:
         point_steps: how each point was placed ("given" for coordinates of the file), None if it was not.
         station_steps: how each station was oriented, None if it was not.
         unplaced: the points without position and the stations without orientation, with the reasons.
+        spreads: (n,) expected errors of the coordinates (m).
         replaced: rows of the points whose approximate coordinates the observations contradict: others stand
             in `coordinates`.
     """
@@ -63,6 +64,7 @@ class InitialValues:
     point_steps: tuple[Step | None, ...]
     station_steps: tuple[Step | None, ...]
     unplaced: tuple[Unplaced, ...]
+    spreads: FloatArray
     replaced: tuple[int, ...] = ()
 
     def require_complete(self) -> None:
@@ -227,4 +229,5 @@ def _result(state: State, graph: Graph, unplaced: tuple[Unplaced, ...]) -> Initi
         tuple(step if state.is_placed(p) else None for p, step in enumerate(state.point_steps)),
         tuple(state.station_steps),
         unplaced,
+        np.array(state.spreads, np.float64),
     )

@@ -1,1 +1,1 @@
-"""Gross errors: every observation compared with the others before the adjustment, and the likely cause named."""
+"""Gross errors: every observation is compared with the others before the adjustment; causes are named."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+from obseq.record import GrossErrorRecord
+
 
 class Cause(enum.StrEnum):
     """Likely causes of gross errors."""
@@ -39,6 +41,10 @@ class GrossError:
     size: float
     rows: tuple[int, ...] = ()
     points: tuple[str, ...] = ()
+
+    def record(self) -> GrossErrorRecord:
+        """Its entry in the record of the adjustment."""
+        return GrossErrorRecord(self.what, self.cause.value, self.text, self.size, self.points)
 
     def sentence(self) -> str:
         """What is suspected and why."""

@@ -1,13 +1,14 @@
-"""One cause for many observations: all the angles of a file in degrees, all zenith angles elevations, and so on.
+"""One cause for many observations: all the angles of a file in degrees, all zenith angles elevations, ...
 
-A whole group that is wrong leaves nothing to compare it with one by one. So each likely cause is tried: the group
-is put right, the network is computed anew, and the cause that removes most contradictions is the likely one.
+A whole group that is wrong leaves nothing to compare it with one by one. So each likely cause is tried: the
+group is put right, the network is computed anew, and the cause that removes most contradictions is the likely
+one.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,16 +17,21 @@ import numpy as np
 from obseq.errors import ObseqError
 from obseq.survey.model import ObservationType
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
+from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
 
 if TYPE_CHECKING:
-    from obseq.survey.model import FieldBook
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.survey.model import FieldBook, Points
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 REMAINS = 0.35
 """Share of the contradictions that may remain once the right cause has been found."""
+_PROMISING = 0.8
+"""Share of the contradictions at first sight, with initial values only, that a cause worth trying leaves."""
 _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
 _MOST_TRIALS = 60
@@ -39,21 +45,64 @@ class Group:
     name: str
 
 
-def group_cause(model: Model, found: Estimate) -> tuple[GrossError, Estimate] | None:
+@dataclass
+class Trials:
+    """Causes tried one after the other on a network: how much each leaves unexplained.
+
+    Attributes:
+        model: how the network is computed.
+        found: the network as it is.
+        before: contradictions of it.
+    """
+
+    model: Model
+    found: Estimate
+
+    def __post_init__(self) -> None:
+        self.before = self.found.disagreement(GROSS)
+        at_start = estimated(self.model, self.found.points, self.found.book, GLANCE)
+        self._at_start = math.inf if at_start is None else at_start.disagreement(GROSS)
+
+    def tried(self, points: Points, book: FieldBook) -> Estimate | None:
+        """The network with points or observations put right; None when that does not help at first sight."""
+        first = estimated(self.model, points, book, GLANCE)
+        if first is None or first.disagreement(GROSS) > _PROMISING * self._at_start:
+            return None
+        return estimated(self.model, points, book, QUICK)
+
+    def is_decisive(self, left: float) -> bool:
+        """Whether hardly any contradiction is left, so that no other cause need be tried."""
+        return left <= max(0.5, 0.03 * self.before)
+
+    def explains(self, left: float) -> bool:
+        """Whether a cause that leaves so many contradictions explains the network."""
+        return left <= REMAINS * self.before and self.before - left >= 1.5
+
+
+def estimated(model: Model, points: Points, book: FieldBook, stages: Stages) -> Estimate | None:
+    """An estimate; None when nothing of the network can be computed."""
+    try:
+        return estimate(model, points, book, stages)
+    except ObseqError:
+        return None
+
+
+def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The mistake of a group that explains most, with the network without it; None when there is none."""
-    before = found.disagreement(GROSS)
+    found = trials.found
     best: tuple[float, int, Group, str, Cause, Estimate] | None = None
-    for trial, (group, mistake, values) in enumerate(_trials(found)):
-        if trial == _MOST_TRIALS:
-            break
-        corrected = _tried(model, found, values)
+    for group, mistake, values in itertools.islice(_trials(found), _MOST_TRIALS):
+        observations = replace(found.book.observations, values=values)
+        corrected = trials.tried(found.points, replace(found.book, observations=observations))
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
         key = (round(left, 1), -len(group.rows))
         if best is None or key < best[:2]:
             best = (*key, group, mistake.text, mistake.cause, corrected)
-    if best is None or best[0] > REMAINS * before or before - best[0] < 1.5:
+        if trials.is_decisive(left):
+            break
+    if best is None or not trials.explains(best[0]):
         return None
     _, _, group, text, cause, corrected = best
     names = tuple(found.book.label(int(row)) for row in group.rows[:1])
@@ -63,20 +112,9 @@ def group_cause(model: Model, found: Estimate) -> tuple[GrossError, Estimate] | 
     return GrossError(what, cause, f"they look like {text}", size, rows), corrected
 
 
-def _tried(
-    model: Model, found: Estimate, values: np.ndarray[tuple[int], np.dtype[np.float64]]
-) -> Estimate | None:
-    """The network with other values; None when nothing of it can be computed."""
-    observations = replace(found.book.observations, values=values)
-    try:
-        return estimate(model, found.points, replace(found.book, observations=observations), quick=True)
-    except ObseqError:
-        return None
-
-
 def _trials(
     found: Estimate,
-) -> Iterator[tuple[Group, Mistake, np.ndarray[tuple[int], np.dtype[np.float64]]]]:
+) -> Iterator[tuple[Group, Mistake, FloatArray]]:
     """Groups, mistakes, and the values of all observations with that mistake put right."""
     for group in _groups(found):
         kinds = {ObservationType(kind) for kind in found.book.observations.types[group.rows].tolist()}
@@ -90,9 +128,7 @@ def _trials(
             yield from _degrees_and_elevations(found, group)
 
 
-def _degrees_and_elevations(
-    found: Estimate, group: Group
-) -> Iterator[tuple[Group, Mistake, np.ndarray[tuple[int], np.dtype[np.float64]]]]:
+def _degrees_and_elevations(found: Estimate, group: Group) -> Iterator[tuple[Group, Mistake, FloatArray]]:
     """All angles in degrees, the zenith angles being elevations too."""
     values = found.book.observations.values.copy()
     in_degrees = values[group.rows] * 10.0 / 9.0
@@ -115,8 +151,8 @@ def _shared_mistakes(kinds: set[ObservationType]) -> list[Mistake]:
 def _is_plausible(
     kinds: set[ObservationType],
     mistake: Mistake,
-    values: np.ndarray[tuple[int], np.dtype[np.float64]],
-    right: np.ndarray[tuple[int], np.dtype[np.float64]],
+    values: FloatArray,
+    right: FloatArray,
 ) -> bool:
     """Whether values look as they would with a mistake: what is cheap to see is not tried."""
     written = np.abs(values) * GON
@@ -144,26 +180,31 @@ def _groups(found: Estimate) -> Iterator[Group]:
 
 
 def _possible_groups(book: FieldBook) -> Iterator[Group]:
+    """All and each file of all angles, all lengths and each kind, then the same from each point."""
     observations = book.observations
     kinds = [ObservationType(kind) for kind in np.unique(observations.types[observations.active]).tolist()]
     angles = [kind for kind in kinds if kind.is_angle]
     lengths = [kind for kind in kinds if not kind.is_angle]
-    for name, chosen in (("angles", angles), ("lengths", lengths)):
-        if len(chosen) > 1:
-            yield from _parts_of(book, name, chosen)
-    for kind in kinds:
-        yield from _parts_of(book, f"{kind.name} observations", [kind])
+    sets = [("angles", angles), ("lengths", lengths)]
+    sets = [(name, chosen) for name, chosen in sets if len(chosen) > 1]
+    sets += [(f"{kind.name} observations", [kind]) for kind in kinds]
+    for part in (_files_of, _origins_of):
+        for name, chosen in sets:
+            mine = np.flatnonzero(np.isin(observations.types, chosen) & observations.active)
+            yield from part(book, name, mine)
 
 
-def _parts_of(book: FieldBook, name: str, kinds: list[ObservationType]) -> Iterator[Group]:
-    observations = book.observations
-    mine = np.flatnonzero(np.isin(observations.types, kinds) & observations.active)
+def _files_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
     yield Group(mine, f"all {len(mine)} {name}")
     for number, file in enumerate(book.files):
-        rows = mine[observations.file_indices[mine] == number]
+        rows = mine[book.observations.file_indices[mine] == number]
         yield Group(rows, f"all {len(rows)} {name} of {file}")
-    order = np.argsort(observations.from_points[mine], kind="stable")
-    starts = np.flatnonzero(np.diff(observations.from_points[mine[order]], prepend=-1))
+
+
+def _origins_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
+    origins = book.observations.from_points
+    order = np.argsort(origins[mine], kind="stable")
+    starts = np.flatnonzero(np.diff(origins[mine[order]], prepend=-1))
     for rows in np.split(mine[order], starts[1:]) if len(mine) else ():
-        point = book.point_names[observations.from_points[rows[0]]]
+        point = book.point_names[origins[rows[0]]]
         yield Group(np.sort(rows), f"all {len(rows)} {name} from {point}")

@@ -1,12 +1,12 @@
 """Known points that are wrong: easting and northing swapped, names exchanged, a digit mistyped.
 
-As for groups, each cause is tried: the point is put right, or taken as unknown, and the network computed anew.
+As for groups, each cause is tried: the point is put right, or taken as unknown, and the network is computed
+anew.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -15,27 +15,24 @@ import numpy as np
 from obseq.errors import ObseqError
 from obseq.survey.model import ObservationType
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.groups import REMAINS
-from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
+from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import explained
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.arrays import FloatArray
+    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import Points
+    from obseq.survey.screening.groups import Trials
+
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _MOST_POINTS = 8
 _LEAST_OBSERVATIONS = 4
 _NEAR = 0.05
 """Distance (m), beyond the sigmas, at which two places are the same when digits are looked for."""
 _AXES = ("easting (x)", "northing (y)", "height")
-
-
-@dataclass(frozen=True)
-class PointSystem:
-    """The coordinates of the files: from those of the frame, and back."""
-
-    outwards: Callable[[FloatArray], FloatArray]
-    inwards: Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,30 +43,22 @@ class _Trial:
     rows: tuple[int, ...]
 
 
-def known_point_cause(
-    model: Model, system: PointSystem, found: Estimate
-) -> tuple[GrossError, Estimate] | None:
+def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """The wrong known point that explains most contradictions, with the network without it."""
-    before = found.disagreement(GROSS)
+    found = trials.found
     best: tuple[float, _Trial, Estimate] | None = None
     for trial in _trials(system, found):
-        corrected = _tried(model, found, trial)
-        if corrected is None:
+        corrected = trials.tried(trial.points, found.book)
+        if corrected is None or not np.isfinite(corrected.coordinates[list(trial.rows)]).all():
             continue
         left = corrected.disagreement(GROSS)
         if best is None or left < best[0] - 0.3:
             best = (left, trial, corrected)
-    if best is None or best[0] > REMAINS * before or before - best[0] < 1.5:
+        if trials.is_decisive(left):
+            break
+    if best is None or not trials.explains(best[0]):
         return None
     return _described(system, found, best[1], best[2]), best[2]
-
-
-def _tried(model: Model, found: Estimate, trial: _Trial) -> Estimate | None:
-    try:
-        corrected = estimate(model, trial.points, found.book, quick=True)
-    except ObseqError:
-        return None
-    return corrected if np.isfinite(corrected.coordinates[list(trial.rows)]).all() else None
 
 
 def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
@@ -89,12 +78,12 @@ def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
             yield _Trial(Cause.MISTYPED, "", _without(found.points, row), (row,))
 
 
-def _swapped(system: PointSystem, points: Points, rows: FloatArray, who: str) -> Iterator[_Trial]:
+def _swapped(system: PointSystem, points: Points, rows: Rows, who: str) -> Iterator[_Trial]:
     """Points with their first two coordinates exchanged."""
     coordinates = points.coordinates.copy()
-    given = system.outwards(coordinates[rows])
+    given = system.coordinates(coordinates[rows])
     try:
-        coordinates[rows] = system.inwards(given[:, [1, 0, 2]])
+        coordinates[rows] = system.placed(given[:, [1, 0, 2]])
     except ObseqError:
         return
     if np.isfinite(coordinates[rows]).all() and np.abs(given[:, 0] - given[:, 1]).max() > _NEAR:
@@ -157,8 +146,8 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
                 Cause.SWAPPED_NAMES,
                 f"the observations place it at {found.points.names[other]}: wrong name",
             )
-    given = system.outwards(found.points.coordinates[[row]])[0]
-    right = system.outwards(there[None, :])[0]
+    given = system.coordinates(found.points.coordinates[[row]])[0]
+    right = system.coordinates(there[None, :])[0]
     place = ", ".join(f"{value:.3f}" for value in right)
     text = f"its coordinates are wrong; the observations place it at ({place})"
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]

@@ -1,13 +1,12 @@
-"""A robust estimate of a network: what it looks like when observations that contradict the others do not count.
+"""A robust estimate of a network: what it is when observations that contradict the others do not count.
 
-Reweighted least squares from the initial values: first nearly the least sum of absolute residuals, which brings
-points to their place that a wrong observation has put elsewhere; then a loss under which large residuals have no
-effect at all.
+Reweighted least squares from the initial values: first nearly the least sum of absolute residuals, which
+brings points to their place that a wrong observation has put elsewhere; then a loss under which large
+residuals have no effect at all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,8 @@ from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquares
     from obseq.leastsquares.problem.losses import Loss
@@ -27,8 +28,9 @@ if TYPE_CHECKING:
 
 Stages = tuple[tuple["Loss", int], ...]
 """Losses and the most iterations with each."""
-_WHOLE: Stages = ((Huber(1.5), 14), (GemanMcClure(8.0), 6), (GemanMcClure(4.0), 6))
-_QUICK: Stages = ((Huber(1.5), 6),)
+WHOLE: Stages = ((Huber(1.5), 14), (GemanMcClure(8.0), 6), (GemanMcClure(4.0), 6))
+QUICK: Stages = ((Huber(1.5), 6),)
+GLANCE: Stages = ()
 _ARRIVED = 0.05
 """Iterations end when no unknown moves by more than this share of its standard deviation."""
 _FOLLOW = 3
@@ -92,7 +94,7 @@ class Estimate:
         return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
 
     def disagreement(self, limit: float) -> float:
-        """How many observations contradict the others, counted softly; those that cannot be compared count too."""
+        """How many observations contradict the others, counted softly, or cannot be compared."""
         active = self.book.observations.active
         sizes = np.where(np.isnan(self.misfits), np.inf, self.ratios)[active] / limit
         with np.errstate(invalid="ignore"):
@@ -100,14 +102,14 @@ class Estimate:
         return float(counts.sum())
 
 
-def estimate(model: Model, points: Points, book: FieldBook, *, quick: bool = False) -> Estimate:
+def estimate(model: Model, points: Points, book: FieldBook, stages: Stages = WHOLE) -> Estimate:
     """The network by the observations that agree with each other.
 
     Args:
         model: how initial values and equations are made.
         points: of the network.
         book: its observations.
-        quick: few iterations, enough to see whether a cause explains the contradictions.
+        stages: losses and iterations; `GLANCE` has none, `QUICK` enough to see whether a cause explains much.
 
     Raises:
         ObseqError: nothing of the network can be computed.
@@ -115,7 +117,7 @@ def estimate(model: Model, points: Points, book: FieldBook, *, quick: bool = Fal
     start = Determined(points, book, model.initial(points, book))
     start = leave_out(start, start.initial.unplaced)
     equations = model.equations(start)
-    _settle(equations, _QUICK if quick else _WHOLE)
+    _settle(equations, stages)
     return _estimate(points, book, start, equations)
 
 
@@ -166,4 +168,4 @@ def _scale(ratios: FloatArray, system: LeastSquares) -> float:
     if not seen.size or share <= 0.0:
         return 1.0
     size = 1.4826 * float(np.median(seen)) / min(1.0, share) ** 0.5
-    return min(max(1.0, size), _LARGEST_SCALE)
+    return float(min(max(1.0, size), _LARGEST_SCALE))

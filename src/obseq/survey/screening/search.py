@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from obseq.errors import ObseqError
+from obseq.errors import InputError, ObseqError
+from obseq.survey.model import ObservationType
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.groups import group_cause
-from obseq.survey.screening.known_points import PointSystem, known_point_cause
-from obseq.survey.screening.robust import Estimate, Model, estimate
+from obseq.survey.screening.groups import Trials, group_cause
+from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
 from obseq.survey.screening.sights import single_errors
 
 if TYPE_CHECKING:
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
 _MOST_CAUSES = 3
@@ -64,11 +68,40 @@ def _cause_of_many(model: Model, system: PointSystem, found: Estimate) -> tuple[
     """The one mistake, of a group or of a known point, that removes most contradictions."""
     if len(found.suspects) < 2:
         return None
-    ways = [group_cause(model, found), known_point_cause(model, system, found)]
-    steps = [step for step in ways if step is not None]
-    return min(steps, key=lambda step: len(step[1].suspects), default=None)
+    trials = Trials(model, found)
+    steps = [step for step in (known_point_cause(trials, system), group_cause(trials)) if step is not None]
+    return min(steps, key=lambda step: step[1].disagreement(GROSS), default=None)
 
 
-def is_doubtful(ratios: np.ndarray[tuple[int], np.dtype[np.float64]], limit: float) -> bool:
-    """Whether some observation is so far from the others that gross errors are to be looked for."""
-    return bool(np.nanmax(ratios, initial=0.0) > limit)
+def is_doubtful(start: Determined, equations: Equations) -> bool:
+    """Whether some observation is farther from the initial values than these explain: a first look."""
+    observations, initial = start.book.observations, start.initial
+    for rows, batch in equations.batches.values():
+        misfits = np.abs(equations.system.residuals(batch)[:, 0])
+        ends = observations.from_points[rows], observations.to_points[rows]
+        moved = np.hypot(initial.spreads[ends[0]], initial.spreads[ends[1]])
+        if ObservationType(observations.types[rows[0]]).is_angle:
+            lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
+            moved = moved / np.maximum(lengths, 1e-3)
+        if (misfits > GROSS * np.hypot(batch.sigmas[:, 0], moved)).any():
+            return True
+    return False
+
+
+def refuse(errors: tuple[GrossError, ...]) -> NoReturn:
+    """Raises InputError that lists gross errors."""
+    raise InputError(_listed(errors))
+
+
+def blame(error: ObseqError, errors: tuple[GrossError, ...]) -> NoReturn:
+    """Raises an error of the adjustment again, with the gross errors that may be the reason."""
+    if errors:
+        raise InputError(f"{error}\n{_listed(errors)}") from error
+    raise error
+
+
+def _listed(errors: tuple[GrossError, ...]) -> str:
+    listed = [f"  {error.sentence()}" for error in errors[:_MOST_NAMED]]
+    more = len(errors) - len(listed)
+    listed += [f"  and {more} more"] if more > 0 else []
+    return "gross errors are suspected, the worst first:\n" + "\n".join(listed)

@@ -90,7 +90,7 @@ def _of_same_sight(found: Estimate, row: int, suspects: dict[int, None]) -> list
 def _other_point(found: Estimate, rows: list[int], *, at_target: bool) -> _WrongPoint | None:
     """The point whose coordinates fit all these observations where another is written."""
     observations, n = found.book.observations, len(found.points)
-    located = np.isfinite(found.coordinates).all(axis=1)
+    located = np.asarray(np.isfinite(found.coordinates).all(axis=1))
     if not at_target and any(observations.stations[row] >= 0 for row in rows):
         return None
     fits, chance = located.copy(), float(np.count_nonzero(located))
@@ -134,9 +134,8 @@ def _wrong_point(found: Estimate, rows: list[int], wrong: _WrongPoint, *, at_tar
     observations = found.book.observations
     ends = observations.to_points if at_target else observations.from_points
     written, fits = found.book.point_names[ends[rows[0]]], found.points.names[wrong.row]
-    text = (
-        f"it fits {fits}, not {written}: the name of the {'target' if at_target else 'first point'} is wrong"
-    )
+    end = "target" if at_target else "first point"
+    text = f"it fits {fits}, not {written}: the name of the {end} is wrong"
     size = float(found.ratios[rows].max())
     what = ", ".join(found.book.label(row) for row in rows)
     return GrossError(what, Cause.WRONG_POINT, text, size, tuple(rows), (written, fits))
@@ -148,12 +147,10 @@ def _wrong_value(found: Estimate, row: int, cause: Explanation | None) -> GrossE
     unit, name, decimals = (GON, "gon", 4) if kind.is_angle else (1.0, "m", 4)
     off = difference(kind, float(observations.values[row]), float(found.computed[row])) * unit
     expected = float(observations.values[row]) * unit - off
-    words = cause.text if cause else "no usual slip explains it"
-    text = f"the others give {expected:.{decimals}f} {name}, it is {off:.{decimals}f} {name} off; likely: {words}"
-    if cause is None:
-        text = f"the others give {expected:.{decimals}f} {name}, it is {off:.{decimals}f} {name} off; {words}"
+    words = f"likely: {cause.text}" if cause else "no usual slip explains it"
+    gap = f"the others give {expected:.{decimals}f} {name}, it is {off:.{decimals}f} {name} off"
     kind_of = cause.cause if cause else Cause.UNKNOWN
-    return GrossError(found.book.label(row), kind_of, text, float(found.ratios[row]), (row,))
+    return GrossError(found.book.label(row), kind_of, f"{gap}; {words}", float(found.ratios[row]), (row,))
 
 
 def _with_pairs(found: Estimate, errors: list[GrossError]) -> list[GrossError]:

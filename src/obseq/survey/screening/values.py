@@ -1,18 +1,21 @@
 """What one value should have been, and which mistakes make the other out of it.
 
-A mistake explains a misfit when it turns the value that was read into the one that the rest of the network gives,
-to the noise. How much that says depends on how likely it is to happen by chance: each mistake is tried in a number
-of ways, and each hits with the tolerance over the range of values.
+A mistake explains a misfit when it turns the value that was read into the one that the rest of the network
+gives, to the noise. How much that says depends on how likely it is to happen by chance: each mistake is tried
+in a number of ways, and each hits with the tolerance over the range of values.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from obseq.survey.model import ObservationType
 from obseq.survey.screening.findings import Cause
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
 
 GON = 200.0 / math.pi
 _FEET = 0.3048
@@ -39,7 +42,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A mistake that turns the value read into the one expected, and the chance that it does so by accident."""
+    """A mistake that turns the value read into the one expected, and the chance of an accident."""
 
     cause: Cause
     text: str
@@ -51,7 +54,9 @@ _ANGLES = (
     _IN_DEGREES,
     Mistake(Cause.UNITS, "radians instead of gon", lambda v: v * GON),
     Mistake(
-        Cause.UNITS, "degrees, minutes and seconds (ddd.mmss) instead of gon", lambda v: _sexagesimal(v * GON)
+        Cause.UNITS,
+        "degrees, minutes and seconds (ddd.mmss), not gon",
+        lambda v: _sexagesimal(v * GON),
     ),
 )
 _LENGTHS = (
@@ -112,7 +117,7 @@ def explained(kind: ObservationType, value: float, expected: float, tolerance: f
 
 
 def difference(kind: ObservationType, a: float, b: float) -> float:
-    """a - b, of angles in [-pi, pi]."""
+    """The difference a - b, of angles in [-pi, pi]."""
     return math.remainder(a - b, 2.0 * math.pi) if kind.is_angle else a - b
 
 

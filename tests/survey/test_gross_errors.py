@@ -1,0 +1,127 @@
+"""Gross errors are announced with their likely cause; honest networks raise no alarm."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.survey.model import ObservationType
+from obseq.survey.screening.findings import Cause
+from obseq.survey.screening.values import GON, explained, variants
+
+TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
+
+
+@pytest.fixture
+def planted(monkeypatch):
+    """The bench that plants gross errors in random networks."""
+    monkeypatch.syspath_prepend(TOOLS)
+    return importlib.import_module("bench_gross_errors")
+
+
+SINGLE = ["one_in_degrees", "one_elevation", "one_in_millimetres", "one_digit", "exchanged_digits"]
+SIGHTS = ["wrong_target", "exchanged_targets"]
+OF_MANY = ["all_in_degrees", "station_in_degrees", "all_elevations", "all_elevations_in_degrees"]
+OF_MANY += ["all_in_millimetres", "all_in_feet", "swapped_coordinates", "all_coordinates_swapped"]
+OF_MANY += ["exchanged_known_points", "mistyped_coordinate"]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("mistake", SINGLE + SIGHTS)
+def test_a_wrong_observation_is_named_with_its_cause(planted, mistake, seed):
+    count = planted.counted(getattr(planted, mistake), range(seed, seed + 1))
+    assert (count.named, count.first) == (1, 1)
+
+
+@pytest.mark.slow(reason="dozens of causes are tried, each on the whole network")
+@pytest.mark.parametrize("mistake", OF_MANY)
+def test_one_cause_of_many_contradictions_is_named(planted, mistake):
+    count = planted.counted(getattr(planted, mistake), range(1, 3))
+    assert (count.named, count.first) == (2, 2)
+
+
+def test_honest_networks_raise_no_alarm(planted):
+    assert planted.counted(None, range(100, 105)).announced == 0
+
+
+def spoilt(planted, folder, mistake, seed=1):
+    random = np.random.default_rng(seed)
+    site = planted.made_site(random)
+    return site, getattr(planted, mistake)(site, random), site.write(folder)
+
+
+def test_the_command_announces_adjusts_and_returns_1(planted, tmp_path, capsys):
+    _, _, (obs, cor) = spoilt(planted, tmp_path, "one_digit")
+    command = ["adjust", "--obs", str(obs), "--cor", str(cor)]
+    command += ["--frame", planted.FRAME, "--points-crs", planted.PLANE]
+    assert main([*command, "--json", str(tmp_path / "a.json")]) == 1
+    shown = capsys.readouterr().out
+    assert "GROSS ERRORS are suspected (1, the worst first):" in shown
+    assert "one digit is wrong" in shown
+    found = json.loads((tmp_path / "a.json").read_text())["gross_errors"]
+    assert [(item["cause"], item["size"] > 10.0) for item in found] == [("mistyped", True)]
+    assert main([*command, "--strict"]) == 2
+    assert "one digit is wrong" in capsys.readouterr().err
+
+
+def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, tmp_path):
+    site, mistake, _ = spoilt(planted, tmp_path, "one_elevation")
+    with pytest.raises(InputError, match="elevation instead of a zenith angle"):
+        site.read(tmp_path).adjust(strict=True)
+    adjustment = site.read(tmp_path).adjust()
+    assert mistake.is_named_by(site.read(tmp_path).gross_errors()[0], site.read(tmp_path))
+    assert adjustment.gross_errors[0].cause == "elevation for zenith angle"
+    assert "elevation instead of a zenith angle" in adjustment.warnings[0]
+
+
+def test_several_gross_errors_come_worst_first(planted, tmp_path):
+    random = np.random.default_rng(1)
+    site = planted.made_site(random)
+    done = [planted.one_in_millimetres(site, random), planted.one_elevation(site, random)]
+    network = site.read(tmp_path)
+    errors = network.gross_errors()
+    assert len(errors) == 2
+    assert errors[0].size > errors[1].size
+    assert all(any(mistake.is_named_by(error, network) for error in errors) for mistake in done)
+
+
+@pytest.mark.parametrize(
+    ("kind", "read", "expected", "cause", "words"),
+    [
+        (ObservationType.Hz, 45.0, 50.0, Cause.UNITS, "degrees instead of gon"),
+        (ObservationType.Zen, 2.5, 97.5, Cause.ELEVATION, "elevation"),
+        (ObservationType.Zen, 302.5, 97.5, Cause.SENSE, "other face"),
+        (ObservationType.Hz, 350.0, 50.0, Cause.SENSE, "anticlockwise"),
+        (ObservationType.Hz, 250.0, 50.0, Cause.SENSE, "200 gon off"),
+        (ObservationType.Hz, 123.4567, 123.4767, Cause.MISTYPED, "one digit"),
+        (ObservationType.Hz, 312.4567, 321.4567, Cause.MISTYPED, "two digits are exchanged"),
+        (ObservationType.Dist, 100250.0, 100.25, Cause.UNITS, "millimetres"),
+        (ObservationType.Dist, 328.9, 328.9 * 0.3048, Cause.UNITS, "feet"),
+        (ObservationType.Dist, 1002.5, 100.25, Cause.MISTYPED, "decimal point"),
+        (ObservationType.Dist, 123.456, 132.456, Cause.MISTYPED, "two digits are exchanged"),
+        (ObservationType.DH, -1.234, 1.234, Cause.SENSE, "the sign"),
+        (ObservationType.DH, 1234.0, 1.234, Cause.UNITS, "millimetres"),
+    ],
+)
+def test_slips_that_turn_one_value_into_another(kind, read, expected, cause, words):
+    unit = GON if kind.is_angle else 1.0
+    tolerance = 0.005 / GON if kind.is_angle else 0.003
+    found = explained(kind, read / unit, expected / unit, tolerance)
+    assert found is not None
+    assert (found.cause, words in found.text) == (cause, True), found
+
+
+def test_noise_and_accidents_are_not_explained():
+    assert explained(ObservationType.Hz, 1.0, 1.2345, 1e-4) is None
+    # with a tolerance of metres, every digit would do
+    assert explained(ObservationType.Dist, 100.0, 137.0, 5.0) is None
+
+
+def test_variants_leave_out_what_noise_would_do():
+    assert all(abs(right - 12.34) > 0.2 for _, right in variants(12.34, 2, 0.1))
+    assert ("two digits are exchanged", 21.34) in list(variants(12.34, 2, 0.1))
+    assert ("one digit is wrong", -12.94) in list(variants(-12.34, 2, 0.1))
