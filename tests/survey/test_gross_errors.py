@@ -9,7 +9,8 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.screening.findings import Cause
 from obseq.survey.screening.values import GON, explained, variants
 
@@ -92,19 +93,19 @@ def test_several_gross_errors_come_worst_first(planted, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "read", "expected", "cause", "words"),
     [
-        (ObservationType.Hz, 45.0, 50.0, Cause.UNITS, "degrees instead of gon"),
-        (ObservationType.Zen, 2.5, 97.5, Cause.ELEVATION, "elevation"),
-        (ObservationType.Zen, 302.5, 97.5, Cause.SENSE, "other face"),
-        (ObservationType.Hz, 350.0, 50.0, Cause.SENSE, "anticlockwise"),
-        (ObservationType.Hz, 250.0, 50.0, Cause.SENSE, "200 gon off"),
-        (ObservationType.Hz, 123.4567, 123.4767, Cause.MISTYPED, "one digit"),
-        (ObservationType.Hz, 312.4567, 321.4567, Cause.MISTYPED, "two digits are exchanged"),
-        (ObservationType.Dist, 100250.0, 100.25, Cause.UNITS, "millimetres"),
-        (ObservationType.Dist, 328.9, 328.9 * 0.3048, Cause.UNITS, "feet"),
-        (ObservationType.Dist, 1002.5, 100.25, Cause.MISTYPED, "decimal point"),
-        (ObservationType.Dist, 123.456, 132.456, Cause.MISTYPED, "two digits are exchanged"),
-        (ObservationType.DH, -1.234, 1.234, Cause.SENSE, "the sign"),
-        (ObservationType.DH, 1234.0, 1.234, Cause.UNITS, "millimetres"),
+        (HZ, 45.0, 50.0, Cause.UNITS, "degrees instead of gon"),
+        (ZEN, 2.5, 97.5, Cause.ELEVATION, "elevation"),
+        (ZEN, 302.5, 97.5, Cause.SENSE, "other face"),
+        (HZ, 350.0, 50.0, Cause.SENSE, "anticlockwise"),
+        (HZ, 250.0, 50.0, Cause.SENSE, "200 gon off"),
+        (HZ, 123.4567, 123.4767, Cause.MISTYPED, "one digit"),
+        (HZ, 312.4567, 321.4567, Cause.MISTYPED, "two digits are exchanged"),
+        (DIST, 100250.0, 100.25, Cause.UNITS, "millimetres"),
+        (DIST, 328.9, 328.9 * 0.3048, Cause.UNITS, "feet"),
+        (DIST, 1002.5, 100.25, Cause.MISTYPED, "decimal point"),
+        (DIST, 123.456, 132.456, Cause.MISTYPED, "two digits are exchanged"),
+        (DH, -1.234, 1.234, Cause.SENSE, "the sign"),
+        (DH, 1234.0, 1.234, Cause.UNITS, "millimetres"),
     ],
 )
 def test_slips_that_turn_one_value_into_another(kind, read, expected, cause, words):
@@ -116,9 +117,9 @@ def test_slips_that_turn_one_value_into_another(kind, read, expected, cause, wor
 
 
 def test_noise_and_accidents_are_not_explained():
-    assert explained(ObservationType.Hz, 1.0, 1.2345, 1e-4) is None
+    assert explained(HZ, 1.0, 1.2345, 1e-4) is None
     # with a tolerance of metres, every digit would do
-    assert explained(ObservationType.Dist, 100.0, 137.0, 5.0) is None
+    assert explained(DIST, 100.0, 137.0, 5.0) is None
 
 
 def test_variants_leave_out_what_noise_would_do():

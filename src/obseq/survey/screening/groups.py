@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import ObseqError
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.directions import ZEN
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import BY_CODE, codes
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
+    from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook, Points
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -117,14 +120,14 @@ def _trials(
 ) -> Iterator[tuple[Group, Mistake, FloatArray]]:
     """Groups, mistakes, and the values of all observations with that mistake put right."""
     for group in _groups(found):
-        kinds = {ObservationType(kind) for kind in found.book.observations.types[group.rows].tolist()}
+        kinds = {BY_CODE[kind] for kind in found.book.observations.types[group.rows].tolist()}
         for mistake in _shared_mistakes(kinds):
             values = found.book.observations.values.copy()
             right = np.array([mistake.right(value) for value in values[group.rows].tolist()])
             if _is_plausible(kinds, mistake, values[group.rows], right):
                 values[group.rows] = right
                 yield group, mistake, values
-        if kinds == {ObservationType.Hz, ObservationType.Zen}:
+        if {kind.start for kind in kinds} == {Start.HZ, Start.ZENITH}:
             yield from _degrees_and_elevations(found, group)
 
 
@@ -132,15 +135,15 @@ def _degrees_and_elevations(found: Estimate, group: Group) -> Iterator[tuple[Gro
     """All angles in degrees, the zenith angles being elevations too."""
     values = found.book.observations.values.copy()
     in_degrees = values[group.rows] * 10.0 / 9.0
-    is_zenith = found.book.observations.types[group.rows] == ObservationType.Zen
+    is_zenith = np.isin(found.book.observations.types[group.rows], codes(ZEN))
     values[group.rows] = np.where(is_zenith, math.pi / 2.0 - in_degrees, in_degrees)
     text = "degrees instead of gon, and elevations instead of zenith angles"
     yield group, Mistake(Cause.ELEVATION, text, lambda v: v), values
 
 
-def _shared_mistakes(kinds: set[ObservationType]) -> list[Mistake]:
+def _shared_mistakes(kinds: set[ObservationKind]) -> list[Mistake]:
     """The mistakes that all these kinds can have."""
-    first, *others = sorted(kinds)
+    first, *others = sorted(kinds, key=lambda kind: kind.code)
     found = list(mistakes_of(first))
     for kind in others:
         texts = {mistake.text for mistake in mistakes_of(kind)}
@@ -149,7 +152,7 @@ def _shared_mistakes(kinds: set[ObservationType]) -> list[Mistake]:
 
 
 def _is_plausible(
-    kinds: set[ObservationType],
+    kinds: set[ObservationKind],
     mistake: Mistake,
     values: FloatArray,
     right: FloatArray,
@@ -162,7 +165,7 @@ def _is_plausible(
         return bool((written % 1.0 < 0.6001).all() and written.max() < 360.0)
     if mistake.text.startswith("degrees") and written.max() > 360.0:
         return False
-    if kinds == {ObservationType.Zen} and mistake.cause is not Cause.SENSE:
+    if {kind.start for kind in kinds} == {Start.ZENITH} and mistake.cause is not Cause.SENSE:
         level = math.pi / 2.0
         return bool(abs(np.median(right) - level) < abs(np.median(values) - level))
     return True
@@ -182,7 +185,7 @@ def _groups(found: Estimate) -> Iterator[Group]:
 def _possible_groups(book: FieldBook) -> Iterator[Group]:
     """All and each file of all angles, all lengths and each kind, then the same from each point."""
     observations = book.observations
-    kinds = [ObservationType(kind) for kind in np.unique(observations.types[observations.active]).tolist()]
+    kinds = [BY_CODE[kind] for kind in np.unique(observations.types[observations.active]).tolist()]
     angles = [kind for kind in kinds if kind.is_angle]
     lengths = [kind for kind in kinds if not kind.is_angle]
     sets = [("angles", angles), ("lengths", lengths)]
@@ -190,7 +193,7 @@ def _possible_groups(book: FieldBook) -> Iterator[Group]:
     sets += [(f"{kind.name} observations", [kind]) for kind in kinds]
     for part in (_files_of, _origins_of):
         for name, chosen in sets:
-            mine = np.flatnonzero(np.isin(observations.types, chosen) & observations.active)
+            mine = np.flatnonzero(np.isin(observations.types, codes(*chosen)) & observations.active)
             yield from part(book, name, mine)
 
 

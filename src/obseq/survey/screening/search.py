@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from obseq.errors import InputError, ObseqError
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
 from obseq.survey.screening.known_points import known_point_cause
@@ -80,7 +80,7 @@ def is_doubtful(start: Determined, equations: Equations) -> bool:
         misfits = np.abs(equations.system.residuals(batch)[:, 0])
         ends = observations.from_points[rows], observations.to_points[rows]
         moved = np.hypot(initial.spreads[ends[0]], initial.spreads[ends[1]])
-        if ObservationType(observations.types[rows[0]]).is_angle:
+        if BY_CODE[int(observations.types[rows[0]])].is_angle:
             lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
             moved = moved / np.maximum(lengths, 1e-3)
         if (misfits > GROSS * np.hypot(batch.sigmas[:, 0], moved)).any():

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.values import GON, LIKELY, Explanation, difference, explained
 
@@ -62,10 +63,10 @@ def tolerance_of(found: Estimate, row: int) -> float:
 def explanation_of(found: Estimate, row: int) -> Explanation | None:
     """What may be wrong with the value of one observation."""
     observations = found.book.observations
-    kind = ObservationType(observations.types[row])
+    kind = BY_CODE[int(observations.types[row])]
     value, expected = float(observations.values[row]), float(found.computed[row])
     tolerance = tolerance_of(found, row)
-    if kind is ObservationType.Dist:
+    if kind.start is Start.DISTANCE:
         ends = found.coordinates[[observations.from_points[row], observations.to_points[row]]]
         flat = math.hypot(*(ends[1] - ends[0])[:2].tolist())
         if abs(flat - value) <= tolerance < 0.5 * abs(expected - flat):
@@ -93,12 +94,14 @@ def _other_point(found: Estimate, rows: list[int], *, at_target: bool) -> _Wrong
     located = np.asarray(np.isfinite(found.coordinates).all(axis=1))
     if not at_target and any(observations.stations[row] >= 0 for row in rows):
         return None
+    if any(BY_CODE[int(observations.types[row])].start is Start.NOTHING for row in rows):
+        return None
     fits, chance = located.copy(), float(np.count_nonzero(located))
     ends = [int(observations.from_points[rows[0]]), int(observations.to_points[rows[0]])]
     fits[ends] = False
     for row in rows:
         values = _to_all_points(found, row, at_target=at_target)
-        kind, value = ObservationType(observations.types[row]), float(observations.values[row])
+        kind, value = BY_CODE[int(observations.types[row])], float(observations.values[row])
         tolerance = 2.0 * tolerance_of(found, row)
         gaps = np.abs(values - value)
         if kind.is_angle:
@@ -112,22 +115,23 @@ def _other_point(found: Estimate, rows: list[int], *, at_target: bool) -> _Wrong
 def _to_all_points(found: Estimate, row: int, *, at_target: bool) -> FloatArray:
     """(n,) what one observation would have been to (or from) every point; NaN where it cannot be said."""
     observations = found.book.observations
-    kind = ObservationType(observations.types[row])
+    kind = BY_CODE[int(observations.types[row])]
     start, end = int(observations.from_points[row]), int(observations.to_points[row])
     base = found.coordinates[start if at_target else end]
     offsets = (found.coordinates - base) * (1.0 if at_target else -1.0)
-    if kind is ObservationType.Dist:
+    offsets[:, 2] += float(observations.to_heights[row] - observations.from_heights[row])
+    if kind.start is Start.DISTANCE:
         return np.asarray(np.linalg.norm(offsets, axis=1))
-    if kind is ObservationType.DH:
+    if kind.start is Start.RISE:
         there = found.coordinates[end if at_target else start]
         rise = found.coordinates[:, 2] - there[2]
         return np.asarray(found.computed[row] + (rise if at_target else -rise))
     local = offsets @ found.rotations[observations.stations[row]]
-    if kind is ObservationType.Zen:
+    if kind.start is Start.ZENITH:
         return np.asarray(np.arctan2(np.hypot(local[:, 0], local[:, 1]), local[:, 2]))
     if kind.is_angle:
         return np.asarray(np.arctan2(local[:, 0], local[:, 1]))
-    return np.asarray(local[:, {ObservationType.DX: 0, ObservationType.DY: 1}.get(kind, 2)])
+    return np.asarray(local[:, {Start.DX: 0, Start.DY: 1}.get(kind.start, 2)])
 
 
 def _wrong_point(found: Estimate, rows: list[int], wrong: _WrongPoint, *, at_target: bool) -> GrossError:
@@ -143,7 +147,7 @@ def _wrong_point(found: Estimate, rows: list[int], wrong: _WrongPoint, *, at_tar
 
 def _wrong_value(found: Estimate, row: int, cause: Explanation | None) -> GrossError:
     observations = found.book.observations
-    kind = ObservationType(observations.types[row])
+    kind = BY_CODE[int(observations.types[row])]
     unit, name, decimals = (GON, "gon", 4) if kind.is_angle else (1.0, "m", 4)
     off = difference(kind, float(observations.values[row]), float(found.computed[row])) * unit
     expected = float(observations.values[row]) * unit - off

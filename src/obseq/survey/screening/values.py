@@ -11,11 +11,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.model import ObservationType
+from obseq.survey.kinds.kind import Start
 from obseq.survey.screening.findings import Cause
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from obseq.survey.kinds.kind import ObservationKind
 
 GON = 200.0 / math.pi
 _FEET = 0.3048
@@ -82,13 +84,13 @@ _OF_HZ = (
 )
 
 
-def mistakes_of(kind: ObservationType) -> tuple[Mistake, ...]:
+def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
     """The mistakes that are made with values of a kind."""
-    if kind is ObservationType.Zen:
+    if kind.start is Start.ZENITH:
         return _ANGLES + _OF_ZENITH
     if kind.is_angle:
         return _ANGLES + _OF_HZ
-    return _LENGTHS if kind is ObservationType.Dist else (*_LENGTHS, _SIGN)
+    return _LENGTHS if kind.start is Start.DISTANCE else (*_LENGTHS, _SIGN)
 
 
 def _sexagesimal(value: float) -> float:
@@ -100,7 +102,7 @@ def _sexagesimal(value: float) -> float:
     return math.copysign(math.radians(degrees + minutes / 60.0 + seconds / 3600.0), value)
 
 
-def explained(kind: ObservationType, value: float, expected: float, tolerance: float) -> Explanation | None:
+def explained(kind: ObservationKind, value: float, expected: float, tolerance: float) -> Explanation | None:
     """The most telling explanation of a value; None when none is likely.
 
     Args:
@@ -116,13 +118,13 @@ def explained(kind: ObservationType, value: float, expected: float, tolerance: f
     return min(found, key=lambda e: e.chance, default=None)
 
 
-def difference(kind: ObservationType, a: float, b: float) -> float:
+def difference(kind: ObservationKind, a: float, b: float) -> float:
     """The difference a - b, of angles in [-pi, pi]."""
     return math.remainder(a - b, 2.0 * math.pi) if kind.is_angle else a - b
 
 
 def _by_mistakes(
-    kind: ObservationType, value: float, expected: float, tolerance: float, span: float
+    kind: ObservationKind, value: float, expected: float, tolerance: float, span: float
 ) -> Iterator[Explanation]:
     mistakes = mistakes_of(kind)
     for mistake in mistakes:
@@ -132,13 +134,13 @@ def _by_mistakes(
 
 
 def _by_digits(
-    kind: ObservationType, value: float, expected: float, tolerance: float, span: float
+    kind: ObservationKind, value: float, expected: float, tolerance: float, span: float
 ) -> Iterator[Explanation]:
     """One wrong digit, two digits exchanged, or a decimal point in the wrong place."""
     unit = GON if kind.is_angle else 1.0
     read, margin = value * unit, tolerance * unit
     decimals = _DECIMALS[kind.is_angle]
-    whole = 400.0 if kind.is_angle and kind is not ObservationType.Zen else 0.0
+    whole = 400.0 if kind.is_angle and kind.start is not Start.ZENITH else 0.0
     tried = list(variants(read, decimals, margin))
     for text, right in tried:
         gap = right - expected * unit
