@@ -15,7 +15,7 @@ from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.project.tree import Number, Tree
@@ -131,7 +131,7 @@ def read_orientation(
     files = _pose_files(place) if images is None else [_pose_file(place, image) for image in images]
     read = [read_pose(path) for path in files]
     cameras = {
-        name: read_calibration(_calibration_file(place, name, image))
+        name: read_calibration_of(place, name, image)
         for name, image in {calibration: image for image, calibration, _ in read}.items()
         if name != NO_CALIBRATION
     }
@@ -144,10 +144,10 @@ def read_orientation(
     return poses, cameras
 
 
-def write_orientation(
+def orientation_files(
     folder: str | Path, poses: Poses, cameras: dict[str, Camera], *, as_json: bool = False
-) -> None:
-    """Poses and calibrations as files of a folder of orientations, all or none."""
+) -> dict[Path, str]:
+    """Poses and calibrations as the files of a folder of orientations."""
     place = Path(folder)
     ending = "json" if as_json else "xml"
     texts = {
@@ -158,7 +158,35 @@ def write_orientation(
         place / f"{camera.name}.{ending}": calibration_text(camera, as_json=as_json)
         for camera in cameras.values()
     }
-    write_all(texts)
+    return texts
+
+
+def write_orientation(
+    folder: str | Path, poses: Poses, cameras: dict[str, Camera], *, as_json: bool = False
+) -> None:
+    """Write the files of `orientation_files`, all or none."""
+    write_all(dict(orientation_files(folder, poses, cameras, as_json=as_json)))
+
+
+def read_first_calibration(folder: Path, names: Sequence[str], image: str) -> Camera:
+    """The calibration of the first of several names that is in a folder of orientations.
+
+    Raises:
+        InputError: if none is there; the image that needs it, and the first name, are named.
+    """
+    for name in names[1:]:
+        if any((folder / f"{name}.{ending}").is_file() for ending in ("xml", "json")):
+            return read_calibration_of(folder, name, image)
+    return read_calibration_of(folder, names[0], image)
+
+
+def read_calibration_of(folder: Path, name: str, image: str) -> Camera:
+    """The calibration of a name in a folder of orientations.
+
+    Raises:
+        InputError: if it is not there; the image that needs it is named.
+    """
+    return read_calibration(_calibration_file(folder, name, image))
 
 
 def _pose_files(folder: Path) -> list[Path]:

@@ -54,6 +54,10 @@ class Rules:
         Raises:
             InputError: no rule gives the model or the focal length of the image.
         """
+        return self.calibration_names(image)[0]
+
+    def calibration_names(self, image: str) -> tuple[str, str]:
+        """The name of today, with thousandths of millimetres, and that of 2023, with millimetres."""
         model, focal = self.value("ModelCam", image), self.value("Focalmm", image)
         if model is None or focal is None:
             missing = "ModelCam" if model is None else "Focalmm"
@@ -61,7 +65,8 @@ class Rules:
         additional = self.value("AdditionalName", image)
         part = f"_Add{additional}" if additional else ""
         thousandth = round(1000.0 * self._number(focal, "Focalmm", image))
-        return f"CalibIntr_Cam{model.replace(' ', '_')}{part}_Foc{thousandth}"
+        begin = f"CalibIntr_Cam{model.replace(' ', '_')}{part}_Foc"
+        return f"{begin}{thousandth}", f"{begin}{thousandth // 1000}"
 
     def _number(self, text: str, mode: str, image: str) -> float:
         try:

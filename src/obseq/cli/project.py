@@ -1,0 +1,238 @@
+"""Commands of MMVII on a project tree: `create-calib`, `resection`, `block-init`, `report-gcp` and others."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
+from obseq.cli.progress import Progress
+from obseq.printable import printable
+from obseq.writing import check_writable, write_all
+
+if TYPE_CHECKING:
+    from obseq.images import Camera, ControlPoints, ImagePoints
+    from obseq.project.layout import ProjectTree
+
+CHECK_FAILED = 1
+EXIT = "exit code: 0 done; 1 done, and an image or a point failed the check; 2 could not run"
+IMAGES = "a regular expression of image names, or a list (SetOfName file)"
+
+Files = dict[Path, "str | bytes"]
+Job = Callable[[argparse.Namespace, "ProjectTree"], tuple[str, Files, bool]]
+
+
+def register(commands: Commands) -> None:
+    """Add the commands to the parser."""
+    purpose = "write initial calibrations of images from metadata (MMVII's OriCreateCalib)"
+    command = _add(commands, "create-calib", _create_calibrations, purpose, ("images", "measures", "out"))
+    command.add_argument("--degree", nargs=3, type=int, default=[3, 1, 1], metavar=("R", "D", "G"))
+    command.add_argument("--projection", default="Stenope", metavar="NAME", help="Stenope, FE_EquiDist, ...")
+    command.add_argument("--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of the images")
+
+    purpose = "tell which images have control points enough, and well spread (OriPoseEstimCheckGCPDist)"
+    command = _add(
+        commands, "check-gcp-distribution", _distribution, purpose, ("images", "points", "measures")
+    )
+    command.add_argument("--lists", metavar="PREFIX", help="write the lists of images that pass (SetOfName)")
+
+    purpose = "find the poses of calibrated images from control points (OriPoseEstimSpaceResection)"
+    needed = ("images", "points", "measures", "calibrations", "out")
+    command = _add(commands, "resection", _resection, purpose, needed)
+    command.add_argument(
+        "--triplets", type=positive_integer, default=500, metavar="N", help="tried at most (500)"
+    )
+    command.add_argument("--max-error", type=positive_number, default=20.0, metavar="PX", help="median (20)")
+
+    purpose = "find the relative poses of rigidly mounted cameras (BlockCamInit)"
+    command = _add(commands, "block-init", _block, purpose, ("orientation", "pattern", "out"))
+    command.add_argument("--groups", nargs=2, type=positive_integer, default=[1, 2], metavar=("CAM", "EXP"))
+    command.add_argument("--master", metavar="CAMERA", help="whose frame is that of the block")
+    command.add_argument("--name", default="TheBloc", help="of the block (TheBloc)")
+
+    purpose = "compare measures with the projections of control points (ReportGCP)"
+    _add(commands, "report-gcp", _report, purpose, ("images", "points", "measures", "orientation"))
+
+    purpose = "convert the 3D points of a project to another coordinate system (GCPChSysCo)"
+    _add(commands, "change-sysco", _change_system, purpose, ("system", "points", "out"))
+
+
+WORDS = {
+    "images": IMAGES,
+    "measures": "folder of measures in images (ObjMesInstr, PointsMeasure)",
+    "points": "folder of 3D points (ObjCoordWorld, PointsMeasure)",
+    "calibrations": "folder of orientations with the calibrations",
+    "orientation": "folder of orientations (Ori)",
+    "pattern": "of image names, with a group for the camera and one for the exposure",
+    "system": "the new coordinate system",
+    "out": "folder that is written",
+}
+
+
+def _add(
+    commands: Commands, name: str, job: Job, purpose: str, positional: Sequence[str]
+) -> argparse.ArgumentParser:
+    command = add_command(commands, name, _run(job), purpose, "", EXIT)
+    for one in positional:
+        command.add_argument(one, metavar=one.upper(), help=WORDS[one])
+    command.add_argument(
+        "--project", type=Path, default=Path(), metavar="DIR", help="that holds MMVII-PhgrProj (here)"
+    )
+    command.add_argument("--metadata", default="Std", metavar="NAME", help="folder of metadata (Std)")
+    command.add_argument("--json-files", action="store_true", help="write JSON instead of XML")
+    return command
+
+
+def _run(job: Job) -> Callable[[argparse.Namespace], int]:
+    def run(arguments: argparse.Namespace) -> int:
+        from obseq.project.layout import ProjectTree
+
+        with Progress("computing"):
+            text, files, passed = job(arguments, ProjectTree.at(arguments.project))
+            check_writable(files)
+            write_all(files)
+        print(printable(text), end="")
+        return 0 if passed else CHECK_FAILED
+
+    return run
+
+
+def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.project.camera_bodies import initial_camera
+    from obseq.project.cameras import calibration_text
+
+    rules = tree.rules(arguments.metadata)
+    size = tuple(arguments.size) if arguments.size else None
+    cameras: dict[str, Camera] = {}
+    for image in tree.images(arguments.images, tree.measures(arguments.measures)):
+        camera = initial_camera(
+            rules, image, size=size, degree=tuple(arguments.degree), projection=arguments.projection
+        )
+        cameras.setdefault(camera.name, camera)
+    folder, ending = tree.folder("Ori", arguments.out), _ending(arguments)
+    files: Files = {
+        folder / f"{name}{ending}": calibration_text(camera, as_json=arguments.json_files)
+        for name, camera in cameras.items()
+    }
+    lines = [
+        f"{name}: F {camera.focal:.3f} px, {camera.width} x {camera.height}"
+        for name, camera in cameras.items()
+    ]
+    return "\n".join(lines) + "\n", files, True
+
+
+def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.images import check_distribution
+    from obseq.project.metadata import names_text
+
+    measures, control = _measured(arguments, tree)
+    found = check_distribution(measures, control)
+    lines = ["image,n,linearity,planarity,resection,eleven_parameters\n"]
+    for k, image in enumerate(found.images):
+        indices = f"{found.linearity[k]:.6f},{found.planarity[k]:.6f}"
+        answers = f"{int(found.allows_resection[k])},{int(found.allows_eleven_parameters[k])}"
+        lines.append(f"{image},{found.counts[k]},{indices},{answers}\n")
+    files: Files = {}
+    if arguments.lists:
+        for word, passed in (("Resec", found.allows_resection), ("11Param", found.allows_eleven_parameters)):
+            names = [name for name, good in zip(found.images, passed, strict=True) if good]
+            path = tree.root / f"{arguments.lists}_OK_{word}{_ending(arguments)}"
+            files[path] = names_text(names, as_json=arguments.json_files)
+    return "".join(lines), files, bool(found.allows_resection.all())
+
+
+def _resection(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    import numpy as np
+
+    from obseq.images import Poses, ResectionOptions, resect
+    from obseq.project.cameras import orientation_files, read_first_calibration
+    from obseq.project.points import read_system, system_text
+
+    measures, control = _measured(arguments, tree)
+    rules, folder = tree.rules(arguments.metadata), tree.orientation(arguments.calibrations)
+    cameras = {
+        image: read_first_calibration(folder, rules.calibration_names(image), image)
+        for image in measures.image_names
+    }
+    options = ResectionOptions(arguments.triplets, arguments.max_error)
+    found = resect(measures, control, cameras, options)
+    poses: Poses = found.poses
+    out = tree.folder("Ori", arguments.out)
+    by_name = {camera.name: camera for camera in cameras.values()}
+    files: Files = dict(orientation_files(out, poses, by_name, as_json=arguments.json_files))
+    definition = read_system(tree.points(arguments.points))
+    files[out / f"CurSysCo{_ending(arguments)}"] = system_text(definition, as_json=arguments.json_files)
+    norms = np.sqrt((found.residuals**2).sum(axis=1))
+    lines = []
+    for k, image in enumerate(poses.images):
+        mine = found.measures.image == found.measures.image_names.index(image)
+        used = mine & found.is_used
+        rms = np.sqrt((norms[used] ** 2).mean())
+        counts = f"{int(used.sum())} of {int(mine.sum())} points"
+        lines.append(f"{image}: {counts}, rms {rms:.3f} px, sigma0 {found.sigma0[k]:.3f}")
+    gross = np.flatnonzero(~found.is_used)
+    lines += [f"gross: {found.measures.label(int(row))}: {norms[row]:.1f} px" for row in gross]
+    return "\n".join(lines) + "\n", files, not gross.size
+
+
+def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.images import Exposures, initial_block
+    from obseq.project.blocks import BlockFile, block_text
+    from obseq.project.cameras import read_orientation
+
+    poses, _ = read_orientation(tree.orientation(arguments.orientation))
+    exposures = Exposures.of(poses.images, arguments.pattern, *arguments.groups)
+    block, pairs = initial_block(poses, exposures, arguments.master, arguments.name)
+    lines, passed = [], True
+    for pair in pairs:
+        shift = " ".join(f"{value:.6f}" for value in pair.mean.centre)
+        scatter = f"SigmaTr {pair.sigma_translation:.6g}, SigmaRot {pair.sigma_rotation:.6g}"
+        which = f"{pair.first} -> {pair.second}: {len(pair.exposures)} exposures"
+        lines.append(f"{which}, translation {shift}, {scatter}")
+        off = [name for name, fits in zip(pair.exposures, pair.fits, strict=True) if not fits]
+        lines += [f"exposure {name} does not fit the block" for name in off]
+        passed = passed and not off
+    places = {name: block.places[name] for name in block.places}
+    camera, exposure = arguments.groups
+    written = BlockFile(block.name, block.master, arguments.pattern, camera, exposure, places, {})
+    path = tree.folder("RigBlock", arguments.out) / f"RigidBloc_{block.name}{_ending(arguments)}"
+    return "\n".join(lines) + "\n", {path: block_text(written, as_json=arguments.json_files)}, passed
+
+
+def _report(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.project.cameras import read_orientation
+    from obseq.project.reports import gcp_reports
+
+    measures, control = _measured(arguments, tree)
+    poses, cameras = read_orientation(tree.orientation(arguments.orientation), measures.image_names)
+    name = f"{arguments.orientation}_Mes-{arguments.points}-{arguments.measures}"
+    folder = tree.folder("Reports", "ReportGCP") / name
+    texts = gcp_reports(measures, control, poses, cameras)
+    return texts["ByImage.csv"], {folder / file: text for file, text in texts.items()}, True
+
+
+def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.project.points import points_text, read_control_points, read_system, system_text
+    from obseq.project.reports import converted
+
+    folder = tree.points(arguments.points)
+    control = converted(read_control_points(folder), read_system(folder), arguments.system)
+    out, ending = tree.folder("ObjCoordWorld", arguments.out), _ending(arguments)
+    as_json = arguments.json_files
+    files: Files = {
+        out / f"MesGCP-{arguments.out}{ending}": points_text(control, arguments.out, as_json=as_json),
+        out / f"CurSysCo{ending}": system_text(arguments.system, as_json=as_json),
+    }
+    return f"{len(control)} points in {arguments.system}\n", files, True
+
+
+def _measured(arguments: argparse.Namespace, tree: "ProjectTree") -> "tuple[ImagePoints, ControlPoints]":
+    from obseq.project.points import read_control_points, read_image_measures
+
+    folder = tree.measures(arguments.measures)
+    images = tree.images(arguments.images, folder)
+    return read_image_measures(folder, images), read_control_points(tree.points(arguments.points))
+
+
+def _ending(arguments: argparse.Namespace) -> str:
+    return ".json" if arguments.json_files else ".xml"
