@@ -1,4 +1,4 @@
-"""From formulas to kernels: the stages are listed in `compiler.py`, the files written in `files.py`."""
+"""From formulas to kernels: the stages are listed in `pipeline.py`, the files written in `files.py`."""
 
 from obseq.codegen.ondemand import compile_formula
 
