@@ -8,7 +8,18 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from obseq.cli import adjust, aerial, check_derivatives, demo, epipolar, formulas, project, report, versions
+from obseq.cli import (
+    adjust,
+    aerial,
+    bundle,
+    check_derivatives,
+    demo,
+    epipolar,
+    formulas,
+    project,
+    report,
+    versions,
+)
 from obseq.cli.guard import guarded
 
 DESCRIPTION = """\
@@ -29,7 +40,18 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (demo, adjust, report, aerial, epipolar, project, formulas, check_derivatives, versions):
+    for module in (
+        demo,
+        adjust,
+        bundle,
+        report,
+        aerial,
+        epipolar,
+        project,
+        formulas,
+        check_derivatives,
+        versions,
+    ):
         module.register(commands)
     return top
 

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera, median_camera
     from obseq.images.control import ControlPoints
     from obseq.images.initial.distribution import Distribution, check_distribution
+    from obseq.images.initial.growth import Growth, place_images, similarity
     from obseq.images.initial.intersection import Intersection, intersect
+    from obseq.images.initial.relative import RelativeOrientation, relative_orientation
     from obseq.images.initial.resection import Resection, ResectionOptions, refine_poses, resect
     from obseq.images.initial.three_points import poses_of_triplets
     from obseq.images.measures import ImagePoints
@@ -31,11 +33,13 @@ _HOMES = {
     "ControlPoints": "images.control",
     "Distribution": "images.initial.distribution",
     "Exposures": "images.rigid",
+    "Growth": "images.initial.growth",
     "ImagePoints": "images.measures",
     "Intersection": "images.initial.intersection",
     "PairStatistics": "images.rigid",
     "Pose": "geometry",
     "Poses": "images.poses",
+    "RelativeOrientation": "images.initial.relative",
     "Resection": "images.initial.resection",
     "ResectionOptions": "images.initial.resection",
     "RigidBlock": "images.rigid",
@@ -45,9 +49,12 @@ _HOMES = {
     "intersect": "images.initial.intersection",
     "median_camera": "images.camera",
     "pair_statistics": "images.rigid",
+    "place_images": "images.initial.growth",
     "poses_of_triplets": "images.initial.three_points",
     "refine_poses": "images.initial.resection",
+    "relative_orientation": "images.initial.relative",
     "resect": "images.initial.resection",
+    "similarity": "images.initial.growth",
 }
 
 __all__ = [
@@ -58,11 +65,13 @@ __all__ = [
     "ControlPoints",
     "Distribution",
     "Exposures",
+    "Growth",
     "ImagePoints",
     "Intersection",
     "PairStatistics",
     "Pose",
     "Poses",
+    "RelativeOrientation",
     "Resection",
     "ResectionOptions",
     "RigidBlock",
@@ -72,9 +81,12 @@ __all__ = [
     "intersect",
     "median_camera",
     "pair_statistics",
+    "place_images",
     "poses_of_triplets",
     "refine_poses",
+    "relative_orientation",
     "resect",
+    "similarity",
 ]
 
 

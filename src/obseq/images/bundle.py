@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.block import Block
+from obseq.images.initial.growth import place_images
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
 from obseq.leastsquares import LeastSquares
 
@@ -35,13 +38,12 @@ class BundleAdjustment(Block):
     """A block of images and its adjustment.
 
     Example:
+        >>> from obseq.images import BundleAdjustment, Camera
         >>> block = BundleAdjustment()
         >>> block.add_cameras(Camera("wide", 4000, 3000, focal=3000.0))
-        >>> block.add_poses(images, centres, angles, form="opk")
-        >>> block.add_control_points(ControlPoints.of(names, coordinates, sigmas=0.01))
-        >>> block.add_measures(ImagePoints.of(images_of, points_of, pixels, sigmas=0.5))
-        >>> solution = block.solve()
-        >>> solution.sigma0, solution.cameras["wide"].focal
+        >>> block.add_poses(["a", "b"], [[0, 0, 9], [3, 0, 9]], [[0, 0, 0], [0, 0, 0]], form="opk")
+        >>> block.poses["b"].to_local([3.0, 0.0, 0.0]).tolist()
+        [0.0, 0.0, 9.0]
     """
 
     def solve(
@@ -96,6 +98,31 @@ class BundleAdjustment(Block):
         except SingularSystemError as error:
             raise SingularSystemError(f"{error}\n{HINT}", error.unknowns) from None
         return BundleSolution(self, start, equations, result, done, tuple(surveys))
+
+    def initialise(self) -> tuple[str, ...]:
+        """Finds poses for the images that have measures and none; returns their names.
+
+        By resection where there are four control points or more, else from their neighbours; without any
+        image to begin with, from a relative orientation that three control points bring to the world. A
+        block without control points stays in the frame of its first pair.
+
+        Raises:
+            InputError: an image cannot be placed; it is named, with the reason.
+        """
+        measured = {name for part in self.sets for name in part.measures.image_names}
+        waiting = [image for image in self.camera_of if image in measured - set(self.poses.images)]
+        if not waiting:
+            return ()
+        measures = functools.reduce(ImagePoints.joined, (part.measures for part in self.sets))
+        cameras = {image: self.cameras[name] for image, name in self.camera_of.items()}
+        given = self.poses.select([image for image in self.poses.images if image in measured])
+        growth = place_images(measures, self.control, cameras, given)
+        lost = growth.waiting()
+        if lost:
+            reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
+            raise InputError(f"{len(lost)} images cannot be placed; {lost[0]}: {reason}")
+        self.add_poses(growth.as_poses().select(waiting))
+        return tuple(waiting)
 
     def _check_datum(self, datum: str | Sequence[str], start: Start) -> None:
         if isinstance(datum, str) and datum not in DATUMS:

@@ -1,0 +1,188 @@
+"""Bundle Adjustment in the Large and Bundler: cameras that look along -z, y up, about the image centre.
+
+    P = R X + t;  p = -P_xy / P_z;  pixel = f (1 + k1 |p|^2 + k2 |p|^4) p
+
+Here y goes down and z forward: rotation and translation are turned by diag(1, -1, -1), and f, k1, k2 stay.
+"""
+
+from __future__ import annotations
+
+import bz2
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.geometry import exponential, logarithm
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
+from obseq.images.files.tables import text_of
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
+from obseq.writing import write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.images.block import Block
+
+FLIP = np.array([1.0, -1.0, -1.0])
+
+
+def read_bal(path: str | Path) -> BundleAdjustment:
+    """The block of a BAL file, plain or compressed (.bz2): a camera per image, one pixel of sigma, no datum.
+
+    Raises:
+        InputError: the file does not hold what its first line says.
+    """
+    numbers = _numbers(path)
+    if len(numbers) < 3 or not (numbers[:3] == np.round(numbers[:3])).all() or (numbers[:3] < 0).any():
+        raise InputError(f"{path}: the first line of a BAL file counts cameras, points and observations")
+    n, m, k = numbers[:3].astype(np.int64)
+    if len(numbers) != 3 + 4 * k + 9 * n + 3 * m:
+        raise InputError(
+            f"{path}: {n} cameras, {m} points and {k} observations are "
+            f"{3 + 4 * k + 9 * n + 3 * m} numbers; the file has {len(numbers)}"
+        )
+    rows = numbers[3 : 3 + 4 * k].reshape(-1, 4)
+    cameras = numbers[3 + 4 * k : 3 + 4 * k + 9 * n].reshape(-1, 9)
+    index = rows[:, :2].astype(np.int64)
+    if k and ((index < 0).any() or (index.max(axis=0) >= [n, m]).any()):
+        raise InputError(f"{path}: an observation names a camera or a point that is not there")
+    points = numbers[3 + 4 * k + 9 * n :].reshape(-1, 3)
+    return _block(exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:])
+
+
+def _numbers(path: str | Path) -> FloatArray:
+    try:
+        text = (
+            bz2.decompress(Path(path).read_bytes()).decode() if str(path).endswith(".bz2") else text_of(path)
+        )
+        numbers = np.array(text.split(), dtype=np.float64)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{path}: a number is not finite")
+    return numbers
+
+
+def _block(
+    rotations: FloatArray,
+    translations: FloatArray,
+    interiors: FloatArray,
+    points: FloatArray,
+    index: IntArray,
+    pixels: FloatArray,
+    images: Sequence[str] | None = None,
+) -> BundleAdjustment:
+    """A block of cameras in their convention: world to camera, f k1 k2."""
+    names = list(images) if images is not None else [f"image {k}" for k in range(len(rotations))]
+    own = [f"camera of {name}" for name in names]
+    turned = rotations * FLIP[:, None]
+    centres = -(np.swapaxes(turned, 1, 2) @ (translations * FLIP)[:, :, None])[:, :, 0]
+    point_names = [f"P{k}" for k in range(len(points))]
+    block = BundleAdjustment()
+    block.add_cameras(
+        *(
+            Camera(name, 0, 0, float(f), np.zeros(2), (2, 0, 0), [k1, k2])
+            for name, (f, k1, k2) in zip(own, interiors, strict=True)
+        )
+    )
+    block.freeze_parameters("PP.")
+    block.add_poses(Poses.of(names, centres, np.swapaxes(turned, 1, 2), cameras=own))
+    block.add_approximations(point_names, points)
+    image, point = np.asarray(index, dtype=np.int64).T
+    block.add_measures(ImagePoints.packed(names, point_names, image, point, pixels * FLIP[:2]))
+    return block
+
+
+def write_bal(block: Block, path: str | Path) -> None:
+    """Writes a block of pinholes with two radial terms about the image centre as a BAL file.
+
+    Raises:
+        InputError: a camera has another model, or a point no coordinates.
+    """
+    images = block.poses.images
+    names = [name for part in block.sets for name in part.measures.point_names]
+    points = list(dict.fromkeys(names))
+    place = {name: k for k, name in enumerate(points)}
+    number = {name: k for k, name in enumerate(images)}
+    lines = []
+    for part in block.sets:
+        measures = part.measures
+        for image, point, (x, y) in zip(measures.image, measures.point, measures.xy, strict=True):
+            camera = block.cameras[block.camera_of[measures.image_names[image]]]
+            dx, dy = (np.array([x, y]) - camera.principal_point) * FLIP[:2]
+            pair = number[measures.image_names[image]], place[measures.point_names[point]]
+            lines.append(f"{pair[0]} {pair[1]} {dx:.17g} {dy:.17g}")
+    numbers = [*_camera_numbers(block, images), *_point_numbers(block, points)]
+    first = f"{len(images)} {len(points)} {len(lines)}"
+    write_text(path, "\n".join([first, *lines, *(f"{value:.17g}" for value in numbers)]) + "\n")
+
+
+def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:
+    poses = block.poses.select(images)
+    turned = np.swapaxes(poses.rotations, 1, 2) * FLIP[:, None]
+    moved = -(turned @ poses.centres[:, :, None])[:, :, 0]
+    interiors = []
+    for image in images:
+        camera = block.cameras[block.camera_of[image]]
+        if (camera.projection, camera.degree) != ("Stenope", (2, 0, 0)):
+            raise InputError(f"camera {camera.name}: BAL holds pinholes with two radial terms alone")
+        interiors.append([camera.focal, *camera.coefficients])
+    return np.hstack([logarithm(turned), moved, np.array(interiors).reshape(-1, 3)]).ravel()
+
+
+def _point_numbers(block: Block, points: Sequence[str]) -> FloatArray:
+    known = block.approximations | dict(zip(block.control.names, block.control.coordinates, strict=True))
+    missing = [name for name in points if name not in known]
+    if missing:
+        raise InputError(f"point {missing[0]}: it has no coordinates to write ({len(missing)} have none)")
+    return np.array([known[name] for name in points]).ravel()
+
+
+def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> BundleAdjustment:
+    """The block of a Bundler file (`bundle.out`, version 0.3).
+
+    Args:
+        path: the file.
+        images: names of all its cameras in order, as its `list.txt` has them; numbers when None.
+
+    Raises:
+        InputError: the file is not what it says.
+    """
+    text = text_of(path)
+    if not text.startswith("# Bundle file v0.3"):
+        raise InputError(f"{path}: not a Bundler file of version 0.3 (the first line says so)")
+    try:
+        numbers = [np.array(line.split(), dtype=np.float64) for line in text.splitlines()[1:] if line.strip()]
+        n, m = (int(value) for value in numbers[0])
+        cameras = np.concatenate(numbers[1 : 1 + 5 * n]).reshape(n, 15)
+        rest = numbers[1 + 5 * n : 1 + 5 * n + 3 * m]
+        points = np.array([rest[3 * k] for k in range(m)]).reshape(m, 3)
+        views = [rest[3 * k + 2][1:].reshape(int(rest[3 * k + 2][0]), 4) for k in range(m)]
+    except (ValueError, IndexError) as error:
+        raise InputError(f"{path}: the numbers do not fit the counts ({error})") from None
+    used = cameras[:, 0] > 0.0
+    names = list(images) if images is not None else [f"image {k}" for k in range(n)]
+    if len(names) != n:
+        raise InputError(f"{path}: {len(names)} image names for {n} cameras")
+    row = np.cumsum(used) - 1
+    rows = np.concatenate(views) if views else np.zeros((0, 4))
+    camera = rows[:, 0].astype(np.int64)
+    if camera.size and not (camera.min() >= 0 and camera.max() < n and used[camera].all()):
+        raise InputError(f"{path}: a point is seen by a camera that is not there")
+    owner = np.repeat(np.arange(m), [len(view) for view in views])
+    return _block(
+        cameras[used, 3:12].reshape(-1, 3, 3),
+        cameras[used, 12:15],
+        cameras[used, :3],
+        points,
+        np.column_stack([row[camera], owner]),
+        rows[:, 2:],
+        [name for name, there in zip(names, used, strict=True) if there],
+    )

@@ -1,0 +1,138 @@
+"""What is printed of a bundle adjustment, from its record alone: verdict, cameras, images, points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.printable import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.images.output.record import BundleRecord, CameraRecord
+
+MOST = 12
+"""Rows of a table before it is cut."""
+
+
+def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
+    """A screenful about an adjusted block."""
+    parts = [
+        _verdict(record),
+        *(_camera(camera) for camera in record.cameras[:3]),
+        _images(record),
+        _points(record),
+        _left_out(record),
+        _worst(record),
+        "".join(f"written: {name}\n" for name in files),
+    ]
+    return printable("\n".join(part for part in parts if part))
+
+
+def _verdict(record: BundleRecord) -> str:
+    sigma0 = "undefined" if record.sigma0 is None else f"{record.sigma0:.4f}"
+    state = "converged" if record.converged else f"NOT CONVERGED: {record.stopped}"
+    tie = sum(point.kind == "tie" for point in record.points)
+    lines = [
+        f"Bundle adjustment: sigma0 {sigma0}, {state} after {len(record.iterations)} iterations",
+        f"  {len(record.images)} images, {len(record.cameras)} cameras, "
+        f"{len(record.points) - tie} control points, {tie} tie points",
+        f"  {record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
+        f"precisions {record.precision}",
+    ]
+    if record.weakened:
+        lines.append(f"  {record.weakened} image points have less than half of their weight")
+    if record.behind:
+        lines.append(f"  {len(record.behind)} image points are BEHIND their camera in the solution")
+    return "\n".join(lines) + "\n"
+
+
+def _camera(camera: CameraRecord) -> str:
+    rows = [
+        (parameter.name, f"{parameter.value:.8g}", _sigma(parameter.sigma)) for parameter in camera.parameters
+    ]
+    title = f"Camera {camera.name} ({camera.n_measures} measures, rms {camera.rms:.4g} px)"
+    return title + "\n" + _table(("parameter", "value", "sigma"), rows) + _high(camera)
+
+
+def _high(camera: CameraRecord) -> str:
+    """Pairs of parameters that the block can hardly tell apart."""
+    if camera.correlations is None:
+        return ""
+    matrix = np.abs(np.array(camera.correlations))
+    names = [parameter.name for parameter in camera.parameters]
+    pairs = [
+        f"{names[i]}-{names[j]} {camera.correlations[i][j]:+.3f}"
+        for i, j in np.argwhere(np.triu(matrix, 1) > 0.95)
+    ]
+    return f"  correlations above 0.95: {', '.join(pairs)}\n" if pairs else ""
+
+
+def _images(record: BundleRecord) -> str:
+    rows = [
+        (
+            image.name,
+            str(image.n_measures),
+            f"{image.rms:.4g}",
+            f"{image.largest:.4g}",
+            *(f"{value:.4f}" for value in image.centre),
+            _sigma(None if image.centre_sigmas is None else max(image.centre_sigmas)),
+        )
+        for image in sorted(record.images, key=lambda image: -image.rms)
+    ]
+    return "Images, largest rms first\n" + _table(
+        ("image", "points", "rms px", "max px", "x", "y", "z", "sigma"), rows
+    )
+
+
+def _points(record: BundleRecord) -> str:
+    control = [point for point in record.points if point.residual is not None]
+    if not control:
+        return ""
+    ordered = sorted(control, key=lambda point: -max(map(abs, point.residual or (0.0,))))
+    rows = [
+        (point.name, str(point.n_rays), f"{point.rms:.4g}", *map("{:+.5f}".format, point.residual or ()))
+        for point in ordered
+    ]
+    return "Control points, adjusted minus given, largest first\n" + _table(
+        ("point", "rays", "rms px", "dx", "dy", "dz"), rows
+    )
+
+
+def _left_out(record: BundleRecord) -> str:
+    if not record.left_out:
+        return ""
+    rows = [(item.kind, item.name, item.reason) for item in record.left_out]
+    return f"Left out ({len(rows)})\n" + _table(("what", "name", "reason"), rows)
+
+
+def _worst(record: BundleRecord) -> str:
+    rows = [
+        (item.image, item.point, f"{item.dx:+.3f}", f"{item.dy:+.3f}", f"{item.weight:.2f}")
+        for item in record.worst[:5]
+    ]
+    return "Largest residuals in sigmas\n" + _table(("image", "point", "dx px", "dy px", "weight"), rows)
+
+
+def _sigma(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return "fixed" if value == 0.0 else f"{value:.3g}"
+
+
+def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    shown = [titles, *rows[:MOST]]
+    widths = [max(len(row[k]) for row in shown) for k in range(len(titles))]
+    text = "".join("  " + _line(row, widths) + "\n" for row in shown)
+    return text + (f"  ... and {len(rows) - MOST} more\n" if len(rows) > MOST else "")
+
+
+def _line(row: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(_cells(row, widths)).rstrip()
+
+
+def _cells(row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
+    for k, (cell, width) in enumerate(zip(row, widths, strict=True)):
+        yield cell.ljust(width) if k == 0 else cell.rjust(width)

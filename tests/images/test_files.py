@@ -1,0 +1,191 @@
+"""Blocks in files: tables of ours, BAL, Bundler, COLMAP; and what is wrong with others."""
+
+import bz2
+
+import numpy as np
+import pytest
+import scenes
+
+from obseq.errors import InputError
+from obseq.images import BundleAdjustment
+from obseq.images.files.bal import read_bal, read_bundler, write_bal
+from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
+from obseq.images.files.colmap import read_colmap, write_colmap
+from obseq.images.output.clouds import camera_table, ply, pose_table
+
+
+def _written(tmp_path, name: str, text: str):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_tables_are_read_whatever_their_order(tmp_path):
+    path = _written(
+        tmp_path,
+        "c.csv",
+        "# title\nfocal, name, width, height, K1, b2\n1800.5, wide, 2000, 1500, -0.1, 1e-4\n",
+    )
+    (camera,) = read_cameras(path)
+    assert (camera.name, camera.focal, camera.degree) == ("wide", 1800.5, (3, 1, 1))
+    assert camera.principal_point.tolist() == [1000.0, 750.0]
+    images = _written(tmp_path, "i.csv", "image camera x y z omega phi kappa\na wide 1 2 3 0 0 90\n")
+    camera_of, poses = read_images(images)
+    assert camera_of == {"a": "wide"}
+    # kappa 90: the columns go north
+    np.testing.assert_allclose(poses["a"].rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-15)
+    control = read_control(_written(tmp_path, "g.csv", "point,x,y,z,sx,sy,sz\nA,1,2,3,0,,0.5\n"))
+    assert control.sigmas.tolist() == [[0.0, np.inf, 0.5]]
+    measures = read_measures(_written(tmp_path, "m.csv", 'image;point;x;y\na;"P;1";10;20\n'), sigma=0.5)
+    assert measures.point_names == ("P;1",)
+
+
+@pytest.mark.parametrize(
+    ("reader", "text", "message"),
+    [
+        (read_cameras, "", r"f\.csv: the file has no line of column names"),
+        (read_cameras, "name,width,height\n", r"f\.csv: column 'focal' is missing"),
+        (read_cameras, "name,width,height,focal\nc,10,10\n", r"f\.csv:2: 3 fields for 4 columns"),
+        (read_cameras, "name,width,height,focal\nc,10,10,x\n", r"f\.csv:2: focal is 'x', which is no number"),
+        (read_cameras, "name,width,height,focal\nc,10,10,nan\n", r"f\.csv:2: focal is 'nan'"),
+        (read_cameras, "name,width,height,focal\nc,10,10,-1\n", r"f\.csv:2: camera c: the focal length"),
+        (read_images, "image,x,y,z,omega,phi,kapa\n", r"f\.csv: column 'kapa' means nothing here"),
+        (read_images, "image,x,y,z,qw,qx,qy,qz\na,0,0,0,0,0,0,0\n", r"f\.csv: A quaternion is zero"),
+        (read_control, "point,x,y,z\nA,1,2,3\n", r"f\.csv: no column says how well"),
+        (
+            read_control,
+            "point,x,y,z,sigma\nA,1,2,3,1\nA,1,2,3,1\n",
+            r"f\.csv: control point 'A' is given twice",
+        ),
+        (read_measures, "image,point,x,y\na,P,1,2\n", r"f\.csv: no column says how good"),
+        (read_measures, "image,point,x,y,sigma\na,P,1,2,0\n", r"f\.csv: image a, point P: the sigma"),
+        (read_measures, "image,point,x,x\n", r"f\.csv:1: a column name comes twice"),
+        (read_bal, "1 1\n", r"f\.csv: the first line of a BAL file"),
+        (read_bal, "1 1 1\n0 0 1 2\n", "are 19 numbers; the file has 7"),
+        (read_bal, "1 0 0\n" + "a " * 9, "could not convert"),
+        (read_bundler, "# v0.2\n", r"not a Bundler file of version 0\.3"),
+        (read_bundler, "# Bundle file v0.3\n1 1\n1 2 3\n", "do not fit the counts"),
+    ],
+)
+def test_broken_files_are_refused_with_their_place(tmp_path, reader, text, message):
+    with pytest.raises(InputError, match=message):
+        reader(_written(tmp_path, "f.csv", text))
+
+
+def test_a_missing_file_and_a_binary_one(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv: No such file"):
+        read_cameras(tmp_path / "none.csv")
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"b\.csv: not a text in UTF-8"):
+        read_cameras(tmp_path / "b.csv")
+
+
+@pytest.fixture
+def bal(tmp_path):
+    """Two cameras that see two points: the second one is a metre to the right (its t is -1)."""
+    text = "2 2 3\n0 0 10 -20\n1 0 -90 -20\n0 1 5 5\n" + "0 0 0 0 0 0 100 0.1 0\n0 0 0 -1 0 0 100 0 0\n"
+    return _written(tmp_path, "p.txt", text + "0.1 -0.2 -1\n0.05 0.05 -1\n")
+
+
+def test_bal_is_turned_to_our_axes_and_back(bal, tmp_path):
+    block = read_bal(bal)
+    assert block.poses["image 1"].centre.tolist() == [1.0, 0.0, 0.0]
+    point = block.approximations["P0"]
+    local = block.poses["image 0"].to_local(point[None])
+    # P = (0.1, -0.2, -1), p = (0.1, -0.2), r2 = 0.05: 100 (1 + 0.005) p, and y goes down here
+    camera = block.cameras["camera of image 0"]
+    np.testing.assert_allclose(camera.project(local), [[10.05, 20.1]], rtol=1e-12)
+    assert block.sets[0].measures.xy[0].tolist() == [10.0, 20.0]
+    write_bal(block, tmp_path / "again.txt")
+    np.testing.assert_allclose(
+        np.array((tmp_path / "again.txt").read_text().split(), dtype=float),
+        np.array(bal.read_text().split(), dtype=float),
+        atol=1e-15,
+    )
+    (tmp_path / "p.txt.bz2").write_bytes(bz2.compress(bal.read_bytes()))
+    assert read_bal(tmp_path / "p.txt.bz2").poses.images == block.poses.images
+
+
+def test_bundler_says_the_same_as_bal(bal, tmp_path):
+    text = """# Bundle file v0.3
+3 2
+100 0.1 0
+1 0 0
+0 1 0
+0 0 1
+0 0 0
+0 0 0
+0 0 0
+0 0 0
+0 0 0
+0 0 0
+100 0 0
+1 0 0
+0 1 0
+0 0 1
+-1 0 0
+0.1 -0.2 -1
+255 0 0
+2 0 7 10 -20 2 9 -90 -20
+0.05 0.05 -1
+255 0 0
+1 0 8 5 5
+"""
+    block, other = read_bundler(_written(tmp_path, "bundle.out", text), ["a", "lost", "b"]), read_bal(bal)
+    assert block.poses.images == ("a", "b")
+    np.testing.assert_allclose(block.poses.centres, other.poses.centres)
+    np.testing.assert_allclose(block.poses.rotations, other.poses.rotations)
+    assert sorted(map(tuple, block.sets[0].measures.xy)) == sorted(map(tuple, other.sets[0].measures.xy))
+
+
+def test_what_is_written_for_colmap_comes_back(tmp_path):
+    block, _, _ = scenes.block()
+    block.freeze_parameters("K3|b.")
+    solution = block.solve()
+    write_colmap(solution, tmp_path)
+    again = read_colmap(tmp_path)
+    np.testing.assert_allclose(again.poses.centres, solution.poses.centres, atol=1e-12)
+    np.testing.assert_allclose(again.poses.rotations, solution.poses.rotations, atol=1e-14)
+    camera = next(iter(again.cameras.values()))
+    np.testing.assert_allclose(camera.parameters, solution.cameras["c"].parameters, atol=1e-12)
+    assert len(again.sets[0].measures) == len(solution.residuals.row)
+    (tmp_path / "cameras.txt").write_text("1 FOV 10 10 1 1 1 1\n")
+    with pytest.raises(InputError, match=r"cameras\.txt:1: .* the models known here"):
+        read_colmap(tmp_path)
+
+
+def test_results_are_read_as_input_again(tmp_path):
+    solution = scenes.block()[0].solve()
+    (camera,) = read_cameras(_written(tmp_path, "c.csv", camera_table(solution)))
+    assert camera.parameters.tolist() == solution.cameras["c"].parameters.tolist()
+    _, poses = read_images(_written(tmp_path, "i.csv", pose_table(solution)))
+    np.testing.assert_allclose(poses.rotations, solution.poses.rotations, atol=1e-14)
+    assert poses.centres.tolist() == solution.poses.centres.tolist()
+    assert isinstance(solution.block, BundleAdjustment)
+
+
+def test_the_cloud_holds_points_and_cameras():
+    solution = scenes.block()[0].solve()
+    lines = ply(solution).splitlines()
+    n, m = len(solution.points), len(solution.poses)
+    assert f"element vertex {n + 5 * m}" in lines
+    assert f"element edge {8 * m}" in lines
+    assert len(lines) == lines.index("end_header") + 1 + n + 13 * m
+    first = lines[lines.index("end_header") + 1].split()
+    assert [float(value) for value in first[:3]] == solution.coordinates[0].tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mutilated_tables_never_end_in_another_error(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    whole = b"name,width,height,focal,K1\nc,2000,1500,1800,-0.1\n"
+    for _ in range(60):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), rng.integers(1, 6)):
+            data[place] = rng.integers(0, 256)
+        path = tmp_path / "f.csv"
+        path.write_bytes(bytes(data[: rng.integers(1, len(data) + 1)]))
+        try:
+            read_cameras(path)
+        except InputError as error:
+            assert "f.csv" in str(error)
