@@ -69,6 +69,11 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """The same for the rooms, and single files, inside a room."""
 
+FORMER = {
+    "leastsquares": ("former", "losses", "reliability", "snooping", "hypothesis_tests", "objects"),
+}
+"""Files that only say where their names are now."""
+
 PATH = """\
 1. `survey/files`: a line of an OBS file becomes a row of a field book, with its file and line.
 2. `survey/model`: rows are columns of numbers; stations and rounds are found from their order.

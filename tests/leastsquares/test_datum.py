@@ -131,3 +131,63 @@ def test_a_datum_of_points_that_fix_nothing_is_refused():
     system.set_datum(ids[:1])
     with pytest.raises(InputError, match="does not fix the 3 free parameters"):
         system.solve()
+
+
+def stations_and_targets(eliminated, seed=5):
+    """A free network in space: stations that measure distances to targets, and to each other."""
+    rng = np.random.default_rng(seed)
+    true = rng.uniform(0.0, 100.0, (5 + 15, 3))
+    system = LeastSquares("supernodal")
+    ids = system.add_points([f"P{k}" for k in range(20)], true + rng.normal(0.0, 0.05, true.shape))
+    station, target = (k.ravel() for k in np.meshgrid(np.arange(5), np.arange(5, 20), indexing="ij"))
+    i, j = (
+        np.concatenate([station, np.triu_indices(5, 1)[0]]),
+        np.concatenate([target, np.triu_indices(5, 1)[1]]),
+    )
+    lengths = np.linalg.norm(true[i] - true[j], axis=1) + rng.normal(0.0, 0.01, len(i))
+    system.add("Dist3D", {"p1": ids[i], "p2": ids[j]}, lengths, 0.01)
+    if eliminated:
+        system.eliminate(ids[5:])
+    return system, ids
+
+
+@pytest.mark.parametrize("chosen", [slice(5, 12), slice(3, 9)])
+def test_eliminated_points_may_define_the_datum(chosen):
+    solved = []
+    for eliminated in (False, True):
+        system, ids = stations_and_targets(eliminated)
+        start = system.values(ids)
+        system.set_datum(ids[chosen])
+        result = system.solve(covariance=True)
+        assert (system.datum_defect, result.converged) == (6, True)
+        moved = (result.values(ids) - start)[chosen]
+        assert np.abs(moved.sum(axis=0)).max() < 1e-9
+        solved.append((result.values(ids), result.covariance(ids), len(result.iterations)))
+    np.testing.assert_allclose(solved[0][0], solved[1][0], atol=1e-9)
+    np.testing.assert_allclose(solved[0][1], solved[1][1], rtol=1e-6)
+    assert solved[0][2] == solved[1][2]
+
+
+def test_components_of_the_datum_point_by_point():
+    components = [["x", "y", "z"], ["x", "y"], [2, 0], "xyz", ["z"]]
+    mask = np.array([[1, 1, 1], [1, 1, 0], [1, 0, 1], [1, 1, 1], [0, 0, 1]], dtype=bool)
+    chosen = []
+    for given in (components, mask):
+        system, ids = stations_and_targets(False)
+        system.set_datum(ids[:5], given)
+        chosen.append(system.datum.scalars.tolist())
+    assert chosen[0] == chosen[1] == [0, 1, 2, 3, 4, 6, 8, 9, 10, 11, 14]
+    start = system.unknowns.values.copy()
+    system.solve()
+    assert abs((system.unknowns.values - start)[[0, 3, 6, 9]].sum()) < 1e-8
+    for wrong in (components[:3], mask[:, :2], [["w"]] * 5):
+        with pytest.raises(InputError, match="datum"):
+            system.set_datum(ids[:5], wrong)
+
+
+def test_unknowns_may_be_added_after_the_datum():
+    system, ids = stations_and_targets(False)
+    system.set_datum(ids[:5])
+    new = system.add_points(["new"], [[1.0, 2.0, 3.0]])
+    system.add_prior(new, [[1.0, 2.0, 3.0]], 0.1)
+    assert system.solve().converged

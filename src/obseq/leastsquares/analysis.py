@@ -15,13 +15,12 @@ from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations, used_blocks
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
-from obseq.leastsquares.iterations.datum_solver import DatumSolver
+from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver
 from obseq.leastsquares.solvers import choose_solver
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.definition import Definition
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver
 
@@ -82,14 +81,16 @@ class Analysis:
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
 
     def _on_datum(self, solver: Solver) -> DatumSolver:
-        table, free = self.equations.table, self.equations.free
-        scalars, reference = self._state.datum
-        numbers = free.number[scalars]
-        if (numbers[~table.frozen[scalars]] < 0).any():
-            raise InputError("datum: some of its unknowns are to be eliminated; do not eliminate them")
-        chosen = np.zeros(self.equations.pattern.n, dtype=bool)
-        chosen[numbers[numbers >= 0]] = True
-        return DatumSolver(solver, chosen, partial(_change, table, free, reference))
+        equations, (scalars, reference) = self.equations, self._state.datum
+        table, numbers = equations.table, equations.free.number[scalars]
+        beyond, chosen = None, np.zeros(equations.pattern.n, dtype=bool)
+        inside = numbers >= 0
+        chosen[numbers[inside]] = True
+        if (~inside & ~table.frozen[scalars]).any():
+            chosen[:] = True
+            beyond = Beyond(scalars, equations.extended, partial(_change, table, scalars, reference))
+        offset = partial(_scattered, table, scalars[inside], reference[inside], numbers[inside], len(chosen))
+        return DatumSolver(solver, chosen, offset, beyond)
 
 
 class Analyses:
@@ -154,6 +155,15 @@ class _Structure:
             raise untouched_error(table, untouched)
 
 
-def _change(table: UnknownTable, free: FreeUnknowns, reference: FloatArray) -> FloatArray:
-    """(n_free,) how far the unknowns are from reference values (n_scalars,)."""
-    return np.asarray(table.values[free.scalars] - reference[free.scalars])
+def _change(table: UnknownTable, scalars: IntArray, reference: FloatArray) -> FloatArray:
+    """How far some unknowns are from their reference values."""
+    return np.asarray(table.values[scalars] - reference)
+
+
+def _scattered(
+    table: UnknownTable, scalars: IntArray, reference: FloatArray, numbers: IntArray, n: int
+) -> FloatArray:
+    """(n,) the same at their numbers in the matrix, zero elsewhere."""
+    change = np.zeros(n)
+    change[numbers] = _change(table, scalars, reference)
+    return change

@@ -146,10 +146,14 @@ class NormalEquations:
 
         The linearisation must be that of the last assembly.
         """
+        return self.extended(solved, linearisation.damping)
+
+    def extended(self, solved: FloatArray, damping: float = 0.0) -> FloatArray:
+        """(n_scalars,) as `step`, from the matrix as it was assembled last, with this damping."""
         step = np.zeros(self.table.n_scalars)
         step[self.free.scalars] = solved
         if len(self.layout.groups.blocks):
-            self._substitute_back(linearisation.damping, step)
+            self._substitute_back(damping, step)
         return step
 
     def _substitute_back(self, damping: float, step: FloatArray) -> None:

@@ -15,6 +15,7 @@ solutions as the kernel has dimensions. (W. Baarda, S-transformations and criter
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,28 @@ WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
 
 
+@dataclass(frozen=True)
+class Beyond:
+    """A datum of unknowns some of which are eliminated from the matrix: their part of a step is found again.
+
+    Attributes:
+        chosen: positions, among all unknowns, of those that define the datum.
+        extended: Step of all unknowns from that of the matrix's: affine in it.
+        offset: Gives how far these unknowns are now from their reference.
+    """
+
+    chosen: IntArray
+    extended: Callable[[FloatArray], FloatArray]
+    offset: Callable[[], FloatArray]
+
+    def shift(self, step: FloatArray, kernel: FloatArray) -> FloatArray:
+        """(k,) coefficients of the kernel (n, k) of the matrix to be taken from its step (n,)."""
+        still = self.extended(np.zeros(len(step)))[self.chosen]
+        seen = np.column_stack([self.extended(vector)[self.chosen] - still for vector in kernel.T])
+        away = self.extended(step)[self.chosen] + self.offset()
+        return np.asarray(np.linalg.solve(_fixed(seen), seen.T @ away))
+
+
 class DatumSolver:
     """A solver of singular systems on a datum, behind the protocol of all solvers.
 
@@ -41,9 +64,18 @@ class DatumSolver:
         solver: The solver of the regular systems.
         chosen: (n,) True for the unknowns that define the datum.
         offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
+        beyond: the datum itself, where some of its unknowns are not in the matrix; `chosen` then makes no
+            more than the solutions of the matrix definite.
     """
 
-    def __init__(self, solver: Solver, chosen: BoolArray, offset: Callable[[], FloatArray]) -> None:
+    def __init__(
+        self,
+        solver: Solver,
+        chosen: BoolArray,
+        offset: Callable[[], FloatArray],
+        beyond: Beyond | None = None,
+    ) -> None:
+        self._beyond = beyond
         self._solver = solver
         self._chosen = chosen
         self._offset = offset
@@ -91,14 +123,8 @@ class DatumSolver:
         self._solver.factor(self._regularised(values))
         self._kernel = self._kernel_of(values)
         seen = self._kernel[self._chosen]
-        fixed = seen.T @ seen
-        if self.dimension and np.linalg.eigvalsh(fixed)[0] < WEAKEST_DATUM:
-            raise InputError(
-                f"the chosen datum does not fix the {self.dimension} free parameters of the network: choose "
-                "more points, not all on one line or in one plane"
-            )
         self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
-        self._to_kernel[:, self._chosen] = np.linalg.solve(fixed, seen.T)
+        self._to_kernel[:, self._chosen] = np.linalg.solve(_fixed(seen), seen.T)
         self._is_factored = True
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
@@ -110,6 +136,8 @@ class DatumSolver:
 
     def settled(self, step: FloatArray) -> FloatArray:
         """The step (n,) that ends on the datum; observations do not see the difference."""
+        if self._beyond is not None and self.dimension:
+            return np.asarray(step - self._kernel @ self._beyond.shift(step, self._kernel))
         return np.asarray(step - self._kernel @ (self._to_kernel @ (step + self._offset())))
 
     def selected_inverse(self) -> FloatArray:
@@ -165,3 +193,18 @@ class DatumSolver:
             vectors = np.linalg.qr(self._solver.solve(right))[0]
             start = vectors[self._held]
         return vectors
+
+
+def _fixed(seen: FloatArray) -> FloatArray:
+    """(k, k) what the chosen unknowns see of the kernel, of which they see (m, k).
+
+    Raises:
+        InputError: it is not enough to fix the datum.
+    """
+    fixed = seen.T @ seen
+    if fixed.size and np.linalg.eigvalsh(fixed)[0] < WEAKEST_DATUM:
+        raise InputError(
+            f"the chosen datum does not fix the {len(fixed)} free parameters of the network: choose "
+            "more points, not all on one line or in one plane"
+        )
+    return np.asarray(fixed)

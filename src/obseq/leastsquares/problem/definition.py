@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import finite, listed, real, table_of_rows, texts
+from obseq.leastsquares.problem.arguments import finite, listed, real, table_of_rows, texts, truths
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.manifolds import checked_rotations, direction_context, rotation_context
 from obseq.leastsquares.problem.objects import matching
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.objects import UnknownObject
@@ -31,7 +31,7 @@ class Datum(NamedTuple):
 
     Attributes:
         scalars: positions of the unknowns whose changes are least; none without a datum.
-        reference: (n_scalars,) values of all unknowns when it was set.
+        reference: their values when it was set.
     """
 
     scalars: IntArray
@@ -347,18 +347,23 @@ class Definition:
 
     # Free networks
 
-    def set_datum(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
+    def set_datum(
+        self,
+        ids: ArrayLike,
+        components: Sequence[str | int] | Sequence[Sequence[str | int]] | BoolArray | None = None,
+    ) -> None:
         """Puts a free network on a datum: the changes of these unknowns from their present values are least.
 
         These inner constraints replace known coordinates: they take away what the observations leave free
         (position, orientation, scale), whatever it is, and nothing else.
 
         Args:
-            ids: blocks of points, vectors or scalars that are alike; none for no datum.
-            components: numbers or names of the components that count; all when None.
+            ids: (n,) blocks of points, vectors or scalars; none for no datum. They may be eliminated ones.
+            components: numbers or names of the components that count, for all blocks, or a list of them for
+                each; or (n, k) True for those that count; all when None.
 
         Raises:
-            InputError: a rotation or a direction is among them, or some of them are to be eliminated.
+            InputError: a rotation or a direction is among them.
         """
         blocks = self.unknowns.checked(ids, "datum")
         kinds = self.unknowns.kind[blocks]
@@ -366,9 +371,24 @@ class Definition:
             raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
         chosen = np.zeros(0, dtype=np.int64)
         if blocks.size:
-            chosen = self.unknowns.component_index(blocks, components, "datum").ravel()
+            chosen = np.unique(self._datum_scalars(blocks, components))
         self.unknowns.owner.check()
-        self.datum = Datum(chosen, self.unknowns.values.copy())
+        self.datum = Datum(chosen, self.unknowns.values[chosen])
+
+    def _datum_scalars(self, blocks: IntArray, components: Any) -> IntArray:
+        """Positions of the chosen components of blocks, which need not be alike."""
+        if getattr(components, "dtype", None) == np.bool_:
+            scalars = self.unknowns.scalars(blocks, "datum")
+            return scalars[truths(components, scalars.shape, "datum, components")]
+        each = [components] * len(blocks)
+        if components is not None and any(_is_list(of_block) for of_block in listed(components, "datum")):
+            each = list(components)
+            if len(each) != len(blocks):
+                raise InputError(f"datum: components of {len(each)} blocks for {len(blocks)} blocks")
+        index = self.unknowns.component_index
+        return np.concatenate(
+            [index([block], of_block, "datum").ravel() for block, of_block in zip(blocks, each, strict=True)]
+        )
 
     # What it consists of
 
@@ -404,3 +424,7 @@ class Definition:
         """Number of scalar equations of priors, and of rows that count as constraints."""
         rows = sum(batch.n_scalars for batch in self._batches if batch.is_constraint)
         return rows + sum(prior.n_scalars for prior in self._priors)
+
+
+def _is_list(components: object) -> bool:
+    return components is None or isinstance(components, list | tuple | np.ndarray)

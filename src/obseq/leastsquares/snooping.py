@@ -1,0 +1,5 @@
+"""Former place of data snooping: `from obseq.leastsquares import ...`."""
+
+from obseq.leastsquares.former import moved
+
+__getattr__ = moved(__name__)

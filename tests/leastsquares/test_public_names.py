@@ -1,0 +1,54 @@
+"""Every public name is had from `obseq.leastsquares`; former places still work, and say so."""
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+import obseq
+from obseq import errors, leastsquares
+
+
+def test_every_name_is_found():
+    for name in leastsquares.__all__:
+        assert getattr(leastsquares, name) is not None
+    assert dir(leastsquares) == sorted(leastsquares.__all__)
+    with pytest.raises(AttributeError):
+        leastsquares.nothing  # noqa: B018
+
+
+def test_type_checkers_see_the_same_names():
+    tree = ast.parse(Path(leastsquares.__file__).read_text(encoding="utf-8"))
+    imported = {
+        alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert imported - {"TYPE_CHECKING", "Any"} == set(leastsquares.__all__)
+
+
+def test_every_error_is_public():
+    known = {
+        name
+        for name, value in vars(errors).items()
+        if isinstance(value, type) and issubclass(value, obseq.ObseqError)
+    }
+    assert known <= set(obseq.__all__)
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("losses", "Huber"),
+        ("losses", "graduated"),
+        ("reliability", "reliability"),
+        ("snooping", "snoop"),
+        ("hypothesis_tests", "global_test"),
+        ("objects", "Pose"),
+    ],
+)
+def test_former_places_still_work(module, name):
+    former = importlib.import_module(f"obseq.leastsquares.{module}")
+    with pytest.warns(DeprecationWarning, match=f"from obseq.leastsquares import {name}"):
+        assert getattr(former, name) is getattr(leastsquares, name)
+    with pytest.raises(AttributeError):
+        former.nothing  # noqa: B018
