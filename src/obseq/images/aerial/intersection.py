@@ -8,7 +8,8 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images.aerial.frames import turned
-from obseq.images.aerial.rays import meet, middle_jacobian, nearest_points, solved_by_point, summed
+from obseq.images.aerial.rays import PARALLEL, meet, middle_jacobian, solved_by_point, summed
+from obseq.images.initial.intersection import closest_to_rays
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -240,7 +241,9 @@ def intersect_rays(
     eyes, turn = centres[shots], matrices[shots]
     inner = worksite.directions(shots, np.zeros((len(shots), 2)))
     rays = turned(np.swapaxes(turn, -1, -2), worksite.directions(shots, pixels))
-    found = nearest_points(eyes, rays, point, count)
+    unit = rays / np.sqrt((rays**2).sum(axis=1, keepdims=True))
+    found, spread = closest_to_rays(eyes, unit, point, count)
+    found[~(spread > PARALLEL)] = np.nan
     normal = np.zeros((count, 3, 3))
     for _ in range(STEPS):
         left, jacobian = _linearised(found[point], eyes, turn, inner, pixels)

@@ -73,25 +73,6 @@ def middle_jacobian(towards: FloatArray, along: FloatArray, pairs: RayPairs) -> 
     return np.asarray(0.5 * moved)
 
 
-def nearest_points(centres: FloatArray, directions: FloatArray, point: IntArray, count: int) -> FloatArray:
-    """Points (count, 3) with the least squared distances to their rays; nan where rays do not fix one.
-
-    Args:
-        centres: (m, 3).
-        directions: (m, 3), of any length.
-        point: (m,) which point each ray sees.
-        count: number of points.
-    """
-    unit = directions / np.sqrt(_dot(directions, directions))[:, None]
-    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-    anchor = np.zeros((count, 3))
-    rays = np.maximum(np.bincount(point, minlength=count), 1)
-    np.add.at(anchor, point, centres)
-    anchor /= rays[:, None]
-    right = np.einsum("nij,nj->ni", across, centres - anchor[point])
-    return anchor + solved_by_point(summed(across, point, count), summed(right, point, count))
-
-
 def summed(parts: FloatArray, point: IntArray, count: int) -> FloatArray:
     """Sums (count, ...) of the parts (m, ...) of each point."""
     flat = parts.reshape(len(parts), -1)
