@@ -21,6 +21,7 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "first-network.md",
     ROOT / "docs" / "aerial.md",
     ROOT / "docs" / "epipolar.md",
+    ROOT / "docs" / "projects.md",
 ]  # other pages are tested by their rooms
 DEMO = ROOT / "src" / "obseq" / "survey" / "data"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
