@@ -1,5 +1,9 @@
 """The equations: one class each, and the list of those that gencode writes."""
 
+from obseq.packages import GENERATOR, require
+
+require("obseq.formulas", "gencode", *GENERATOR)
+
 from obseq.formulas import radiometry
 from obseq.formulas.base import Formula
 from obseq.formulas.bundles import BUNDLES

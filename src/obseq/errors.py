@@ -75,6 +75,10 @@ class SingularMatrixError(ObseqError):
         return type(self), (self.indices, self.pivots)
 
 
+class MissingPackageError(ObseqError, ImportError):
+    """Something needs a package that is not installed; the message gives the command that installs it."""
+
+
 class SolverUnavailableError(ObseqError):
     """The solver asked for by name needs a package that is not installed."""
 

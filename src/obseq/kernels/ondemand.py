@@ -18,11 +18,11 @@ from types import ModuleType
 
 from obseq.compilation.cache import user_folder
 from obseq.errors import LONGEST_NAME, FormulaError, InputError
+from obseq.packages import GENERATOR, missing
 from obseq.writing import write_text
 
 LOGGER = logging.getLogger(__name__)
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-GENERATOR_NEEDS = ("sympy", "jinja2")
 TEXT = "TEXT"
 """Name under which a module in memory keeps its own text."""
 
@@ -56,7 +56,7 @@ def in_memory(name: str, text: str) -> ModuleType:
 
 def can_build() -> bool:
     """True when the generator is installed."""
-    return all(importlib.util.find_spec(package) is not None for package in GENERATOR_NEEDS)
+    return not missing(*GENERATOR)
 
 
 def folder() -> Path:
