@@ -5,7 +5,7 @@ import pytest
 from networks import dense_normal, mixed_system
 
 from obseq.leastsquares import DivergenceError, LeastSquares
-from obseq.leastsquares.assembly.normal_equations import jacobian_rows
+from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 
 def compare(system, batches, tolerance=1e-7):

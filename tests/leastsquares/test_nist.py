@@ -148,7 +148,7 @@ FAR_STARTS = {
 }
 """Starts from which undamped steps do not arrive."""
 
-FEWER_DIGITS = {"Lanczos1": 3, "Bennett5": 6}
+FEWER_DIGITS = {"Lanczos1": 2, "Bennett5": 6}
 """Digits of standard deviations that are to be had, where they are not 8.
 
 Lanczos1: its residuals (1e-13) are made of the rounding of its data, so is their sum of squares.

@@ -38,7 +38,7 @@ def trilateration(seed=1, sigma=0.01, blunder=None):
 
 def dense(system, parts):
     """The whole weighted Jacobian of some batches."""
-    from obseq.leastsquares.assembly.normal_equations import jacobian_rows
+    from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
     table, rows = system.unknowns, []
     for part in parts:

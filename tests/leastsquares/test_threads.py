@@ -7,7 +7,8 @@ from networks import mixed_system
 from obseq.errors import InputError
 from obseq.leastsquares import DivergenceError, LeastSquares
 from obseq.leastsquares.assembly import threads
-from obseq.leastsquares.assembly.normal_equations import NormalEquations, residuals
+from obseq.leastsquares.assembly.evaluation import residuals
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.solvers.blas import _thread_functions
 
 

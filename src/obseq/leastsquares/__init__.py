@@ -18,7 +18,13 @@ from obseq.errors import (
 
 if TYPE_CHECKING:
     from obseq.leastsquares.iterations.graduated import graduated
-    from obseq.leastsquares.iterations.strategies import Dogleg, GaussNewton, LevenbergMarquardt, Strategy
+    from obseq.leastsquares.iterations.strategies import (
+        Controlled,
+        Dogleg,
+        GaussNewton,
+        LevenbergMarquardt,
+        Strategy,
+    )
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.losses import (
         IGG3,
@@ -82,6 +88,7 @@ _HOMES = {
     "Calibration": "problem.objects",
     "Cauchy": "problem.losses",
     "Component": "statistics.component_equations",
+    "Controlled": "iterations.strategies",
     "Direction": "problem.objects",
     "Dogleg": "iterations.strategies",
     "ErrorEllipses": "statistics.ellipses",
@@ -145,6 +152,7 @@ __all__ = [
     "Cauchy",
     "Component",
     "ContradictoryConstraintsError",
+    "Controlled",
     "Direction",
     "DivergenceError",
     "Dogleg",

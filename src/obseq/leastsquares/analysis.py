@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.assembly.normal_equations import NormalEquations, used_blocks
+from obseq.leastsquares.assembly.evaluation import used_blocks
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
 from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver

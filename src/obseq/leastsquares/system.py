@@ -9,11 +9,13 @@ import numpy as np
 
 from obseq.errors import InputError, ObseqError, nearest
 from obseq.leastsquares.analysis import Analyses
-from obseq.leastsquares.assembly.normal_equations import raw_residuals
+from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
+from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
-from obseq.leastsquares.iterations.gauss_newton import Options, Progress, factor, sigma0_of
+from obseq.leastsquares.iterations.gauss_newton import Progress, sigma0_of
+from obseq.leastsquares.iterations.newton import factor
 from obseq.leastsquares.iterations.runs import runner
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
@@ -165,13 +167,13 @@ class LeastSquares(Definition):
                 linearisation and before the final residuals; may replace the observations of batches.
             progress: called with the record of each iteration.
             sigma0_groups: groups in the numerator of sigma0; all when None.
-            strategy: how the iterations move; see `strategies` ("gauss-newton", "levenberg-marquardt",
-                "dogleg", "qr", "lsmr", "l1", or an object with parameters).
+            strategy: how the iterations move; see `strategies` ("gauss-newton", "controlled",
+                "levenberg-marquardt", "dogleg", "qr", "lsmr", "l1", or an object with parameters).
 
         Raises:
             SingularSystemError: some unknowns are undetermined; they are named.
-            DivergenceError: an equation became undefined; the observation is named, and the unknowns are
-                back at their last accepted values.
+            DivergenceError: an equation became undefined, and the observation is named; or the iterations
+                left where the equations determine the unknowns. These are back at the best values.
         """
         wanted = _is_wanted(covariance, self.unknowns)
         chosen = _checked_strategy(strategy, wanted)
@@ -195,7 +197,7 @@ class LeastSquares(Definition):
                 done = self._iterated(analysis, chosen, options, redundancy, before, progress or _silent)
                 before(len(done.iterations))
                 cofactors = self._cofactors(analyses) if wanted and self._n_free else None
-                return self._result(analysis, options, redundancy, done, cofactors)
+                return self._result(analysis, options, redundancy + done.defect, done, cofactors)
 
     @contextmanager
     def _taken_out(self) -> Iterator[Analyses]:
@@ -278,7 +280,7 @@ class LeastSquares(Definition):
         overall = sigma0_of(squares, None, redundancy)
         return LeastSquaresResult(
             tuple(done.iterations),
-            done.reason is not StopReason.ITERATIONS,
+            done.reason.is_arrival,
             done.reason,
             self.n_observations,
             self.n_constraints,
@@ -293,6 +295,7 @@ class LeastSquares(Definition):
             {batch: frozen(self.residuals(batch)) for batch in equations.batches},
             cofactors,
             self._substitution(analysis).redundant if self._constraints else (),
+            done.evaluations,
         )
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.errors import DivergenceError
+from obseq.leastsquares.assembly.evaluation import jacobian_rows, residuals, used_blocks
 from obseq.leastsquares.assembly.store import aligned_zeros, part_width, store_layout
-from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_bounds, share_out
+from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
 from obseq.leastsquares.diagnosis.singular import eliminated_error
-from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Linearisation:
         eliminated: sum of g_t' N_tt^-1 g_t over the eliminated blocks, whose share of matrix and gradient is
             already subtracted.
         damping: what was added to the diagonal of N, as a share of it.
-        diagonal: (n_free,) diagonal of N before damping and elimination.
+        diagonal: (n_scalars,) diagonal of N before damping and elimination; 0 where frozen.
     """
 
     values: FloatArray
@@ -50,12 +50,22 @@ class Linearisation:
         return sum(self.squares.values())
 
 
+class _Whole(NamedTuple):
+    """Values, gradient and sums of squares before damping and elimination; diagonal as of `Linearisation`."""
+
+    values: FloatArray
+    gradient: FloatArray
+    squares: dict[str, float]
+    diagonal: FloatArray
+
+
 class NormalEquations:
     """Assembles the equations of a table of unknowns; the pattern is that of its creation.
 
     Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
     Blocks that only hard constraints touch are in the matrix with zeros. Observations are shared among
-    `threads`; with the same number of threads the numbers are the same at each run.
+    `threads`; with the same number of threads the numbers are the same at each run. `evaluations` counts how
+    often all residuals were computed.
     """
 
     def __init__(
@@ -78,8 +88,10 @@ class NormalEquations:
         self.pattern = self.layout.matrix
         self.free = self.layout.free
         self._threads = threads
+        self.evaluations = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
+        self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = aligned_zeros(self._shares.size)
         self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
 
@@ -104,6 +116,34 @@ class NormalEquations:
             DivergenceError: a residual or a derivative is not finite.
             SingularSystemError: the observations of an eliminated block do not determine it.
         """
+        return self._reduced(self._collected(viscous), damping, floor)
+
+    def collect(self) -> FloatArray:
+        """Assembles at the current values and keeps what `damped` needs, as often as it is asked.
+
+        Returns:
+            (n_scalars,) diagonal of N, as of `Linearisation`.
+
+        Raises:
+            DivergenceError: a residual or a derivative is not finite.
+        """
+        whole = self._collected(viscous=True)
+        self._kept = whole._replace(values=whole.values.copy())
+        return whole.diagonal
+
+    def damped(self, damping: float, floor: FloatArray | None = None) -> Linearisation:
+        """The equations of the last `collect` under a damping: nothing is evaluated anew.
+
+        Arguments and errors as of `assemble`.
+        """
+        values = self._store[: self.pattern.nnz]
+        values[:] = self._kept.values
+        again = self._kept._replace(values=values, gradient=self._kept.gradient.copy())
+        return self._reduced(again, damping, floor)
+
+    def _collected(self, viscous: bool) -> _Whole:
+        """The equations before damping and elimination."""
+        self.evaluations += 1
         self.reweight()
         squares: dict[str, float] = {}
         self._clean()
@@ -116,15 +156,34 @@ class NormalEquations:
         self._add_priors(values, gradient, squares)
         if viscous:
             self._add_viscosities(values)
-        diagonal = values[self.pattern.diagonal]
+        return _Whole(values, gradient, squares, self._diagonal(values))
+
+    def _diagonal(self, values: FloatArray) -> FloatArray:
+        """(n_scalars,) diagonal of N, eliminated unknowns included; 0 where frozen."""
+        diagonal = np.zeros(self.table.n_scalars)
+        diagonal[self.free.scalars] = values[self.pattern.diagonal]
+        blocks = self.layout.groups.blocks
+        if len(blocks):
+            size = self.table.size[blocks]
+            within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
+            scalars = np.repeat(self.table.start[blocks], size) + within
+            places = np.repeat(4 * self.layout.diagonal[blocks], size)
+            places += within * np.repeat(part_width(size) + 1, size)
+            diagonal[scalars] = np.where(self.table.frozen[scalars], 0.0, self._store[places])
+        return diagonal
+
+    def _reduced(self, whole: _Whole, damping: float, floor: FloatArray | None) -> Linearisation:
+        """Adds the damping, eliminates."""
+        values, gradient = whole.values, whole.gradient
         if damping:
+            diagonal = values[self.pattern.diagonal]
             values[self.pattern.diagonal] += damping * (
                 diagonal if floor is None else np.maximum(diagonal, floor)
             )
         eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
-        return Linearisation(values, gradient, squares, eliminated, damping, diagonal)
+        return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
 
     def _clean(self) -> None:
         """Makes the store all zero; the mark that it is goes first."""
@@ -173,19 +232,28 @@ class NormalEquations:
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
+        self.evaluations += 1
         squares: dict[str, float] = {}
         for batch in self.batches:
-            weights = batch.weights[:, : batch.n]
             with np.errstate(over="ignore", invalid="ignore"):
-                misfits = residuals(self.table, batch, self._threads)
-                scaled = np.where(weights != 0.0, misfits.T * weights, 0.0)
-                total = float(np.sum(np.square(scaled)))
+                total = float(np.sum(np.square(self._weighted(batch))))
             if not np.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         for prior in self.priors:
             squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
         return squares
+
+    def weighted_residuals(self) -> FloatArray:
+        """(m,) residuals over their sigmas, then priors; robust weights as of the last linearisation."""
+        self.evaluations += 1
+        priors = [prior.residuals(self.table.values) * prior.weights for prior in self.priors]
+        return np.concatenate([*(self._weighted(batch).ravel() for batch in self.batches), *priors])
+
+    def _weighted(self, batch: Batch) -> FloatArray:
+        weights = batch.weights[:, : batch.n]
+        misfits = residuals(self.table, batch, self._threads).T
+        return np.where(weights != 0.0, misfits * weights, 0.0)
 
     def _added_up(self) -> list[float]:
         """Adds all batches to the store; returns their sums of weighted squared residuals."""
@@ -318,64 +386,3 @@ class NormalEquations:
                     "The equation is undefined there: correct the initial values, or remove the observation"
                 )
         return "the normal equations overflow: check the sigmas and the units of the observations"
-
-
-def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
-    """(n_blocks,) True for the blocks that an active observation or a prior touches."""
-    used = np.zeros(len(table), dtype=bool)
-    for batch in batches:
-        used[batch.blocks[:, batch.active]] = True
-    for prior in priors:
-        used[prior.ids] = True
-    return used
-
-
-def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
-    """(n, n_residuals) computed minus observed, at the current values, in their units."""
-    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads)
-    return np.ascontiguousarray(rows.T)
-
-
-def residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
-    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
-    raw = raw_residuals(table, batch, threads)
-    return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
-
-
-def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
-    """(n_residuals + n_residuals * n_unknowns, n) residuals, then derivatives residual by residual.
-
-    They are whitened where the residuals are correlated.
-    """
-    m, count = batch.shape.n_residuals, batch.shape.n_unknowns
-    rows = _evaluated(table, batch, batch.shape.kernel(), m * (1 + count))
-    if not batch.roots.size:
-        return rows
-    derivatives = batch.whitened(rows[m:].reshape(m, count, -1)).reshape(m * count, -1)
-    return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
-
-
-def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, threads: int = 1) -> FloatArray:
-    from obseq.leastsquares.loops.accumulation import evaluate
-
-    results = np.empty((rows, padded_length(batch.n)))
-    bounds = share_bounds([batch.n], threads)[:, 0]
-
-    def evaluate_share(share: int) -> None:
-        evaluate(
-            kernel,
-            batch.shape.new_tile(),
-            batch.dimensions_of(bounds[share], bounds[share + 1]),
-            batch.roles,
-            batch.starts,
-            batch.contexts,
-            table.padded_values,
-            table.padded_context,
-            batch.observation_tiles,
-            batch.observation_rows,
-            rows,
-            results,
-        )
-
-    in_threads(evaluate_share, len(bounds) - 1)
-    return results[:, : batch.n]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import ContradictoryConstraintsError, InputError
-from obseq.leastsquares.assembly.normal_equations import jacobian_rows
+from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

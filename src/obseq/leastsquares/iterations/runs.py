@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.iterations.gauss_newton import iterate, solved
+from obseq.leastsquares.iterations.damped_path import DampedPath
+from obseq.leastsquares.iterations.dogleg_path import DoglegPath
+from obseq.leastsquares.iterations.gauss_newton import iterate
+from obseq.leastsquares.iterations.newton import factor, newton_step
 from obseq.leastsquares.iterations.stacked_rows import l1_step, lsmr_step, qr_step, stacked_rows
-from obseq.leastsquares.iterations.strategies import Dogleg, LevenbergMarquardt
-from obseq.leastsquares.iterations.trust_region import DampedRegion, DoglegRegion, iterate_in_region
+from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, LevenbergMarquardt
+from obseq.leastsquares.iterations.trust_region import iterate_in_region
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
-    from obseq.leastsquares.iterations.gauss_newton import Options, Progress
+    from obseq.leastsquares.iterations.arrival import Options
+    from obseq.leastsquares.iterations.gauss_newton import Progress
     from obseq.leastsquares.iterations.stacked_rows import StackedRows
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.problem.batches import Batch
@@ -38,12 +42,15 @@ def runner(
     """The iterations of a strategy on a system, its solver analysed."""
     if isinstance(strategy, Dogleg):
         _require_plain("dogleg", equations, constraints)
-        return partial(iterate_in_region, equations, DoglegRegion(equations, solver, strategy))
-    normal = partial(solved, equations, solver, constraints)
+        return partial(iterate_in_region, equations, DoglegPath(equations, solver, strategy.radius))
+    if isinstance(strategy, Controlled):
+        return partial(iterate_in_region, equations, DampedPath(equations, solver, constraints, is_bold=True))
+    if isinstance(strategy, LevenbergMarquardt) and not strategy.constant:
+        path = DampedPath(equations, solver, constraints, damping=strategy.damping)
+        return partial(iterate_in_region, equations, path)
+    normal = partial(_normal_direction, equations, solver, constraints)
     if isinstance(strategy, LevenbergMarquardt):
-        if strategy.constant:
-            return partial(iterate, equations, normal, damping=strategy.damping)
-        return partial(iterate_in_region, equations, DampedRegion(equations, solver, constraints, strategy))
+        return partial(iterate, equations, normal, damping=strategy.share)
     if strategy.step == "normal":
         return partial(iterate, equations, normal)
     _require_plain(strategy.step, equations, constraints)
@@ -54,8 +61,16 @@ def _require_plain(name: str, equations: NormalEquations, constraints: Sequence[
     if constraints or equations.n_unknowns != equations.pattern.n:
         raise InputError(
             f"{name}: not for systems with hard constraints or eliminated unknowns; use "
-            "gauss-newton or levenberg-marquardt"
+            "gauss-newton, controlled or levenberg-marquardt"
         )
+
+
+def _normal_direction(
+    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
+) -> tuple[FloatArray, float]:
+    offset = factor(equations, solver, constraints, linearisation)
+    step = newton_step(equations, solver, linearisation, offset)
+    return step.move, step.length
 
 
 def _row_direction(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import StepError
-from obseq.leastsquares.assembly.normal_equations import jacobian_rows
+from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -25,22 +25,37 @@ class GaussNewton:
 
 
 @dataclass(frozen=True)
-class LevenbergMarquardt:
-    """Damped steps: N + damping * diag(N), the damping adapted to the gain of each step (Nielsen, 1999).
+class Controlled:
+    """Gauss-Newton whose steps are held back where they would raise the cost: Gauss-Newton itself elsewhere.
 
-    A step that does not decrease the cost is taken back.
-
-    Attributes:
-        damping: First damping, as a share of the diagonal.
-        constant: True for MMVII's: the damping stays, and every step is accepted.
+    A full step that lowers the cost is taken; one that does not is damped until it does.
     """
 
-    damping: float = 1e-4
+
+@dataclass(frozen=True)
+class LevenbergMarquardt:
+    """Steps kept within a radius by the least damping that does: N + damping * diag(N) (Moré, 1978).
+
+    For starts that are far off: a step that does not decrease the cost is taken back. A free network is
+    solved as it is; its defect counts in the redundancy.
+
+    Attributes:
+        damping: First damping, as a share of the diagonal; None: the first step changes the unknowns by no
+            more than a share of their size, unless it is as good as promised.
+        constant: True for MMVII's: the damping stays, 1e-4 when None, and every step is accepted.
+    """
+
+    damping: float | None = None
     constant: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.damping < float("inf"):
+        if self.damping is not None and not 0.0 < self.damping < float("inf"):
             raise InputError(f"the damping must be positive and finite, not {self.damping}")
+
+    @property
+    def share(self) -> float:
+        """The damping that stays, of those whose damping does."""
+        return 1e-4 if self.damping is None else self.damping
 
 
 @dataclass(frozen=True)
@@ -51,16 +66,21 @@ class Dogleg:
     systems with eliminated or constrained unknowns.
 
     Attributes:
-        radius: First radius; None for the length of the first Gauss-Newton step.
+        radius: First radius; None: as of `LevenbergMarquardt`.
     """
 
     radius: float | None = None
 
+    def __post_init__(self) -> None:
+        if self.radius is not None and not self.radius > 0.0:
+            raise InputError(f"the radius must be positive, not {self.radius}")
 
-Strategy: TypeAlias = GaussNewton | LevenbergMarquardt | Dogleg
+
+Strategy: TypeAlias = GaussNewton | Controlled | LevenbergMarquardt | Dogleg
 
 NAMES: dict[str, Strategy] = {
     "gauss-newton": GaussNewton(),
+    "controlled": Controlled(),
     "levenberg-marquardt": LevenbergMarquardt(),
     "dogleg": Dogleg(),
     "qr": GaussNewton("qr"),

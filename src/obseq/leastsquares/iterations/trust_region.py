@@ -1,4 +1,4 @@
-"""Iterations that never accept a worse cost: Levenberg-Marquardt and dogleg."""
+"""Iterations that never accept a worse sum of squares: steps within a radius that follows their gains."""
 
 from __future__ import annotations
 
@@ -7,33 +7,51 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from obseq.errors import DivergenceError, InputError, SingularSystemError
-from obseq.leastsquares.iterations.gauss_newton import Progress, factor, recorded, solved, stop_reason
+from obseq.errors import DivergenceError
+from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
+from obseq.leastsquares.iterations.gauss_newton import Progress, recorded
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
-    from obseq.leastsquares.iterations.gauss_newton import Options
-    from obseq.leastsquares.iterations.strategies import Dogleg, LevenbergMarquardt
-    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.solution.result import Iteration
-    from obseq.leastsquares.solvers import Solver
-
 
 LEAST_GAIN = 1e-4
-"""Share of the predicted decrease of the cost that a step must bring to be accepted."""
+"""Share of the promised decrease of the cost that a step must bring to be accepted."""
 
-NOISE = 1e-14
-"""Predicted decrease of the cost, as a share of it, below which rounding decides: the step is accepted."""
+POOR, GOOD = 0.25, 0.75
+"""Gains below which the radius shrinks, and from which it grows."""
 
-MOST_TRIALS = 40
-"""Trials of one iteration: the damping has then grown, or the radius shrunk, beyond any use."""
+ROUNDED_COST = 16.0 * EPS
+"""Share of the cost below which a promised decrease cannot be seen in it."""
 
-WEAK_DAMPING = 1e-2
-"""Damping below which a short step means convergence."""
+MOST_TRIALS = 60
+"""Trials of one iteration: the radius has then shrunk beyond any use."""
+
+FIRST_RADIUS = 0.3
+"""Share of the size of the unknowns that a first step may change, unless it is as good as promised."""
+
+PATIENCE = 3
+"""Steps taken in the dark, none of them half as long as the one before, after which the iterations end."""
+
+EXCURSION = 3
+"""Full steps that an excursion may take until it is below where it began."""
+
+STEEPEST = 1e3
+"""Rise of the cost, as a factor, at which an excursion turns back."""
+
+WORTHWHILE = 0.9
+"""Share of the cost below which an excursion must come, or..."""
+
+AHEAD = 8.0
+"""...the number of steps like the last one that it must be worth."""
+
+FIRST_EXCURSION = 8
+"""Restrained steps one after the other that prompt an excursion; twice as many after one in vain."""
 
 
 @dataclass(frozen=True)
@@ -41,191 +59,248 @@ class Trial:
     """A step to try.
 
     Attributes:
-        step: (n_scalars,) of all unknowns.
-        length: Its length in the metric of the normal matrix.
-        predicted: The decrease of the cost that the linearisation promises.
-        linearisation: The linearisation it comes from.
+        move: (n_scalars,) of all unknowns.
+        length: its length in the metric of the (damped) normal matrix.
+        norm: its length in the metric of the radius.
+        promised: the decrease of the cost that the linearisation promises.
+        is_full: whether it is the Gauss-Newton step.
+        linearisation: the linearisation it comes from.
     """
 
-    step: FloatArray
+    move: FloatArray
     length: float
-    predicted: float
+    norm: float
+    promised: float
+    is_full: bool
     linearisation: Linearisation
 
 
-class Region(Protocol):
-    """What differs between the methods: the step of a size, and how the size follows the gain."""
+class Path(Protocol):
+    """What differs between the methods: the step of a size.
 
-    def trial(self) -> Trial:
-        """A step of the present size from the current values."""
+    Attributes:
+        radius: what the first step may have.
+        first_radius: what a first step may have that is not nearly as good as promised; infinite for any.
+        is_bold: whether full steps stay allowed as long as they descend, and no excursion is made.
+        defect: number of parameters that the observations leave free.
+    """
 
-    def learn(self, gain: float) -> None:
-        """Adapts the size to the gain of the last trial: actual over predicted decrease of the cost."""
+    radius: float
+    first_radius: float
+    is_bold: bool
+    defect: int
 
-    @property
-    def is_restraining(self) -> bool:
-        """Whether the last step was much shorter than the full one."""
+    def linearise(self, in_passing: bool = False) -> None:
+        """Assembles at the current values; `in_passing`, the metric of the radius learns nothing of them."""
+
+    def within(self, radius: float) -> Trial:
+        """The step of the last linearisation whose norm is at most (about) the radius."""
+
+    def settle(self) -> None:
+        """Counts the defect where the iterations have arrived."""
+
+    def full(self) -> Trial:
+        """The Gauss-Newton step of the last linearisation, or what comes closest where there is none."""
 
 
 def iterate_in_region(
     equations: NormalEquations,
-    region: Region,
+    path: Path,
     options: Options,
     redundancy: int,
     before: Callable[[int], None],
     progress: Callable[[Iteration], None],
 ) -> Progress:
     """Runs the iterations; the table of unknowns holds the last accepted state whatever happens."""
-    done = Progress()
+    done, counted = Progress(), equations.evaluations
+    search = _Search(equations, path, options, redundancy)
     for number in range(options.max_iterations):
         before(number)
-        trial, accepted = _accepted_trial(equations, region)
-        record = recorded(trial.linearisation, options, redundancy, trial.step, trial.length)
+        trial, reason = search.advance()
+        record = recorded(trial.linearisation, options, redundancy + path.defect, trial.move, trial.length)
         done.iterations.append(record)
         progress(record)
-        if not accepted:
-            done.reason = StopReason.NO_DECREASE
-            break
-        reason = stop_reason(equations, options, redundancy, done.iterations[:-1], record, trial.step)
-        if reason is not None and not region.is_restraining:
+        if reason is not None:
             done.reason = reason
+            path.settle()
             break
+    done.defect, done.evaluations = path.defect, equations.evaluations - counted
     return done
 
 
-def _accepted_trial(equations: NormalEquations, region: Region) -> tuple[Trial, bool]:
-    """Tries steps until one brings enough; the unknowns have moved by it, or are where they were."""
-    table = equations.table
-    start = table.state()
-    for _ in range(MOST_TRIALS):
-        trial = region.trial()
-        cost = trial.linearisation.cost
-        table.move(trial.step)
+class _Search:
+    """The state of the iterations: the radius, and what was tried of late."""
+
+    def __init__(self, equations: NormalEquations, path: Path, options: Options, redundancy: int) -> None:
+        self._equations = equations
+        self._path = path
+        self._arrival = Arrival(equations, options.tolerance)
+        self._redundancy, self._tolerance = redundancy, options.tolerance
+        self._radius = path.radius
+        self._is_first, self._decrease = not path.is_bold, np.inf
+        self._dark_length, self._in_the_dark = np.inf, 0
+        self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
+
+    def advance(self) -> tuple[Trial, StopReason | None]:
+        """One iteration: the unknowns have moved by an accepted step, or are where they were."""
+        self._path.linearise()
+        trial = self._path.within(self._radius)
+        reason = self._arrived(trial)
+        if reason is not None:
+            self._equations.table.move(trial.move)
+            return trial, reason
+        if self._restrained >= self._prompt:
+            if self._excursion(self._path.full()):
+                return trial, None
+            trial = self._path.within(self._radius)
+        return self._accepted(trial)
+
+    def _arrived(self, trial: Trial) -> StopReason | None:
+        """Asks the full step, where the present one is so short that it may have arrived."""
+        cost, weights = trial.linearisation.cost, trial.linearisation.diagonal
+        redundancy = self._redundancy + self._path.defect
+        if not trial.is_full:
+            if trial.length > self._arrival.reach(cost, redundancy, weights):
+                return None
+            trial = self._path.full()
+        return self._arrival.reason(trial.move, trial.length, cost, redundancy, weights)
+
+    def _accepted(self, trial: Trial) -> tuple[Trial, StopReason | None]:
+        """Tries shorter and shorter steps until one brings enough."""
+        table = self._equations.table
+        start = table.state()
+        for _ in range(MOST_TRIALS):
+            cost, after = trial.linearisation.cost, self._cost_after(trial.move)
+            gain = _gain(trial, cost, after)
+            if gain <= LEAST_GAIN and self._is_dark(trial, cost, after):
+                return trial, self._stumbled(trial)
+            if self._refuses_first(trial, gain):
+                table.restore(start)
+            elif gain > LEAST_GAIN:
+                self._learn(trial, gain, cost, after)
+                self._restrained = 0 if trial.is_full else self._restrained + 1
+                self._decrease = cost - after
+                return trial, None
+            else:
+                table.restore(start)
+                if self._takes_chance(trial, cost, after):
+                    return trial, None
+                self._learn(trial, gain, cost, after)
+            trial = self._path.within(self._radius)
+        return trial, StopReason.NO_DECREASE
+
+    def _cost_after(self, move: FloatArray) -> float:
+        """Moves; the cost there, infinite where it is not defined."""
+        table = self._equations.table
+        start = table.state()
+        table.move(move)
         try:
-            after = sum(equations.sums_of_squares().values())
+            return float(sum(self._equations.sums_of_squares().values()))
         except DivergenceError:
-            after = float("inf")
+            return float("inf")
         except BaseException:
             table.restore(start)
             raise
-        gain = (cost - after) / trial.predicted if trial.predicted > 0.0 else 0.0
-        if gain > LEAST_GAIN or (trial.predicted <= NOISE * cost and after < float("inf")):
-            region.learn(max(gain, LEAST_GAIN))
-            return trial, True
-        table.restore(start)
-        region.learn(gain)
-    return trial, False
 
+    def _is_dark(self, trial: Trial, cost: float, after: float) -> bool:
+        """Whether the cost is too rounded to tell what the step brings; the unknowns have moved."""
+        if not abs(after - cost) <= NEGLIGIBLE * cost:
+            return False
+        if trial.promised <= ROUNDED_COST * cost:
+            return True
+        if trial.promised > NEGLIGIBLE**3 * cost:
+            return False
+        return bool(trial.promised <= 2.0 * np.sqrt(cost) * roughness(self._equations, -trial.move))
 
-class DampedRegion:
-    """Levenberg-Marquardt: the damping falls with good gains, and grows faster and faster with bad ones.
+    def _stumbled(self, trial: Trial) -> StopReason | None:
+        """Counts the steps taken in the dark, which shrink as long as they lead somewhere."""
+        shrinks = trial.length <= 0.5 * self._dark_length
+        self._dark_length = min(trial.length, self._dark_length)
+        self._in_the_dark = 0 if shrinks else self._in_the_dark + 1
+        if self._in_the_dark < PATIENCE or self._tolerance < 0.0:
+            return None
+        cost = trial.linearisation.cost
+        unit = self._arrival.unit(cost, self._redundancy + self._path.defect)
+        self._path.linearise()
+        close = self._path.full().length <= NEGLIGIBLE * unit
+        return StopReason.ROUNDING if close else StopReason.NO_DECREASE
 
-    It is a share of the largest diagonal met so far (Moré, 1978), so that an unknown that loses its influence
-    does not run away.
-    """
+    def _refuses_first(self, trial: Trial, gain: float) -> bool:
+        """The first step may be as long as it likes when it is as good as promised."""
+        is_first, self._is_first = self._is_first, False
+        if not is_first or gain >= GOOD or trial.norm <= self._path.first_radius:
+            return False
+        self._radius = min(self._path.first_radius, 0.5 * trial.norm)
+        return True
 
-    def __init__(
-        self,
-        equations: NormalEquations,
-        solver: Solver,
-        constraints: Sequence[Batch],
-        strategy: LevenbergMarquardt,
-    ) -> None:
-        self._equations = equations
-        self._solver = solver
-        self._constraints = constraints
-        self._growth = 2.0
-        self._floor = np.zeros(equations.pattern.n)
-        self.damping = strategy.damping
+    def _learn(self, trial: Trial, gain: float, cost: float, after: float) -> None:
+        """The radius shrinks with poor gains, to the minimum of a parabola, and grows with good ones."""
+        if self._path.is_bold and trial.is_full and gain > LEAST_GAIN:
+            return
+        if gain <= POOR:
+            reach = trial.norm if np.isinf(self._radius) else min(self._radius, 10.0 * trial.norm)
+            self._radius = _share(trial, cost, after) * reach
+        elif trial.is_full or gain >= GOOD:
+            self._radius = np.inf if self._path.is_bold and trial.is_full else 2.0 * trial.norm
+        elif np.isinf(self._radius):
+            self._radius = trial.norm
 
-    @property
-    def is_restraining(self) -> bool:
-        """Whether the damping is strong."""
-        return self.damping > WEAK_DAMPING
+    def _takes_chance(self, trial: Trial, cost: float, after: float) -> bool:
+        """An excursion where a full step was refused, a few times; the unknowns are at their start."""
+        if self._path.is_bold or not trial.is_full or self._chances == 0 or after > STEEPEST * cost:
+            return False
+        self._chances -= 1
+        return self._excursion(trial)
 
-    def trial(self) -> Trial:
-        """The damped step; a singular matrix is damped more, until it is regular."""
-        for _ in range(MOST_TRIALS):
-            linearisation = self._equations.assemble(self.damping, floor=self._floor)
-            self._floor = np.maximum(self._floor, linearisation.diagonal)
+    def _excursion(self, trial: Trial) -> bool:
+        """A few full steps whatever the cost (Chamberlain's watchdog): along a bent valley they may lead on.
+
+        The unknowns have moved to a cost well below, or are where they were, linearised anew.
+        """
+        enough = WORTHWHILE * trial.linearisation.cost
+        if self._restrained:
+            enough = max(enough, trial.linearisation.cost - AHEAD * self._decrease)
+        self._restrained = 0
+        start = self._equations.table.state()
+        way = self._way_below(trial, enough)
+        if way is not None:
+            self._radius, self._prompt = max(self._radius, way), FIRST_EXCURSION
+            return True
+        self._prompt *= 2
+        self._equations.table.restore(start)
+        self._path.linearise(in_passing=True)
+        return False
+
+    def _way_below(self, trial: Trial, enough: float) -> float | None:
+        """Takes full steps until the cost is below `enough`; length of the way, None if it leads nowhere."""
+        cost, way = trial.linearisation.cost, 0.0
+        for _ in range(EXCURSION):
+            after = self._cost_after(trial.move)
+            way += trial.norm
+            if after < enough:
+                return way
+            if not trial.is_full or after > STEEPEST * cost:
+                return None
             try:
-                step, length = solved(self._equations, self._solver, self._constraints, linearisation)
-            except SingularSystemError:
-                self._grow()
-                continue
-            # With (N + D) dx = -g: -2 g'dx - dx'N dx = dx'(N + D) dx + dx'D dx, and the last is not counted.
-            return Trial(step, length, length * length, linearisation)
-        raise SingularSystemError("the normal matrix stays singular however strong its damping")
-
-    def learn(self, gain: float) -> None:
-        """Nielsen's rule."""
-        if gain > LEAST_GAIN:
-            self.damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 2.0) - 1.0) ** 3)
-            self._growth = 2.0
-        else:
-            self._grow()
-
-    def _grow(self) -> None:
-        self.damping *= self._growth
-        self._growth *= 2.0
+                self._path.linearise(in_passing=True)
+                trial = self._path.full()
+            except DivergenceError:
+                return None
+        return None
 
 
-class DoglegRegion:
-    """Powell's dogleg, in unknowns scaled by the diagonal of the normal matrix."""
-
-    def __init__(self, equations: NormalEquations, solver: Solver, strategy: Dogleg) -> None:
-        if equations.n_unknowns != equations.pattern.n:
-            raise InputError("dogleg: not for systems with eliminated unknowns; use levenberg-marquardt")
-        self._equations = equations
-        self._solver = solver
-        self._radius = strategy.radius
-        self._length = 0.0
-        self._full = 0.0
-
-    @property
-    def is_restraining(self) -> bool:
-        """Whether the last step was shorter than the Gauss-Newton step."""
-        return self._length < 0.999 * self._full
-
-    def trial(self) -> Trial:
-        """The point of the dogleg path at the present radius."""
-        equations = self._equations
-        linearisation = equations.assemble()
-        factor(equations, self._solver, (), linearisation)
-        gradient = linearisation.gradient
-        scale = np.sqrt(linearisation.values[equations.pattern.diagonal])
-        matrix = equations.pattern.matrix(linearisation.values)
-        newton = self._solver.solve(-gradient) * scale
-        downhill = -gradient / scale
-        curvature = float((downhill / scale) @ (matrix @ (downhill / scale)))
-        steepest = downhill * (float(downhill @ downhill) / curvature if curvature > 0.0 else 0.0)
-        self._full = float(np.linalg.norm(newton))
-        if self._radius is None:
-            self._radius = self._full
-        path = _dogleg(newton, steepest, self._radius)
-        self._length = float(np.linalg.norm(path))
-        move = path / scale
-        quadratic = float(move @ (matrix @ move))
-        predicted = -2.0 * float(gradient @ move) - quadratic
-        step = equations.step(move, linearisation)
-        return Trial(step, float(np.sqrt(max(quadratic, 0.0))), predicted, linearisation)
-
-    def learn(self, gain: float) -> None:
-        """The radius grows with good gains at its edge, and shrinks with bad ones."""
-        if gain > 0.75:
-            self._radius = max(self._radius or 0.0, 3.0 * self._length)
-        elif gain < 0.25:
-            self._radius = 0.25 * self._length
+def _share(trial: Trial, cost: float, after: float) -> float:
+    """Where the parabola through both costs with the slope at the start has its minimum: 0.1 to 0.5."""
+    if not after < 100.0 * cost:
+        return 0.1
+    slope = 2.0 * trial.length**2
+    return min(max(0.5 * slope / (after - cost + slope), 0.1), 0.5) if after > cost else 0.5
 
 
-def _dogleg(newton: FloatArray, steepest: FloatArray, radius: float) -> FloatArray:
-    """The point at a radius on the path from 0 to the lowest point downhill, then to the full step."""
-    if np.linalg.norm(newton) <= radius:
-        return newton
-    reach = float(np.linalg.norm(steepest))
-    if reach >= radius:
-        return np.asarray(steepest * (radius / reach))
-    leg = newton - steepest
-    a, b, c = float(leg @ leg), float(steepest @ leg), reach * reach - radius * radius
-    share = (-b + np.sqrt(b * b - a * c)) / a
-    return np.asarray(steepest + share * leg)
+def _gain(trial: Trial, cost: float, after: float) -> float:
+    """Share of the promised decrease that came true; hard constraints that ask for a rise get their way."""
+    if not np.isfinite(after):
+        return -1.0
+    if trial.promised <= 0.0:
+        return 1.0 if trial.promised < -ROUNDED_COST * cost else 0.0
+    return (cost - after) / trial.promised

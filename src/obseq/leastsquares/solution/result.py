@@ -36,10 +36,15 @@ class StopReason(Enum):
 
     STEP = "the last step is below the tolerance, in standard deviations of the unknowns"
     ROUNDING = "the last step is at the level of rounding"
-    STALLED = "the last steps are negligible and the sum of squares no longer decreases"
     NO_DECREASE = "no step decreases the cost any more, and the last one is not negligible"
+    DIVERGED = "the steps and the sum of squares grow: the iterations diverge"
     NO_UNKNOWNS = "every unknown is frozen"
     ITERATIONS = "the number of iterations asked for is reached"
+
+    @property
+    def is_arrival(self) -> bool:
+        """Whether the iterations have arrived at a minimum."""
+        return self in (StopReason.STEP, StopReason.ROUNDING, StopReason.NO_UNKNOWNS)
 
 
 @dataclass(frozen=True)
@@ -72,12 +77,13 @@ class LeastSquaresResult:
 
     Attributes:
         iterations: one record per iteration.
-        converged: True when the iterations ended by themselves.
+        converged: True when the iterations have arrived at a minimum.
         stop_reason: why they ended.
         n_observations: scalar equations of the active observations.
         n_constraints: scalar equations of the priors, and of rows that count as constraints.
         n_unknowns: free scalar unknowns.
-        redundancy: n_observations + n_constraints - n_unknowns.
+        redundancy: n_observations + n_constraints - n_unknowns, and the parameters that a datum takes, or
+            that the observations of a free network leave to chance (Levenberg-Marquardt).
         sigma0: square root of the sum of squares of the chosen groups, at the solution, over the
             redundancy; None when the redundancy is zero: nothing can be said then of the given sigmas.
         variance_factor: sum of squares of all groups over the redundancy: what scales covariances; None as
@@ -87,6 +93,7 @@ class LeastSquaresResult:
         state: their values at the solution.
         frozen: (n_scalars,) which of them kept their values.
         redundant_constraints: hard constraints that follow from the others, by name.
+        evaluations: how often the iterations computed all residuals, with derivatives or without.
     """
 
     iterations: tuple[Iteration, ...]
@@ -105,6 +112,7 @@ class LeastSquaresResult:
     _residuals: Mapping[Batch, FloatArray] = field(repr=False)
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
+    evaluations: int = 0
 
     @property
     def cost(self) -> float:

@@ -1,0 +1,79 @@
+"""Residuals and derivatives of a batch at the current values, as arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.assembly.threads import in_threads, share_bounds
+from obseq.leastsquares.problem.batches import padded_length
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
+    """(n_blocks,) True for the blocks that an active observation or a prior touches."""
+    used = np.zeros(len(table), dtype=bool)
+    for batch in batches:
+        used[batch.blocks[:, batch.active]] = True
+    for prior in priors:
+        used[prior.ids] = True
+    return used
+
+
+def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
+    """(n, n_residuals) computed minus observed, at the current values, in their units."""
+    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads)
+    return np.ascontiguousarray(rows.T)
+
+
+def residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
+    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
+    raw = raw_residuals(table, batch, threads)
+    return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
+
+
+def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
+    """(n_residuals + n_residuals * n_unknowns, n) residuals, then derivatives residual by residual.
+
+    They are whitened where the residuals are correlated.
+    """
+    m, count = batch.shape.n_residuals, batch.shape.n_unknowns
+    rows = _evaluated(table, batch, batch.shape.kernel(), m * (1 + count))
+    if not batch.roots.size:
+        return rows
+    derivatives = batch.whitened(rows[m:].reshape(m, count, -1)).reshape(m * count, -1)
+    return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
+
+
+def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, threads: int = 1) -> FloatArray:
+    from obseq.leastsquares.loops.accumulation import evaluate
+
+    results = np.empty((rows, padded_length(batch.n)))
+    bounds = share_bounds([batch.n], threads)[:, 0]
+
+    def evaluate_share(share: int) -> None:
+        evaluate(
+            kernel,
+            batch.shape.new_tile(),
+            batch.dimensions_of(bounds[share], bounds[share + 1]),
+            batch.roles,
+            batch.starts,
+            batch.contexts,
+            table.padded_values,
+            table.padded_context,
+            batch.observation_tiles,
+            batch.observation_rows,
+            rows,
+            results,
+        )
+
+    in_threads(evaluate_share, len(bounds) - 1)
+    return results[:, : batch.n]

@@ -1,0 +1,141 @@
+"""When an iteration has arrived: one theory for all strategies (docs/statistics.md, "When iterations end").
+
+A step dx has the length L = sqrt(dx' N dx): no unknown, and no function of unknowns, moves by more than L of
+its a-priori standard deviations. That of Gauss-Newton is the norm of the part of the residuals that unknowns
+could still take away, whatever their units (the relative offset of Bates and Watts, 1981). It has arrived
+when it says nothing any more: to the statistician, or to the computer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.problem.unknowns import Kind
+from obseq.leastsquares.solution.result import StopReason
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+EPS = float(np.finfo(np.float64).eps)
+
+NEGLIGIBLE = 1e-2
+"""Share of a standard deviation, and..."""
+
+FINE = 1e-6
+"""...share of the unknowns themselves below which a step that does not shrink is looked at: is it noise?"""
+
+CONTRACTION = 0.7
+"""Share of the step before it below which a step shrinks as it should."""
+
+NOISY = 3.0
+"""Multiple of the rounding of the residuals below which a step that does not shrink is made of it."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """When to stop, and what to count.
+
+    Attributes:
+        max_iterations: no more iterations than this.
+        tolerance: the iterations end when a step is shorter than `tolerance * sigma0` in the metric of the
+            normal matrix: then no unknown moved by more than `tolerance` of its own a-posteriori standard
+            deviation. Negative: all iterations are done.
+        sigma0_groups: groups whose residuals make the numerator of sigma0; None for all.
+    """
+
+    max_iterations: int = 20
+    tolerance: float = 1e-6
+    sigma0_groups: Collection[str] | None = None
+
+
+class Arrival:
+    """Judges the Gauss-Newton steps of one solution, in their order."""
+
+    def __init__(self, equations: NormalEquations, tolerance: float) -> None:
+        self._equations = equations
+        self._tolerance = tolerance
+        self._first_cost: float | None = None
+        self._previous = np.inf
+        self._rough = np.inf
+
+    def unit(self, cost: float, redundancy: int) -> float:
+        """What steps are compared with: sigma0; without redundancy the first misfit, at most 1."""
+        if self._first_cost is None:
+            self._first_cost = cost
+        if redundancy > 0:
+            return float(np.sqrt(cost / redundancy))
+        return float(min(1.0, np.sqrt(self._first_cost)))
+
+    def reach(self, cost: float, redundancy: int, weights: FloatArray) -> float:
+        """Length below which a step has arrived without further questions; `weights` as of `resolution`."""
+        resolved = resolution(self._equations.table, weights)
+        return max(self._tolerance * self.unit(cost, redundancy), resolved)
+
+    def reason(
+        self, step: FloatArray, length: float, cost: float, redundancy: int, weights: FloatArray
+    ) -> StopReason | None:
+        """Why the iterations end with this step (n_scalars,); None when they go on."""
+        unit = self.unit(cost, redundancy)
+        shrinks = length <= CONTRACTION * self._previous
+        self._previous = length
+        if self._tolerance < 0.0:
+            return None
+        if length <= self._tolerance * unit:
+            return StopReason.STEP
+        resolved = resolution(self._equations.table, weights)
+        if length <= resolved:
+            return StopReason.ROUNDING
+        small = length <= max(NEGLIGIBLE * unit, FINE / EPS * resolved)
+        if small and not shrinks and self._is_noise(step, length):
+            return StopReason.ROUNDING
+        return None
+
+    def _is_noise(self, step: FloatArray, length: float) -> bool:
+        """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""
+        if length > NOISY * self._rough:
+            return False
+        self._rough = roughness(self._equations, step)
+        return length <= NOISY * self._rough
+
+
+def resolution(table: UnknownTable, weights: FloatArray) -> float:
+    """Length of a step that is the last digit of every unknown: eps sqrt(sum of N_jj x_j^2).
+
+    Args:
+        table: the unknowns.
+        weights: (n_scalars,) diagonal of N, 0 where frozen.
+    """
+    return float(EPS * np.sqrt(np.sum(weights * np.square(sizes_of(table)))))
+
+
+def sizes_of(table: UnknownTable) -> FloatArray:
+    """(n_scalars,) what the digits of a step are compared with: values; 1 for rotations and directions."""
+    kind = np.repeat(table.kind, table.size)
+    return np.where((kind == Kind.ROTATION) | (kind == Kind.DIRECTION), 1.0, table.values)
+
+
+def roughness(equations: NormalEquations, step: FloatArray) -> float:
+    """Norm of the rounding of the weighted residuals, from their third differences along a step.
+
+    Residuals that are smooth have next to none along a short step, bent or not. What is found is what the
+    formulas lose inside, and what the unknowns themselves cannot hold.
+    """
+    table = equations.table
+    start = table.state()
+    found = np.zeros(1)
+    try:
+        for share, times in ((0.0, 1.0), (1.0 / 3.0, -3.0), (2.0 / 3.0, 3.0), (1.0, -1.0)):
+            table.restore(start)
+            table.move(share * step)
+            found = found + times * equations.weighted_residuals()
+    finally:
+        table.restore(start)
+    norm = float(np.linalg.norm(found)) / np.sqrt(20.0)
+    return norm if np.isfinite(norm) else 0.0

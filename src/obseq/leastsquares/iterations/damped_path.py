@@ -1,0 +1,195 @@
+"""Levenberg-Marquardt: the least damping that keeps a step within a radius (Moré, 1978)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import SingularMatrixError, SingularSystemError
+from obseq.leastsquares.iterations.arrival import sizes_of
+from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unexplained, newton_step
+from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.solvers import Solver
+
+NEAR = 0.1
+"""Share of the radius by which the norm of a step may differ from it."""
+
+MOST_FACTORS = 12
+"""Dampings that are tried for one step."""
+
+LEAST = 1e-9
+"""Least damping where the undamped matrix is singular."""
+
+
+class DampedPath:
+    """Steps that solve (N + damping D) dx = -g, D the largest diagonal of N met so far.
+
+    So an unknown that loses its influence does not run away. A matrix that is singular from the start is
+    damped; its defect is counted, and stays the same or shrinks.
+
+    Args:
+        equations: The system.
+        solver: Its solver, analysed.
+        constraints: Hard constraints.
+        damping: The first damping; None for that of the first radius.
+        is_bold: For full steps as long as they descend; the matrix is then to be regular at the start.
+    """
+
+    def __init__(
+        self,
+        equations: NormalEquations,
+        solver: Solver,
+        constraints: Sequence[Batch],
+        damping: float | None = None,
+        is_bold: bool = False,
+    ) -> None:
+        self._equations = equations
+        self._solver = solver
+        self._constraints = constraints
+        self._floor = np.zeros(equations.pattern.n)
+        self._given = damping
+        self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
+        self._lost = 0
+        self._is_new = True
+        self.is_bold = is_bold
+        self.radius = np.inf
+        self.first_radius = np.inf
+        self.defect = 0
+
+    def linearise(self, in_passing: bool = False) -> None:
+        """Assembles at the current values."""
+        diagonal = self._equations.collect()
+        if in_passing:
+            return
+        self._floor = np.maximum(self._floor, diagonal[self._equations.free.scalars])
+        if self._is_new:
+            self._is_new = False
+            self._begin()
+
+    def _begin(self) -> None:
+        """Takes the first radius from the size of the unknowns; counts the defect."""
+        sizes = sizes_of(self._equations.table)[self._equations.free.scalars]
+        size = self._norm_of(sizes)
+        self.first_radius = FIRST_RADIUS * size if size > 0.0 else np.inf
+        if self._step(0.0) is None:
+            if self.is_bold or self._lost == 0:
+                self._explain()
+            self.defect = self._lost
+
+    def within(self, radius: float) -> Trial:
+        """The step of the last linearisation whose norm is about the radius, or the shorter full one."""
+        damping, low, high = self._aimed(radius), 0.0, np.inf
+        for _ in range(MOST_FACTORS):
+            step = self._step(damping)
+            if step is None:
+                low = damping = max(10.0 * damping, LEAST)
+                continue
+            if self._is_within(radius):
+                return self._trial(step)
+            low, high = (damping, high) if self._norm > radius else (low, damping)
+            damping = self._between(self._aimed(radius), low, high)
+        return self._trial(self._regular_step())
+
+    def full(self) -> Trial:
+        """The undamped step, or the least damped one."""
+        return self._trial(self._regular_step())
+
+    def settle(self) -> None:
+        """Counts the defect where the iterations have arrived.
+
+        Raises:
+            SingularSystemError: it has grown: they arrived where some unknowns have lost their influence.
+        """
+        if self.defect or self._lost:
+            self._lost = 0
+            if self._step(0.0) is None and not 0 < self._lost <= self.defect:
+                self._explain()
+            self.defect = self._lost
+
+    def _explain(self) -> None:
+        """Raises the error that names what is undetermined."""
+        linearisation = self._equations.damped(0.0)
+        factor(self._equations, self._solver, self._constraints, linearisation)
+
+    def _step(self, damping: float) -> NewtonStep | None:
+        """The step under a damping; None where the matrix is singular."""
+        equations, floor = self._equations, self._floor
+        try:
+            linearisation = equations.damped(damping, floor)
+            offset = factor_unexplained(equations, self._solver, self._constraints, linearisation)
+        except SingularMatrixError as error:
+            self._lost = len(error.indices)
+            return None
+        except SingularSystemError:
+            self._lost = 0
+            return None
+        self._linearisation = linearisation
+        step = newton_step(equations, self._solver, linearisation, offset)
+        self._measure(step, damping)
+        return step
+
+    def _regular_step(self) -> NewtonStep:
+        damping = 0.0 if not self.defect else LEAST
+        for _ in range(MOST_FACTORS):
+            step = self._step(damping)
+            if step is not None:
+                return step
+            damping = max(10.0 * damping, LEAST)
+        raise SingularSystemError("the normal matrix stays singular however strong its damping")
+
+    def _measure(self, step: NewtonStep, damping: float) -> None:
+        """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""
+        self._damping, self._norm = damping, self._norm_of(step.inner)
+        pull = self._scale() * step.inner
+        fall = float(pull @ self._solver.solve(pull)) if self._norm > 0.0 else 0.0
+        self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
+
+    def _norm_of(self, inner: FloatArray) -> float:
+        return float(np.sqrt(np.sum(self._scale() * np.square(inner))))
+
+    def _scale(self) -> FloatArray:
+        return np.where(self._floor > 0.0, self._floor, 1.0)
+
+    def _is_within(self, radius: float) -> bool:
+        if abs(self._norm - radius) <= NEAR * radius:
+            return True
+        return self._norm <= radius and (self._is_least or np.isinf(radius))
+
+    @property
+    def _is_least(self) -> bool:
+        return self._damping <= (LEAST if self.defect else 0.0)
+
+    def _aimed(self, radius: float) -> float:
+        """The damping at which the norm is the radius, to first order in its inverse."""
+        least = LEAST if self.defect else 0.0
+        given, self._given = self._given, None
+        if given is not None:
+            return given
+        if (self._norm <= radius and self._is_least) or self._slope == 0.0 or np.isinf(radius):
+            return least
+        return float(max(least, self._damping + (self._norm - radius) / radius / self._slope))
+
+    def _between(self, aimed: float, low: float, high: float) -> float:
+        """What is aimed at, kept between a damping that is too weak and one that is too strong."""
+        least = LEAST if self.defect else 0.0
+        if low < aimed < high or (aimed <= least and low == 0.0):
+            return aimed
+        if np.isinf(high):
+            return max(10.0 * low, LEAST)
+        return float(max(np.sqrt(max(low, 1e-6 * high) * high), 1e-3 * high))
+
+    def _trial(self, step: NewtonStep) -> Trial:
+        linearisation = self._linearisation
+        weights = linearisation.diagonal.copy()
+        weights[self._equations.free.scalars] = self._scale()
+        damped = linearisation.damping * float(np.sum(weights * np.square(step.move)))
+        promised = step.promised + damped
+        return Trial(step.move, step.length, self._norm, promised, self._is_least, linearisation)

@@ -1,0 +1,92 @@
+"""One step of the normal equations, with whatever stands behind them: constraints, datum, elimination."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import DivergenceError, SingularMatrixError
+from obseq.leastsquares.diagnosis.singular import singular_error
+from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
+from obseq.leastsquares.iterations.constraints import substitution
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.solvers import Solver
+
+
+@dataclass(frozen=True)
+class NewtonStep:
+    """The minimum of a linearisation, damped or not.
+
+    Attributes:
+        move: (n_scalars,) step of all unknowns, zero where frozen.
+        inner: (n_free,) the same for the unknowns of the matrix.
+        length: sqrt(dx' N dx), N with its damping.
+        promised: by how much the linearisation, damping included, lowers the sum of squares; negative where
+            hard constraints ask for a rise.
+    """
+
+    move: FloatArray
+    inner: FloatArray
+    length: float
+    promised: float
+
+
+def factor(
+    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
+) -> FloatArray:
+    """Factors the normal matrix, reduced by hard constraints; returns the step (n_free,) that these ask for.
+
+    Raises:
+        SingularSystemError: some unknowns are undetermined; their names are in the error.
+    """
+    try:
+        return factor_unexplained(equations, solver, constraints, linearisation)
+    except SingularMatrixError:
+        raise singular_error(equations.table, equations.free, equations.pattern, solver) from None
+
+
+def factor_unexplained(
+    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
+) -> FloatArray:
+    """`factor` for those who try: a singular matrix is a SingularMatrixError, and costs no explanation."""
+    offset = np.zeros(equations.pattern.n)
+    if isinstance(solver, SubstitutedSolver):
+        found = substitution(equations.table, equations.free, constraints)
+        solver.substitute(found)
+        offset = found.offset
+    solver.factor(linearisation.values)
+    return offset
+
+
+def newton_step(
+    equations: NormalEquations, solver: Solver, linearisation: Linearisation, offset: FloatArray
+) -> NewtonStep:
+    """The step of a factored linearisation.
+
+    Raises:
+        DivergenceError: it is not finite.
+    """
+    gradient, drop = linearisation.gradient, linearisation.eliminated
+    if offset.any():
+        normal = equations.pattern.matrix(linearisation.values)
+        inner = offset + solver.solve(-gradient - normal @ offset)
+        quadratic = float(inner @ (normal @ inner))
+    else:
+        inner = solver.solve(-gradient)
+        quadratic = -float(inner @ gradient)
+    promised = drop - 2.0 * float(inner @ gradient) - quadratic
+    if isinstance(solver, DatumSolver):
+        inner = solver.settled(inner)
+    if not np.isfinite(inner).all():
+        raise DivergenceError("the step of the unknowns is not finite")
+    length = float(np.sqrt(max(0.0, drop + quadratic)))
+    return NewtonStep(equations.step(inner, linearisation), inner, length, promised)
