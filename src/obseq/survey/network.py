@@ -285,6 +285,8 @@ class Network:
             equations = self._equations(start)
         with watch.phase("iterations and covariances"):
             solution = network._solve(equations, max_iterations, tolerance, watch)
+        if not solution.converged:
+            network._require_determined(equations, solution)
         with watch.phase("results"):
             adjustment = network._adjustment(equations, solution, initial.orientations)
         return replace(
@@ -304,7 +306,21 @@ class Network:
             before_iteration=equations.follow,
             sigma0_groups=[batch.group for _, batch in equations.batches.values()],
             progress=lambda step: watch.progress(_described(step)),
+            strategy="controlled",
         )
+
+    def _require_determined(self, equations: Equations, solution: LeastSquaresResult) -> None:
+        """Raises the error of a singular system for points that are less precise than their sights are long."""
+        rows = np.flatnonzero(self.points.is_free.any(axis=1))
+        covariances = solution.covariance(equations.points[rows], a_priori=True)
+        precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+        lost = rows[precisions > nearest_sights(self.book, solution.values(equations.points), rows)]
+        if lost.size:
+            names = [self.points.names[row] for row in lost]
+            raise SingularSystemError(
+                f"the observations leave {', '.join(names)} undetermined: the iterations find no end",
+                tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
+            )
 
     def _adjustment(
         self, equations: Equations, solution: LeastSquaresResult, orientations: NDArray[np.int8]

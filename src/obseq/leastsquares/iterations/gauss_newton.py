@@ -86,16 +86,20 @@ def iterate(
         DivergenceError: the iterations have left where the equations are defined and determine the unknowns.
     """
     done, arrival, table = Progress(), Arrival(equations, options.tolerance), equations.table
-    best, least, counted = table.state(), np.inf, equations.evaluations
+    best, least, cost, counted = table.state(), np.inf, np.inf, equations.evaluations
     for number in range(options.max_iterations):
         before(number)
         try:
+            cost = np.inf
             linearisation = equations.assemble(damping)
-            if linearisation.cost < least:
-                best, least = table.state(), linearisation.cost
+            cost = linearisation.cost
+            if cost < least:
+                best, least = table.state(), cost
             step, length = direction(linearisation)
         except (DivergenceError, SingularSystemError) as error:
-            raise _gone(error, equations, done.iterations, best) from None
+            if number:
+                raise _gone(error, cost, equations, done.iterations, best) from None
+            raise
         record = recorded(linearisation, options, redundancy, step, length)
         reason = arrival.reason(step, length, record.cost, redundancy, linearisation.diagonal)
         table.move(step)
@@ -120,22 +124,20 @@ def _diverges(iterations: list[Iteration]) -> bool:
 
 def _gone(
     error: DivergenceError | SingularSystemError,
+    cost: float,
     equations: NormalEquations,
     iterations: list[Iteration],
     best: State,
 ) -> DivergenceError | SingularSystemError:
-    """The error to raise when a linearisation fails: where the start did not, the iterations are to blame."""
-    if not iterations:
-        return error
+    """The error to raise when a linearisation fails that was none at the start, and the cost has risen."""
     first, last, number = iterations[0], iterations[-1], len(iterations) + 1
-    grows, shortens = last.cost > first.cost, last.length < 0.1 * first.length
     if isinstance(error, SingularSystemError):
-        if shortens and not grows:
+        if cost <= first.cost:
             return error
         error = DivergenceError(f"{len(error.unknowns)} unknown(s) have no influence any more")
     equations.table.restore(best)
     back = "the unknowns are back at their last accepted values, the best ones"
-    if not grows and shortens:
+    if last.cost <= first.cost and not np.isfinite(cost):
         return DivergenceError(f"{error} (iteration {number}; {back})")
-    size = f"a step of {last.max_step:.3g}, a sum of squares of {last.cost:.3g}, {first.cost:.3g} at first"
+    size = f"a step of {last.max_step:.3g}, a sum of squares of {cost:.3g}, {first.cost:.3g} at first"
     return DivergenceError(f"Gauss-Newton diverges ({size}): {error} (iteration {number}; {back}). {ADVICE}")
