@@ -310,7 +310,7 @@ class Network:
         )
 
     def _require_determined(self, equations: Equations, solution: LeastSquaresResult) -> None:
-        """Raises the error of a singular system for points that are less precise than their sights are long."""
+        """Raises the error of a singular system for points less precise than their sights are long."""
         rows = np.flatnonzero(self.points.is_free.any(axis=1))
         covariances = solution.covariance(equations.points[rows], a_priori=True)
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
