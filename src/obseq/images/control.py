@@ -125,5 +125,8 @@ class ControlPoints:
         return ControlPoints(self.names, self.coordinates, np.zeros_like(self.covariances))
 
     def scaled(self, factor: float) -> ControlPoints:
-        """The same points, their standard deviations times a factor (MMVII's SG)."""
-        return ControlPoints(self.names, self.coordinates, self.covariances * factor**2)
+        """The same points, their sigmas times a factor (MMVII's SG); 0 holds what is not free."""
+        covariances = np.where(np.isinf(self.covariances), np.inf, 0.0)
+        known = np.isfinite(self.covariances)
+        covariances[known] = self.covariances[known] * factor**2
+        return ControlPoints(self.names, self.coordinates, covariances)

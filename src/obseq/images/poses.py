@@ -33,8 +33,8 @@ class Poses:
 
     Example:
         >>> poses = Poses.of(["a.jpg"], [[0.0, 0.0, 100.0]], [[0.0, 0.0, 0.0]], form="opk")
-        >>> poses["a.jpg"].rotation[:, 2]
-        array([ 0.,  0., -1.])
+        >>> (poses["a.jpg"].rotation[:, 2] + 0.0).tolist()
+        [0.0, 0.0, -1.0]
     """
 
     images: tuple[str, ...]

@@ -210,6 +210,14 @@ class BundleSolution:
     def _calibration(self, name: str) -> IntArray:
         return self.equations.calibrations[index_of(self.equations.cameras, [name], "camera")]
 
+    def rigid_places(self, name: str) -> Poses:
+        """Adjusted places of the cameras of a rigid block, by their identifiers."""
+        names = [block.name for block in self.block.rigid_blocks]
+        number = int(index_of(names, [name], "rigid block")[0])
+        centres, rotations = self.equations.places[number]
+        cameras = self.block.rigid_blocks[number].places.images
+        return Poses.of(cameras, self.result.values(centres), self.result.values(rotations))
+
     # Residuals
 
     @cached_property

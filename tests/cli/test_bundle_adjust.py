@@ -1,0 +1,82 @@
+"""`obseq bundle-adjust` on the panel's project tree, in both spellings, and the options it refuses."""
+
+import json
+import shutil
+
+import pytest
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.project.bundle_options import Set2D, Set3D, parse_options, parse_value
+from obseq.project.cameras import read_orientation
+
+
+@pytest.fixture
+def panel(shared_data, tmp_path):
+    shutil.copytree(shared_data / "mmvii-bundle-panel/MMVII-PhgrProj", tmp_path / "MMVII-PhgrProj")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "spelling", [["GCP3D=[[Fil,1,New]]", "GCP2D=[[Fil,0.5]]"], ["GCPDir=Fil", "GCPW=[1,0.5]"]]
+)
+def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling):
+    data = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
+    expected = data["independent_adjustments"]["gcp_sigma1_image05"]
+    words = ["bundle-adjust", ".*", "Resec", "Mine", *spelling, f"--project={panel}"]
+    assert main([*words, f"--json={panel / 'r.json'}"]) == 0
+    record = json.loads((panel / "r.json").read_text())
+    assert record["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-7)
+    poses, cameras = read_orientation(panel / "MMVII-PhgrProj/Ori/Mine")
+    for name, parameters in expected["calibrations"].items():
+        assert cameras[name].focal == pytest.approx(parameters["F"]["value"], abs=1e-5)
+    image = poses.images[0]
+    assert poses[image].centre == pytest.approx(expected["centres"][image], abs=1e-6)
+    assert (panel / "MMVII-PhgrProj/ObjCoordWorld/New/MesGCP-NewGCP.xml").is_file() == (
+        "New" in str(spelling)
+    )
+    assert "converged" in capsys.readouterr().out
+
+
+def test_a_rigid_block_of_the_tree_joins(panel, shared_data):
+    data = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
+    expected = data["independent_adjustments"]["rigid_block_from_BA"]
+    project = f"--project={panel}"
+    main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", project])
+    words = ["GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]]", "BRDirIn=Rig", "BRW=[1e-2,1e-5]", "OutRigBlock=Rig2"]
+    assert main(["bundle-adjust", ".*", "BA", "Mine", *words, project, f"--json={panel / 'r.json'}"]) == 0
+    assert json.loads((panel / "r.json").read_text())["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-6)
+    assert (panel / "MMVII-PhgrProj/RigBlock/Rig2/RigidBloc_TheBloc.xml").is_file()
+
+
+def test_lists_are_read_as_mmvii_writes_them():
+    assert parse_value("[[a,1],[b,[2,3]]]", "X") == [["a", "1"], ["b", ["2", "3"]]]
+    assert parse_value("word", "X") == "word"
+    options = parse_options(["GCPDir=T", "GCPW=[0,0.5,1,3,2]", "AddGCPW=[[U,-1,2]]", "GCPDirOut=N"])
+    assert options.points == (Set3D("T", 0.0, "N"), Set3D("U", -1.0))
+    assert options.measures == (Set2D("T", 0.5, 1.0, 3.0, 2.0), Set2D("U", 2.0))
+    assert parse_options(["GCP2D=[F,1,-1,5]"]).measures == (Set2D("F", 1.0, None, 5.0),)
+    assert parse_options(["PoseVisc=[0.1,-1]"]).viscosity == (0.1, None)
+    assert parse_options(["PPFreeCal=[[cam,F,4]]"]).freed == (("cam", "F", 0.5),)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["ThrRej=3"], "'ThrRej=3' is no option"),
+        (["NbIter=x"], "NbIter=x is not a whole number"),
+        (["BRW=[1]"], "BRW takes 2 numbers"),
+        (["BRW=[1,a]"], "BRW: 'a' is not a number"),
+        (["BRDirIn=R"], "have no effect without BRW"),
+        (["TPDir=R"], "TPDir has no effect"),
+        (["GCP3D=[[F,1]", "NbIter=1"], "a bracket is not closed"),
+        (["GCP3D=[[F,1]]]"], "is left over"),
+        (["GCP3D=[[F]]"], "each element takes 2 to 3 values"),
+        (["GCPDir=F"], "go together"),
+        (["GCPDir=F", "GCPW=[1,1]", "GCP2D=[[F,1]]"], "the spelling of 2024"),
+        (["NbIter=1", "NbIter=2"], "given twice"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(words, message):
+    with pytest.raises(InputError, match=message):
+        parse_options(words)
