@@ -52,7 +52,7 @@ class IterationRecord:
 
 @dataclass(frozen=True, slots=True)
 class EllipseRecord:
-    """A standard error ellipse in x and y: semi-axes (m), bearing of the major one (rad from the y axis)."""
+    """An error ellipse in x and y: semi-axes (m), bearing of the major one (rad, clockwise from y)."""
 
     semi_major: float
     semi_minor: float
@@ -98,7 +98,18 @@ class StationRecord:
 
 @dataclass(frozen=True, slots=True)
 class ObservationRecord:
-    """One observation, where it was read, and how it fits; `unit` is that of value, sigma and residual."""
+    """One observation, where it was read, and how it fits.
+
+    Attributes:
+        unit: Of value, sigma, residual, detectable and blunder: "m" or "rad".
+        redundancy: How far the others control it: 0 not at all, 1 completely.
+        standardised_residual: Residual over its own a priori standard deviation (Baarda's w).
+        tau: Residual over its own a posteriori standard deviation (Pope's tau).
+        detectable: Smallest bias that the test of w finds with the stated power; None when it finds none.
+        external: Most that such a bias moves any coordinate, in its standard deviations.
+        blunder: Estimate of the error of the value, if it were the only one; too large when positive.
+        rejected: True when data snooping left it out.
+    """
 
     type: str
     origin: str = field(metadata={"key": "from"})
@@ -111,6 +122,13 @@ class ObservationRecord:
     line: int
     active: bool
     unit: str | None = None
+    redundancy: float | None = None
+    standardised_residual: float | None = None
+    tau: float | None = None
+    detectable: float | None = None
+    external: float | None = None
+    blunder: float | None = None
+    rejected: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +143,117 @@ class ConstraintRecord:
     normalised_residual: float
     file: str
     line: int
+    redundancy: float | None = None
+    standardised_residual: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReliabilityRecord:
+    """What stands behind the reliability of single observations.
+
+    Attributes:
+        level: Probability that the test of one observation rejects it where nothing is wrong.
+        power: Probability that it finds a bias of the detectable size.
+        non_centrality: What the two amount to, in standard deviations of a residual.
+        critical: Limit of standardised residuals at that level.
+        tau_critical: Limit of tau at that level; None with redundancy 1.
+        uncontrolled: How many observations nothing controls.
+        tests: How many are tested.
+    """
+
+    level: float
+    power: float
+    non_centrality: float
+    critical: float
+    tau_critical: float | None
+    uncontrolled: int
+    tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class RejectionRecord:
+    """An observation that data snooping left out.
+
+    Attributes:
+        observation: Its type, points, file and line.
+        row: Its place in `observations`, from 0.
+        statistic: The w or tau that failed its test.
+        p_value: Probability that the largest of all is larger still without any blunder.
+        blunder: Estimate of the error of its value, m or rad.
+        detectable: Its minimal detectable bias.
+    """
+
+    observation: str
+    row: int
+    statistic: float
+    p_value: float
+    blunder: float
+    detectable: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SnoopingRecord:
+    """What data snooping did.
+
+    Attributes:
+        statistic: What was tested: "w" or "tau".
+        level: Probability of leaving out anything where nothing is wrong.
+        end: Why it ended.
+        suspects: Observations that could not be told apart, or without which unknowns are undetermined.
+        rejections: What was left out, in the order found.
+        most_moved: The point that this moved most.
+        moved: By how much (m).
+    """
+
+    statistic: str
+    level: float
+    end: str
+    suspects: tuple[str, ...]
+    rejections: tuple[RejectionRecord, ...]
+    most_moved: str | None = None
+    moved: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VarianceComponentRecord:
+    """The variance of one kind of observation, as the residuals show it.
+
+    Attributes:
+        group: The kind.
+        factor: What multiplies the given variances.
+        sigma_factor: What multiplies the given sigmas.
+        precision: Standard deviation of the factor.
+        redundancy: Share of the kind in the redundancy.
+        supported: False when the observations do not support it: it is held at the smallest value.
+    """
+
+    group: str
+    factor: float
+    sigma_factor: float
+    precision: float | None
+    redundancy: float
+    supported: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeRecord:
+    """The precision of two points relative to each other.
+
+    Attributes:
+        first: A point.
+        second: Another, which an observation joins with it.
+        distance: Between them (m).
+        precision: Of the distance (m).
+        bearing_precision: Of the bearing (rad); None for a vertical line.
+        ellipse: Where the second is, seen from the first.
+    """
+
+    first: str
+    second: str
+    distance: float
+    precision: float
+    bearing_precision: float | None
+    ellipse: EllipseRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +346,11 @@ class AdjustmentRecord:
         constraints: The known coordinates that have a sigma.
         notes: What was computed and how far it holds: refraction, validity of a plane frame.
         global_test: None without redundancy.
+        reliability: Levels behind the reliability of observations; None when it was not asked for.
+        snooping: None when it was not asked for.
+        variance_components: None when they were not asked for.
+        ellipse_level: Probability that the true point is inside its ellipse; None: standard ellipses, 39 %.
+        relative: Pairs of points that observations join; None when it was not asked for.
         run: Which run made it.
     """
 
@@ -234,6 +368,11 @@ class AdjustmentRecord:
     observations: tuple[ObservationRecord, ...]
     variance_factor: float | None = None
     global_test: GlobalTestRecord | None = None
+    reliability: ReliabilityRecord | None = None
+    snooping: SnoopingRecord | None = None
+    variance_components: tuple[VarianceComponentRecord, ...] | None = None
+    ellipse_level: float | None = None
+    relative: tuple[RelativeRecord, ...] | None = None
     stop_reason: str | None = None
     precision: str | None = None
     points_crs_unit: str | None = None

@@ -277,3 +277,23 @@ def test_names_of_the_field_case_terminal_escape(shared_data: Path, capsys) -> N
     out, err = capsys.readouterr()
     assert "\\x1b]0;evil\\x07" in err
     assert all(c.isprintable() or c == "\n" for c in out + err)
+
+
+def test_what_is_wanted_of_the_quality_is_said_on_the_command_line(site: Path, capsys) -> None:
+    wanted = ["--snooping", "w", "--level", "0.01", "--ellipses", "0.95", "--relative", "--a-priori"]
+    assert adjust(*wanted, "--json", "a.json") == 0
+    out = capsys.readouterr().out
+    assert "Data snooping with w at an overall level of 5 %: 1 left out" in out
+    assert "limit 2.58 (a priori sigmas)" in out
+    record = json.loads((site / "a.json").read_text(encoding="utf-8"))
+    assert (record["precision"], record["ellipse_level"]) == ("a priori", 0.95)
+    assert record["observations"][11]["rejected"] is True
+    assert len(record["relative"]) == 4
+    assert adjust("--no-reliability", "--json", "a.json") == 0
+    assert "reliability" not in json.loads((site / "a.json").read_text(encoding="utf-8"))
+    assert "normalised" in capsys.readouterr().out
+
+
+def test_variance_components_that_nothing_determines_are_refused(site: Path, capsys) -> None:
+    assert adjust("--variance-components") == 2
+    assert "the variance component" in capsys.readouterr().err

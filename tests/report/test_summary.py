@@ -19,7 +19,7 @@ def test_counts_and_sigma0(record) -> None:
 
 def test_the_worst_residual_is_the_first_of_its_table(record) -> None:
     lines = summary(record).splitlines()
-    start = next(k for k, line in enumerate(lines) if line.startswith("Largest normalised residuals"))
+    start = next(k for k, line in enumerate(lines) if line.startswith("Observations by normalised residual"))
     assert lines[start + 2].split() == "Hz A C site.obs:2 26.62000 gon 1.000 mgon -3.100 mgon -3.10".split()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from obseq.cli.parsing import Commands, add_command, finite_number, positive_integer, positive_number
 from obseq.cli.progress import Progress
+from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
 from obseq.errors import InputError
 from obseq.record import AdjustmentRecord, PhaseRecord
@@ -117,6 +118,7 @@ def register(commands: Commands) -> None:
         action="store_true",
         help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
     )
+    add_quality_arguments(command)
     add_result_arguments(command)
 
 
@@ -131,7 +133,11 @@ def run(arguments: argparse.Namespace) -> int:
         "ignore": arguments.ignore,
         **_point_format(arguments),
     }
-    solving = {"max_iterations": arguments.iterations, "strict": arguments.strict}
+    solving = {
+        "max_iterations": arguments.iterations,
+        "strict": arguments.strict,
+        "quality": quality_of(arguments),
+    }
     return adjust(
         Request(arguments.obs, arguments.cor, _given(reading), _given(solving), outputs_of(arguments))
     )

@@ -49,6 +49,14 @@ def finite_number(text: str) -> float:
     return value
 
 
+def probability(text: str) -> float:
+    """A number between 0 and 1, neither of them."""
+    value = _number(text)
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1 (5 % is 0.05)")
+    return value
+
+
 def positive_integer(text: str) -> int:
     """A whole number above zero."""
     if not (text.isdecimal() and int(text) > 0):

@@ -6,6 +6,7 @@ from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
+from obseq.report.quality import quality_tables, single_tests, snooping_lines
 from obseq.report.summary import (
     expected,
     gross_errors,
@@ -16,7 +17,7 @@ from obseq.report.summary import (
     run_line,
     warnings,
 )
-from obseq.report.table import lines_of
+from obseq.report.table import lines_of, wrapped
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict, worst_constraints_first
 
@@ -35,8 +36,9 @@ def listing(record: AdjustmentRecord) -> str:
     if known:
         title = "Known coordinates, the worst normalised residual first"
         tables.append(rows.constraint_table(record, title, known))
+    tables += quality_tables(record)
     parts = (_head(record), warnings(record, len(record.warnings)), notes(record))
-    heads = ["\n".join(part) for part in parts]
+    heads = ["\n".join(wrapped(part)) for part in parts]
     sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
     return printable("\n\n".join(section for section in sections if section) + "\n")
 
@@ -55,6 +57,8 @@ def _head(record: AdjustmentRecord) -> Iterator[str]:
     yield f"  sigma0        {significant(record.sigma0)}, {verdict.headline}"
     if verdict.test:
         yield f"  {expected(record, verdict.test)}"
+    yield from (f"  {line}" for line in single_tests(record))
+    yield from snooping_lines(record)
     yield ""
     yield "  iteration  sigma0 at its start  largest step"
     for number, row in enumerate(record.iterations, start=1):

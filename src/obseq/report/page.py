@@ -9,9 +9,10 @@ from obseq.record import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.figure import network_figure
 from obseq.report.html import escaped
+from obseq.report.quality import quality_tables, single_tests, snooping_lines, suspects
 from obseq.report.summary import expected, how_it_ended, kinds, notes, run_line, warnings
 from obseq.report.units import significant
-from obseq.report.verdict import Verdict, worst_constraints_first, worst_first
+from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
 
 MOST_ROWS = 2000
 MOST_WARNINGS = 20
@@ -43,6 +44,8 @@ def _facts(record: AdjustmentRecord) -> str:
         ("sigma0 by iteration", ", ".join(significant(row.sigma0) for row in record.iterations), ""),
         ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
         ("", verdict.explanation, ""),
+        *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
+        *(("snooping", line, "") for line in snooping_lines(record)),
         ("run", run_line(record), ""),
         *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
         *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
@@ -55,7 +58,7 @@ def _facts(record: AdjustmentRecord) -> str:
 
 def _sections(record: AdjustmentRecord) -> Iterator[str]:
     worst, points = worst_first(record), record.points
-    title = "Observations, the worst normalised residual first"
+    title = f"Observations by {worst_title(record)}"
     yield _section(rows.observation_table(record, title, worst[:MOST_ROWS]), len(worst))
     known = worst_constraints_first(record)
     if known:
@@ -65,6 +68,8 @@ def _sections(record: AdjustmentRecord) -> Iterator[str]:
     if record.points_crs != record.frame:
         yield _section(rows.crs_table(record, points[:MOST_ROWS]), len(points))
     yield _section(rows.station_table(record), len(record.stations))
+    for table in quality_tables(record):
+        yield _section(table, len(table.rows))
 
 
 def _section(table: rows.Table, count: int) -> str:

@@ -12,6 +12,10 @@ ANGLES = frozenset({"Hz", "Zen"})
 """Types that are angles in records that do not hold the unit of their observations (obseq 0.1.0)."""
 
 
+JUDGED = ("redundancy", "standardised", "detectable", "effect")
+"""Columns of observations whose reliability is known; effect: of the detectable bias, in sigmas."""
+
+
 @dataclass(frozen=True)
 class Table:
     """A table as text.
@@ -86,9 +90,15 @@ def observation_table(
     record: AdjustmentRecord, title: str, observations: Sequence[ObservationRecord]
 ) -> Table:
     """Observations of the record with their residuals, and where they were read."""
-    header = ("type", "from", "to", "file", "observed", "sigma", "residual", "normalised")
+    judged = JUDGED if record.reliability else ("normalised",)
+    header = ("type", "from", "to", "file", "observed", "sigma", "residual", *judged)
     names = _short_names({row.file for row in record.observations})
-    return Table(title, header, tuple(_observation_cells(row, names[row.file]) for row in observations), 4)
+    rows = [
+        _observation_cells(row, names[row.file])
+        + (_judged_cells(row) if record.reliability else _normalised_cells(row))
+        for row in observations
+    ]
+    return Table(title, header, tuple(rows), 4)
 
 
 def _short_names(files: set[str]) -> dict[str, str]:
@@ -98,7 +108,7 @@ def _short_names(files: set[str]) -> dict[str, str]:
 
 
 def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
-    unit = row.unit or ("rad" if row.type in ANGLES else "m")
+    unit = _unit(row)
     return (
         row.type,
         row.origin,
@@ -106,9 +116,27 @@ def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
         f"{file}:{row.line}",
         units.observed(unit, row.value),
         units.small(unit, row.sigma),
-        units.small(unit, row.residual) if row.active else "not used",
-        units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,
+        units.small(unit, row.residual) if row.active else "rejected" if row.rejected else "not used",
     )
+
+
+def _normalised_cells(row: ObservationRecord) -> tuple[str, ...]:
+    return (units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,)
+
+
+def _judged_cells(row: ObservationRecord) -> tuple[str, ...]:
+    """Redundancy, standardised residual, detectable bias and its effect."""
+    unit = _unit(row)
+    return (
+        units.fixed(row.redundancy, 2),
+        units.fixed(row.standardised_residual, 2),
+        units.small(unit, row.detectable),
+        units.fixed(row.external, 1),
+    )
+
+
+def _unit(row: ObservationRecord) -> str:
+    return row.unit or ("rad" if row.type in ANGLES else "m")
 
 
 def constraint_table(record: AdjustmentRecord, title: str, constraints: Sequence[ConstraintRecord]) -> Table:

@@ -8,8 +8,9 @@ from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord, GlobalTestRecord, PointRecord
 from obseq.report import rows, units
+from obseq.report.quality import single_tests, snooping_lines
 from obseq.report.table import lines_of
-from obseq.report.verdict import Verdict, worst_constraints_first, worst_first
+from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
 
 WIDTH = 100
 MOST_POINTS = 8
@@ -130,13 +131,13 @@ def _fit(record: AdjustmentRecord) -> Iterator[str]:
     if verdict.test:
         yield f"  {expected(record, verdict.test)}"
     yield from textwrap.wrap(verdict.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    yield from (f"  {line}" for line in single_tests(record))
+    yield from snooping_lines(record)
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
     worst = worst_first(record)[:WORST]
-    yield from lines_of(
-        rows.observation_table(record, "Largest normalised residuals (residual / sigma)", worst)
-    )
+    yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", worst))
 
 
 def _known(record: AdjustmentRecord) -> Iterator[str]:

@@ -51,9 +51,27 @@ class Verdict:
 
 
 def worst_first(record: AdjustmentRecord) -> list[ObservationRecord]:
-    """The active observations that have a normalised residual, the largest in absolute value first."""
+    """The active observations that have a residual, the worst first.
+
+    By the standardised residual where reliability is known, else by the normalised one.
+    """
     tested = [row for row in record.observations if row.active and row.normalised_residual is not None]
-    return sorted(tested, key=lambda row: -abs(row.normalised_residual or 0.0))
+    return sorted(tested, key=_standardised if record.reliability else _normalised)
+
+
+def worst_title(record: AdjustmentRecord) -> str:
+    """By what the worst come first."""
+    if record.reliability:
+        return "standardised residual (residual / its own a priori sigma)"
+    return "normalised residual (residual / sigma)"
+
+
+def _standardised(row: ObservationRecord) -> tuple[float, float]:
+    return -abs(row.standardised_residual or 0.0), _normalised(row)
+
+
+def _normalised(row: ObservationRecord) -> float:
+    return -abs(row.normalised_residual or 0.0)
 
 
 def worst_constraints_first(record: AdjustmentRecord) -> list[ConstraintRecord]:

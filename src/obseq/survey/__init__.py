@@ -1,6 +1,7 @@
 """Survey networks: points, observations, stations, files and initial values."""
 
 from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.adjustment.quality import Quality
 from obseq.survey.files.cor import read_cor, write_cor
 from obseq.survey.files.obs import read_obs, write_obs
 from obseq.survey.files.point import PointFileOptions, read_points
@@ -31,6 +32,7 @@ __all__ = [
     "Orientation",
     "PointFileOptions",
     "Points",
+    "Quality",
     "Stations",
     "automatic_fix",
     "initial_values",

@@ -258,6 +258,11 @@ class FieldBook:
         observations = self.observations
         return f"{self.files[observations.file_indices[row]]}:{observations.lines[row]}"
 
+    def without(self, rows: BoolArray) -> FieldBook:
+        """The same with some more observations (a mask) switched off."""
+        observations = replace(self.observations, active=self.observations.active & ~rows)
+        return replace(self, observations=observations)
+
     def label(self, row: int) -> str:
         """`Hz S1 -> T4 (survey.obs:37)`, for messages."""
         kind = BY_CODE[int(self.observations.types[row])].name

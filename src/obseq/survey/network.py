@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from obseq.errors import ObseqError, SingularSystemError
 from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.notes import notes
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.adjustment.quality import Examination, Quality, examine
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 
 MAX_ITERATIONS = 25
 _LOG = logging.getLogger(__name__)
+QUALITY = Quality()
 
 
 def _described(step: Iteration) -> str:
@@ -164,7 +167,13 @@ class Network:
         vertical = self.frame.vertical if self.frame.has_vertical else None
         return initial_values(self.points, self.book, vertical)
 
-    @expecting(max_iterations=WHOLE, tolerance=NUMBER, strict=TRUTH, progress=FUNCTION | NOTHING)
+    @expecting(
+        max_iterations=WHOLE,
+        tolerance=NUMBER,
+        strict=TRUTH,
+        progress=FUNCTION | NOTHING,
+        quality=instance(Quality),
+    )
     def adjust(
         self,
         max_iterations: int = MAX_ITERATIONS,
@@ -172,6 +181,7 @@ class Network:
         progress: Progress | None = None,
         *,
         strict: bool = False,
+        quality: Quality = QUALITY,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -184,6 +194,7 @@ class Network:
             tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
             progress: Receives what is being done.
             strict: Refuse a network of which something would have to be left out, or with gross errors.
+            quality: What is wanted beside residuals and precisions.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -202,7 +213,7 @@ class Network:
             start = leave_out(start, start.initial.unplaced)
         errors = self._announced(start, watch, strict=strict)
         try:
-            adjustment = self._determined(start, max_iterations, tolerance, watch, strict=strict)
+            adjustment = self._determined(start, max_iterations, tolerance, watch, quality, strict=strict)
         except ObseqError as error:
             blame(error, errors or self.gross_errors())
         if not errors and not adjustment.is_honest:
@@ -212,12 +223,19 @@ class Network:
         return adjustment.announcing(errors, replaced)
 
     def _determined(
-        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch, *, strict: bool
+        self,
+        start: Determined,
+        max_iterations: int,
+        tolerance: float,
+        watch: Stopwatch,
+        quality: Quality,
+        *,
+        strict: bool,
     ) -> Adjustment:
         """Adjusts, without what turns out to be undetermined."""
         while True:
             try:
-                return self._adjusted(start, max_iterations, tolerance, watch)
+                return self._adjusted(start, max_iterations, tolerance, watch, quality)
             except SingularSystemError as error:
                 undetermined = [] if strict else singular_parts(start, error)
                 if not undetermined or self._was_determined(start, undetermined):
@@ -277,18 +295,19 @@ class Network:
         return Equations(self.frame, self.point_system, start.points, start.book, start.initial)
 
     def _adjusted(
-        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch
+        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch, quality: Quality
     ) -> Adjustment:
         """Adjusts what is determined of this network."""
         network, initial = replace(self, points=start.points, book=start.book), start.initial
         with watch.phase("equations"):
             equations = self._equations(start)
         with watch.phase("iterations and covariances"):
-            solution = network._solve(equations, max_iterations, tolerance, watch)
-        if not solution.converged:
-            network._require_determined(equations, solution)
+            solving = network._solving(equations, max_iterations, tolerance, watch)
+            found = examine(equations, start.book, quality, solving)
+        if not found.solution.converged:
+            network._require_determined(equations, found.solution)
         with watch.phase("results"):
-            adjustment = network._adjustment(equations, solution, initial.orientations)
+            adjustment = network._adjustment(equations, found, initial.orientations)
         return replace(
             adjustment,
             left_out=start.left_out,
@@ -296,18 +315,18 @@ class Network:
             phases=self.phases | watch.seconds,
         )
 
-    def _solve(
+    def _solving(
         self, equations: Equations, max_iterations: int, tolerance: float, watch: Stopwatch
-    ) -> LeastSquaresResult:
-        return equations.system.solve(
-            max_iterations=max_iterations,
-            tolerance=tolerance,
-            covariance=True,
-            before_iteration=equations.follow,
-            sigma0_groups=[batch.group for _, batch in equations.batches.values()],
-            progress=lambda step: watch.progress(_described(step)),
-            strategy="controlled",
-        )
+    ) -> dict[str, Any]:
+        """Arguments of `LeastSquares.solve`."""
+        return {
+            "max_iterations": max_iterations,
+            "tolerance": tolerance,
+            "before_iteration": equations.follow,
+            "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
+            "progress": lambda step: watch.progress(_described(step)),
+            "strategy": "controlled",
+        }
 
     def _require_determined(self, equations: Equations, solution: LeastSquaresResult) -> None:
         """Raises the error of a singular system for points less precise than their sights are long."""
@@ -323,33 +342,33 @@ class Network:
             )
 
     def _adjustment(
-        self, equations: Equations, solution: LeastSquaresResult, orientations: NDArray[np.int8]
+        self, equations: Equations, found: Examination, orientations: NDArray[np.int8]
     ) -> Adjustment:
-        is_estimated = solution.variance_factor is not None
+        solution, quality = found.solution, adjusted_quality(equations, self.book, found)
         coordinates = solution.values(equations.points)
         residuals = np.full(len(self.book.observations), np.nan)
         sigmas = self.book.observations.sigmas.copy()
         for rows, batch in equations.batches.values():
             residuals[rows] = solution.residuals(batch)[:, 0]
             sigmas[rows] = batch.sigmas[:, 0]
+        residuals[quality.rejected] = np.nan
         return Adjustment(
             solution=solution,
-            points=self._adjusted_points(
-                coordinates, solution.covariance(equations.points, not is_estimated)
-            ),
+            points=self._adjusted_points(coordinates, solution.covariance(equations.points, found.a_priori)),
             stations=self._adjusted_stations(equations.instrument_rotations(solution), orientations),
-            book=self.book,
+            book=self.book.without(quality.rejected),
             residuals=residuals,
             sigmas=sigmas,
             frame=self.frame.system.definition,
             points_crs=self.points_crs.definition,
             points_crs_units=(self.points_crs.plan_unit, self.points_crs.height_unit),
-            precision="a posteriori" if is_estimated else "a priori",
+            precision="a priori" if found.a_priori else "a posteriori",
             known=equations.known.residuals(solution),
             warnings=self.book.warnings,
             notes=notes(self.frame, self.book, coordinates),
             phases={},
             run=new_run(),
+            quality=quality,
         )
 
     def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:

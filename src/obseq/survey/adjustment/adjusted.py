@@ -21,6 +21,7 @@ from obseq.record import (
     StationRecord,
     defined,
 )
+from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
     from obseq.record import GrossErrorRecord, RunRecord
+    from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
@@ -126,6 +128,7 @@ class Adjustment:
         notes: What was computed and how far it holds, one sentence each.
         phases: Seconds of each phase of the work.
         run: Which run made it.
+        quality: Reliability, snooping, variance components, relative precisions: what was asked for.
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
@@ -146,6 +149,7 @@ class Adjustment:
     notes: tuple[str, ...]
     phases: Mapping[str, float]
     run: RunRecord
+    quality: AdjustedQuality
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
@@ -193,6 +197,11 @@ class Adjustment:
             sigma0=solution.sigma0,
             variance_factor=solution.variance_factor,
             global_test=_global_test(solution),
+            reliability=self.quality.reliability,
+            snooping=self.quality.snooping,
+            variance_components=self.quality.components,
+            ellipse_level=self.quality.ellipses,
+            relative=self.quality.relative,
             converged=solution.converged,
             stop_reason=solution.stop_reason.value,
             precision=self.precision,
@@ -201,7 +210,7 @@ class Adjustment:
             points_crs_unit=self.points_crs_units[0].name,
             points_crs_height_unit=self.points_crs_units[1].name,
             points_crs_is_angular=self.points_crs_units[0].is_angle,
-            points=tuple(_point_records(self.points)),
+            points=tuple(_point_records(self.points, self._ellipses())),
             stations=tuple(self._stations()),
             observations=tuple(self._observations()),
             constraints=tuple(self._constraints()),
@@ -212,6 +221,13 @@ class Adjustment:
             gross_errors=self.gross_errors,
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
+        )
+
+    def _ellipses(self) -> Iterator[EllipseRecord]:
+        points = self.points
+        redundancy = None if self.quality.a_priori else self.solution.redundancy
+        return ellipse_records(
+            ellipses_of(points.names, points.covariances, self.quality.ellipses, redundancy)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -226,7 +242,7 @@ class Adjustment:
             yield StationRecord(origin, Orientation(status).keyword, g0)
 
     def _constraints(self) -> Iterator[ConstraintRecord]:
-        points, known = self.points.points, self.known
+        points, known, quality = self.points.points, self.known, self.quality.known
         for k, (row, component) in enumerate(
             zip(known.points.tolist(), known.components.tolist(), strict=True)
         ):
@@ -240,6 +256,8 @@ class Adjustment:
                 normalised_residual=residual / sigma,
                 file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
                 line=int(points.lines[row]),
+                redundancy=None if quality is None else _number(quality.redundancy[k]),
+                standardised_residual=None if quality is None else _number(quality.standardised[k]),
             )
 
     def _observations(self) -> Iterator[ObservationRecord]:
@@ -257,7 +275,10 @@ class Adjustment:
             rows.active.tolist(),
             strict=True,
         )
-        for code, origin, target, value, sigma, residual, normalised, file, line, active in columns:
+        numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
+        for k, (code, origin, target, value, sigma, residual, normalised, file, line, active) in enumerate(
+            columns
+        ):
             kind = BY_CODE[code]
             yield ObservationRecord(
                 type=kind.name,
@@ -271,7 +292,23 @@ class Adjustment:
                 file=book.files[file],
                 line=line,
                 active=active,
+                **{name: column[k] for name, column in numbers.items()},
+                rejected=rejected[k] or None,
             )
+
+    def _reliability_columns(self) -> dict[str, list[float | None]]:
+        """Fields of observations that say how reliable they are, if that was asked for."""
+        numbers = self.quality.observations
+        if numbers is None:
+            return {}
+        return {
+            "redundancy": defined(numbers.redundancy),
+            "standardised_residual": defined(numbers.standardised),
+            "tau": defined(numbers.tau),
+            "detectable": defined(numbers.detectable),
+            "external": defined(numbers.external),
+            "blunder": defined(numbers.blunder),
+        }
 
 
 def _global_test(solution: LeastSquaresResult) -> GlobalTestRecord | None:
@@ -282,17 +319,14 @@ def _global_test(solution: LeastSquaresResult) -> GlobalTestRecord | None:
     return GlobalTestRecord(test.sigma0, lower, upper, test.level, test.p_value, test.passed)
 
 
-def _point_records(points: AdjustedPoints) -> Iterator[PointRecord]:
+def _point_records(points: AdjustedPoints, ellipses: Iterator[EllipseRecord]) -> Iterator[PointRecord]:
     upper = points.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
     numbers = [points.coordinates, points.precisions, points.crs_coordinates, points.crs_precisions]
     rows = np.hstack(numbers).tolist()
-    ellipses = _ellipse_records(points)
     for name, row, covariance, ellipse in zip(points.names, rows, upper.tolist(), ellipses, strict=True):
         keys = dict(zip(COORDINATES, row, strict=True))
         yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)
 
 
-def _ellipse_records(points: AdjustedPoints) -> Iterator[EllipseRecord]:
-    ellipses = ellipses_of(points.names, points.covariances)
-    axes = (ellipses.semi_major.tolist(), ellipses.semi_minor.tolist(), ellipses.bearing.tolist())
-    return map(EllipseRecord, *axes)
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,136 @@
+"""What reports say of the quality of an adjustment: sentences, and tables as text."""
+
+import math
+from collections.abc import Iterator
+
+from obseq.record import AdjustmentRecord, ObservationRecord, SnoopingRecord
+from obseq.report import units
+from obseq.report.rows import Table
+
+MOST_SUSPECTS = 8
+
+
+def suspects(record: AdjustmentRecord) -> list[ObservationRecord]:
+    """The observations whose test of the standardised residual fails, the worst first."""
+    if record.reliability is None:
+        return []
+    limit = record.reliability.critical
+    beyond = [row for row in record.observations if abs(row.standardised_residual or 0.0) > limit]
+    return sorted(beyond, key=lambda row: -abs(row.standardised_residual or 0.0))
+
+
+def single_tests(record: AdjustmentRecord) -> Iterator[str]:
+    """What the tests of single observations found, if reliability was asked for."""
+    found = record.reliability
+    if found is None:
+        return
+    count = len(suspects(record))
+    verdict = f"{count} of {found.tests} exceed it" if count else "none exceeds it"
+    share, limit = f"{100.0 * found.level:g} %", f"{found.critical:.2f}"
+    yield f"test of each standardised residual at {share}: limit {limit} (a priori sigmas), {verdict}"
+    if found.uncontrolled:
+        subject = "equation is" if found.uncontrolled == 1 else "equations are"
+        yield f"{found.uncontrolled} {subject} controlled by no other: any blunder there goes unseen"
+
+
+def snooping_lines(record: AdjustmentRecord) -> Iterator[str]:
+    """What data snooping left out, why it ended, and what that changed."""
+    snooping = record.snooping
+    if snooping is None:
+        return
+    share = f"{100.0 * snooping.level:g} %"
+    count = len(snooping.rejections)
+    yield (
+        f"Data snooping with {snooping.statistic} at an overall level of {share}: {count} left out; "
+        f"{snooping.end}"
+    )
+    yield from _rejections(record, snooping)
+    if snooping.suspects:
+        shown = ", ".join(snooping.suspects[:MOST_SUSPECTS])
+        more = len(snooping.suspects) - MOST_SUSPECTS
+        yield f"  suspected: {shown}{f' and {more} more' if more > 0 else ''}"
+    if snooping.moved is not None:
+        yield f"  this moved {snooping.most_moved} most, by {1e3 * snooping.moved:.2f} mm"
+
+
+def _rejections(record: AdjustmentRecord, snooping: SnoopingRecord) -> Iterator[str]:
+    for item in snooping.rejections:
+        unit = record.observations[item.row].unit or "m"
+        size, least = units.small(unit, item.blunder), units.small(unit, item.detectable)
+        yield (
+            f"  {item.observation}: {snooping.statistic} {item.statistic:.2f}, "
+            f"off by about {size} (detectable from {least})"
+        )
+
+
+def quality_tables(record: AdjustmentRecord) -> Iterator[Table]:
+    """The tables of what was asked for: variance components, ellipses, relative precisions."""
+    if record.variance_components is not None:
+        yield _component_table(record)
+    if any(point.ellipse for point in record.points):
+        yield _ellipse_table(record)
+    if record.relative is not None:
+        yield _relative_table(record)
+
+
+def _component_table(record: AdjustmentRecord) -> Table:
+    rows = (
+        (
+            item.group,
+            units.fixed(item.factor, 4),
+            units.fixed(item.precision, 4),
+            units.fixed(item.sigma_factor, 4),
+            units.fixed(item.redundancy, 2),
+            "" if item.supported else "not supported by the observations",
+        )
+        for item in record.variance_components or ()
+    )
+    header = ("kind", "variance x", "precision", "sigma x", "redundancy", "")
+    return Table(
+        "Variance components: factors of the given variances, which were applied", header, tuple(rows)
+    )
+
+
+def ellipse_level(record: AdjustmentRecord) -> str:
+    """How the ellipses are to be read."""
+    level = "39 % (standard)" if record.ellipse_level is None else f"{100.0 * record.ellipse_level:g} %"
+    return f"{level}, {record.precision}" if record.precision else level
+
+
+def _ellipse_table(record: AdjustmentRecord) -> Table:
+    rows = (
+        (
+            point.name,
+            units.millimetres(point.ellipse.semi_major),
+            units.millimetres(point.ellipse.semi_minor),
+            _bearing(point.ellipse.bearing),
+        )
+        for point in record.points
+        if point.ellipse
+    )
+    title = f"Error ellipses, {ellipse_level(record)}: semi-axes (mm), bearing of the major one (gon)"
+    return Table(title, ("point", "major", "minor", "bearing"), tuple(rows))
+
+
+def _relative_table(record: AdjustmentRecord) -> Table:
+    rows = (
+        (
+            item.first,
+            item.second,
+            units.metres(item.distance),
+            units.millimetres(item.precision),
+            units.fixed(1e6 * item.precision / item.distance, 1),
+            units.fixed(1e3 * units.GON_PER_RADIAN * (item.bearing_precision or math.nan), 3),
+            units.millimetres(item.ellipse.semi_major),
+            units.millimetres(item.ellipse.semi_minor),
+            _bearing(item.ellipse.bearing),
+        )
+        for item in record.relative or ()
+    )
+    header = ("first", "second", "distance", "s (mm)", "ppm", "s (mgon)", "major", "minor", "bearing")
+    title = f"Points relative to each other; ellipses {ellipse_level(record)} (mm, gon)"
+    return Table(title, header, tuple(rows), 2)
+
+
+def _bearing(radians: float) -> str:
+    return units.fixed(radians * units.GON_PER_RADIAN, 1)

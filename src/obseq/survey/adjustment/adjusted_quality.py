@@ -1,0 +1,187 @@
+"""The quality of an adjusted network, as arrays and as parts of its record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.record import (
+    EllipseRecord,
+    RejectionRecord,
+    RelativeRecord,
+    ReliabilityRecord,
+    SnoopingRecord,
+    VarianceComponentRecord,
+)
+from obseq.survey.adjustment.known_coordinates import GROUP
+from obseq.survey.adjustment.quality import Examination, left_out, numbers, of_observations
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.statistics.ellipses import ErrorEllipses
+    from obseq.leastsquares.statistics.reliability import Reliability
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.model import FieldBook
+
+
+@dataclass(frozen=True, eq=False)
+class ReliabilityNumbers:
+    """What judges single observations, all (n,), in m or rad; NaN where undefined.
+
+    Attributes:
+        redundancy: Redundancy numbers, from 0 (not controlled) to 1.
+        standardised: Residuals over their own a priori standard deviations, Baarda's w.
+        tau: The same over the a posteriori ones, Pope's tau.
+        detectable: Minimal detectable biases; infinite where nothing controls the observation.
+        external: Most that an undetected bias moves any coordinate, in its standard deviations.
+        blunder: Estimates of the errors of the observed values, if each were the only one.
+    """
+
+    redundancy: FloatArray
+    standardised: FloatArray
+    tau: FloatArray
+    detectable: FloatArray
+    external: FloatArray
+    blunder: FloatArray
+
+
+NAMES = ("redundancy", "w", "tau", "detectable", "external", "left_out_residuals")
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedQuality:
+    """What was found out of the quality of an adjusted network.
+
+    Attributes:
+        observations: Reliability of the observations; None when not asked for.
+        known: Reliability of the known coordinates; None when not asked for.
+        reliability: The levels behind them; None when not asked for.
+        rejected: (n,) the observations that snooping left out.
+        snooping: What it did; None when not asked for.
+        components: Variance components by kind of observation; None when not asked for.
+        relative: Precision of pairs of points that observations join; None when not asked for.
+        ellipses: Probability that the true point is inside its ellipse; None: standard ellipses.
+        a_priori: Whether precisions are those of the given sigmas.
+    """
+
+    observations: ReliabilityNumbers | None
+    known: ReliabilityNumbers | None
+    reliability: ReliabilityRecord | None
+    rejected: BoolArray
+    snooping: SnoopingRecord | None
+    components: tuple[VarianceComponentRecord, ...] | None
+    relative: tuple[RelativeRecord, ...] | None
+    ellipses: float | None
+    a_priori: bool
+
+
+def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) -> AdjustedQuality:
+    """What was found out, without what it was found from."""
+    n, whole = len(book.observations), found.reliability
+    rejected, rows = left_out(equations, found.snooping, n)
+    return AdjustedQuality(
+        None if whole is None else _numbers([of_observations(equations, whole, name, n) for name in NAMES]),
+        None if whole is None else _known(whole),
+        None if whole is None else _levels(whole),
+        rejected,
+        _snooping(book, found, rows),
+        _components(found),
+        None if found.relative is None else tuple(_relative(found)),
+        found.wanted.ellipses,
+        found.a_priori,
+    )
+
+
+def ellipse_records(ellipses: ErrorEllipses) -> Iterator[EllipseRecord]:
+    """The ellipses as they are written."""
+    axes = (ellipses.semi_major.tolist(), ellipses.semi_minor.tolist(), ellipses.bearing.tolist())
+    return map(EllipseRecord, *axes)
+
+
+def _numbers(columns: list[FloatArray]) -> ReliabilityNumbers:
+    redundancy, w, tau, detectable, external, residuals = columns
+    return ReliabilityNumbers(redundancy, w, tau, detectable, external, -residuals)
+
+
+def _known(whole: Reliability) -> ReliabilityNumbers | None:
+    for part in whole.observations:
+        if part.source.group == GROUP:
+            return _numbers([numbers(part, name) for name in NAMES])
+    return None
+
+
+def _levels(whole: Reliability) -> ReliabilityRecord:
+    tau = whole.tau_critical
+    return ReliabilityRecord(
+        level=whole.level,
+        power=whole.power,
+        non_centrality=whole.non_centrality,
+        critical=whole.w_critical,
+        tau_critical=tau if np.isfinite(tau) else None,
+        uncontrolled=len(whole.uncontrolled()),
+        tests=whole.n_tests,
+    )
+
+
+def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> SnoopingRecord | None:
+    snooping, change = found.snooping, found.change
+    if snooping is None or change is None:
+        return None
+    rejections = tuple(
+        RejectionRecord(
+            observation=book.label(row),
+            row=row,
+            statistic=item.statistic,
+            p_value=item.p_value,
+            blunder=item.blunder,
+            detectable=item.detectable if np.isfinite(item.detectable) else None,
+        )
+        for row, item in zip(rows, snooping.rejections, strict=True)
+    )
+    moved = np.linalg.norm(change, axis=1)
+    most = int(np.argmax(moved))
+    return SnoopingRecord(
+        statistic=snooping.statistic.value,
+        level=snooping.level,
+        end=snooping.end.value,
+        suspects=snooping.suspects,
+        rejections=rejections,
+        most_moved=book.point_names[most] if rejections else None,
+        moved=float(moved[most]) if rejections else None,
+    )
+
+
+def _components(found: Examination) -> tuple[VarianceComponentRecord, ...] | None:
+    components = found.components
+    if components is None:
+        return None
+    known = components.covariance is not None
+    precisions = components.precisions.tolist() if known else [None] * len(components.names)
+    columns = (components.names, components.factors.tolist(), precisions, components.redundancy.tolist())
+    return tuple(
+        VarianceComponentRecord(
+            name, factor, float(np.sqrt(factor)), precision, redundancy, name not in components.negative
+        )
+        for name, factor, precision, redundancy in zip(*columns, strict=True)
+    )
+
+
+def _relative(found: Examination) -> Iterator[RelativeRecord]:
+    relative, ellipses = found.relative, found.relative_ellipses()
+    if relative is None or ellipses is None:
+        return
+    bearing = np.where(np.isfinite(relative.bearing_precision), relative.bearing_precision, np.nan)
+    columns = (
+        relative.first,
+        relative.second,
+        relative.distance.tolist(),
+        relative.precision.tolist(),
+        bearing.tolist(),
+        ellipse_records(ellipses),
+    )
+    for first, second, distance, precision, turn, ellipse in zip(*columns, strict=True):
+        yield RelativeRecord(first, second, distance, precision, turn if turn == turn else None, ellipse)

@@ -1,0 +1,198 @@
+"""What an adjustment says of its quality: reliability, blunders left out, variance components, ellipses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.arguments import NOTHING, NUMBER, TRUTH, Expected, require
+from obseq.errors import InputError
+from obseq.leastsquares.statistics.ellipses import ErrorEllipses, relative_precision
+from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
+from obseq.leastsquares.statistics.reliability import reliability
+from obseq.leastsquares.statistics.snooping import snoop
+from obseq.leastsquares.statistics.variance_components import (
+    EXACT_LIMIT,
+    Method,
+    group_components,
+    variance_components,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares.statistics.ellipses import RelativePrecision
+    from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
+    from obseq.leastsquares.statistics.snooping import Snooping
+    from obseq.leastsquares.statistics.variance_components import VarianceComponents
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.model import FieldBook
+
+STATISTICS = ("w", "tau")
+_STATISTIC = Expected('"w" or "tau"', lambda value: value in STATISTICS)
+_KINDS = {
+    "reliability": TRUTH,
+    "level": NUMBER,
+    "power": NUMBER,
+    "snooping": _STATISTIC | NOTHING,
+    "snooping_level": NUMBER,
+    "variance_components": TRUTH,
+    "ellipses": NUMBER | NOTHING,
+    "relative": TRUTH,
+    "a_priori": TRUTH,
+}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What is wanted beside residuals and precisions; nothing else is computed.
+
+    Attributes:
+        reliability: Redundancy numbers, standardised residuals, detectable biases and their effects.
+        level: Level of the test of a single observation.
+        power: Power of that test, behind the detectable biases.
+        snooping: Leave out blunders one at a time, by the test of "w" (the given sigmas are trusted) or of
+            "tau" (only their proportions are); None: leave out nothing.
+        snooping_level: Probability that snooping leaves out anything where nothing is wrong.
+        variance_components: Estimate a factor of the variances of each kind of observation, and use it.
+        ellipses: Probability that the true point is inside its ellipse; None: standard ellipses (39 %).
+        relative: Precisions and relative ellipses of all pairs of points that observations join.
+        a_priori: Precisions from the given sigmas as they are, instead of scaled by the estimated sigma0.
+    """
+
+    reliability: bool = True
+    level: float = 0.001
+    power: float = 0.80
+    snooping: str | None = None
+    snooping_level: float = 0.05
+    variance_components: bool = False
+    ellipses: float | None = None
+    relative: bool = False
+    a_priori: bool = False
+
+    def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            require("Quality", name, getattr(self, name), kind)
+        for name in ("level", "power", "snooping_level", "ellipses"):
+            if getattr(self, name) is not None:
+                checked_probability(getattr(self, name), f"Quality: {name}")
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What was found out of the quality of a network.
+
+    Attributes:
+        wanted: What was asked for.
+        solution: The final solution.
+        reliability: Of its observations and known coordinates; None when not asked for.
+        snooping: What was left out; None when not asked for.
+        change: (n, 3) what leaving out changed in the coordinates of the points (m); None likewise.
+        components: The variance components; None when not asked for.
+        relative: Precision of pairs of points that observations join; None when not asked for.
+    """
+
+    wanted: Quality
+    solution: LeastSquaresResult
+    reliability: Reliability | None
+    snooping: Snooping | None
+    change: FloatArray | None
+    components: VarianceComponents | None
+    relative: RelativePrecision | None
+
+    @property
+    def a_priori(self) -> bool:
+        """Whether precisions are those of the given sigmas."""
+        return self.wanted.a_priori or self.solution.variance_factor is None
+
+    def relative_ellipses(self) -> ErrorEllipses | None:
+        """The relative ellipses, at the level asked for."""
+        return None if self.relative is None else self.relative.ellipses(self.wanted.ellipses)
+
+
+def examine(
+    equations: Equations, book: FieldBook, wanted: Quality, solving: Mapping[str, Any]
+) -> Examination:
+    """Solves a network, and finds out what is wanted of its quality.
+
+    Args:
+        equations: The network.
+        book: Its observations.
+        wanted: What to find out.
+        solving: Arguments of `LeastSquares.solve`.
+
+    Raises:
+        InputError: The network cannot tell what is wanted.
+        SingularSystemError: The observations do not determine some unknowns.
+    """
+    system = equations.system
+    solution = system.solve(covariance=True, **solving)
+    snooping, change = None, None
+    if wanted.snooping is not None:
+        before = solution.values(equations.points)
+        batches = [batch for _, batch in equations.batches.values()]
+        snooping = snoop(
+            system, wanted.snooping_level, wanted.snooping, batches=batches, solve_options=solving
+        )
+        solution = snooping.result
+        change = solution.values(equations.points) - before
+    components = _components(equations, book, solving) if wanted.variance_components else None
+    solution = components.result if components else solution
+    quality = reliability(system, solution, wanted.level, wanted.power) if wanted.reliability else None
+    relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
+    return Examination(wanted, solution, quality, snooping, change, components, relative)
+
+
+def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any]) -> VarianceComponents:
+    if book.observations.relative_sigmas.any():
+        raise InputError(
+            "variance components: some sigmas have a part relative to the distance, which no factor holds; "
+            "give absolute sigmas, or --ignore relative-sigmas"
+        )
+    system = equations.system
+    is_large = system.n_unknowns > EXACT_LIMIT
+    return variance_components(
+        system,
+        group_components(system, [batch.group for _, batch in equations.batches.values()]),
+        method=Method.REDUNDANCY if is_large else Method.LS_VCE,
+        solve_options=solving,
+    )
+
+
+def _relative(
+    equations: Equations, book: FieldBook, solution: LeastSquaresResult, a_priori: bool
+) -> RelativePrecision | None:
+    rows = book.observations
+    ends = np.column_stack([rows.from_points, rows.to_points])[rows.active]
+    pairs = np.unique(np.sort(ends, axis=1), axis=0)
+    coordinates = solution.values(equations.points)
+    apart = np.linalg.norm(coordinates[pairs[:, 1]] - coordinates[pairs[:, 0]], axis=1) > 0.0
+    first, second = equations.points[pairs[apart]].T
+    return relative_precision(solution, first, second, a_priori or solution.variance_factor is None)
+
+
+def of_observations(equations: Equations, part: Reliability, name: str, n: int) -> FloatArray:
+    """(n,) one of the numbers of all observations of the field book; NaN where it has none."""
+    found = np.full(n, np.nan)
+    for rows, batch in equations.batches.values():
+        found[rows] = numbers(part.of(batch), name)
+    return found
+
+
+def numbers(part: ObservationReliability, name: str) -> FloatArray:
+    """(n,) one of the numbers of observations that have one residual each."""
+    array: FloatArray = getattr(part, name)
+    return array[:, 0]
+
+
+def left_out(equations: Equations, snooping: Snooping | None, n: int) -> tuple[BoolArray, tuple[int, ...]]:
+    """What snooping left out of the field book: a mask (n,), and the rows in the order found."""
+    rows = {id(batch): rows for rows, batch in equations.batches.values()}
+    found = tuple(int(rows[id(item.batch)][item.row]) for item in (snooping.rejections if snooping else ()))
+    mask = np.zeros(n, np.bool_)
+    mask[list(found)] = True
+    return mask, found

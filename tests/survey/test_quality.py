@@ -1,0 +1,157 @@
+"""What a network says of its quality when asked: reliability, snooping, variance components, ellipses."""
+
+import math
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from obseq.errors import InputError
+from obseq.report import listing, read_json, summary, to_json
+from obseq.survey import Network, Quality
+
+KNOWN = {"A": (0, 0, 0), "B": (100, 0, 2), "C": (90, 80, -3), "D": (-10, 70, 1)}
+PLACES = KNOWN | {"P": (40.0, 30.0, 5.0), "Q": (60.0, 55.0, -2.0), "R": (20.0, 60.0, 4.0)}
+SIGMA = 0.002
+
+
+def distances(folder, blunder=0.0, seed=1, scale=1.0) -> Network:
+    """Distances from four held points to three unknown ones and among these, one of them with a blunder."""
+    chance = np.random.default_rng(seed)
+    pairs = [(a, b) for a in KNOWN for b in "PQR"] + [("P", "Q"), ("Q", "R"), ("R", "P")]
+    lines = []
+    for k, (a, b) in enumerate(pairs):
+        true = math.dist(PLACES[a], PLACES[b])
+        value = true + scale * SIGMA * chance.standard_normal() + (blunder if k == 4 else 0.0)
+        lines.append(f"3 {a} {b} {value:.6f} {SIGMA}")
+    (folder / "n.obs").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = [f"{int(n in KNOWN)} {n} {x} {y} {z} 0" for n, (x, y, z) in PLACES.items()]
+    (folder / "n.cor").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return Network.read(folder / "n.obs", folder / "n.cor", frame="Local")
+
+
+@pytest.fixture(scope="module")
+def demo() -> Network:
+    data = files("obseq.survey") / "data"
+    return Network.read(str(data / "demo.obs"), str(data / "demo.cor"), frame="RTL", points_crs="IGNF:LAMB93")
+
+
+def test_redundancy_numbers_sum_up_and_standardise_the_residuals(demo) -> None:
+    record = demo.adjust().record()
+    parts = [row.redundancy for row in (*record.observations, *record.constraints)]
+    assert sum(parts) == pytest.approx(record.redundancy, abs=1e-9)
+    for row in record.observations:
+        expected = row.residual / (row.sigma * math.sqrt(row.redundancy))
+        assert row.standardised_residual == pytest.approx(expected, rel=1e-6)
+        assert row.tau == pytest.approx(expected / record.global_test.sigma0, rel=1e-6)
+        assert row.blunder == pytest.approx(-row.residual / row.redundancy, rel=1e-6)
+        assert row.detectable == pytest.approx(4.132148 * row.sigma / math.sqrt(row.redundancy), rel=1e-6)
+    assert record.reliability.critical == pytest.approx(stats.norm.isf(0.0005))
+
+
+def test_nothing_is_computed_that_was_not_asked_for(demo, monkeypatch) -> None:
+    for name in ("reliability", "snoop", "variance_components", "relative_precision"):
+        monkeypatch.setattr(f"obseq.survey.adjustment.quality.{name}", None)
+    record = demo.adjust(quality=Quality(reliability=False)).record()
+    assert (record.reliability, record.snooping, record.variance_components, record.relative) == (None,) * 4
+    assert "redundancy" not in record.to_dict()["observations"][0]
+
+
+def test_snooping_leaves_out_a_planted_blunder_and_says_what_it_changed(tmp_path) -> None:
+    clean = distances(tmp_path).adjust()
+    network = distances(tmp_path, blunder=0.03)
+    record = network.adjust(quality=Quality(snooping="w")).record()
+    (rejection,) = record.snooping.rejections
+    assert rejection.row == 4
+    assert rejection.observation.startswith("Dist B -> Q")
+    assert rejection.blunder == pytest.approx(0.03, abs=4 * SIGMA)
+    rejected = record.observations[4]
+    assert (rejected.active, rejected.rejected, rejected.residual) == (False, True, None)
+    assert record.n_observations == 14
+    assert record.snooping.most_moved == "Q"
+    assert record.snooping.moved > 0.005
+    found = {point.name: (point.x, point.y, point.z) for point in record.points}
+    for name, place in zip(clean.points.names, clean.points.coordinates, strict=True):
+        assert math.dist(found[name], place) < 6 * SIGMA
+    assert network.book.observations.active.all()  # what was given stays as it was
+
+
+def test_without_a_blunder_nothing_is_left_out_and_the_report_says_so(tmp_path) -> None:
+    record = distances(tmp_path).adjust(quality=Quality(snooping="tau", ellipses=0.95)).record()
+    assert record.snooping.rejections == ()
+    assert "0 left out; no test rejects any more" in listing(record)
+
+
+def test_a_blunder_that_the_global_test_accepts_is_named_first(tmp_path) -> None:
+    record = distances(tmp_path, blunder=0.0112, seed=5, scale=0.3).adjust().record()
+    assert record.global_test.passed
+    text = summary(record)
+    assert "1 of 15 exceed it" in text
+    (first,) = [line for line in text.splitlines() if "n.obs:5" in line]
+    assert text.index(first) < text.index("n.obs:", text.index(first) + len(first))
+
+
+def test_ellipses_are_those_of_the_level_and_of_the_sigmas_asked_for(demo) -> None:
+    plain = demo.adjust().record()
+    scaled = demo.adjust(quality=Quality(ellipses=0.95)).record()
+    prior = demo.adjust(quality=Quality(ellipses=0.95, a_priori=True)).record()
+    estimated = math.sqrt(2 * stats.f.ppf(0.95, 2, plain.redundancy))
+    given = math.sqrt(stats.chi2.ppf(0.95, 2)) / plain.global_test.sigma0
+    for k in range(4):
+        axis = plain.points[k].ellipse.semi_major
+        assert scaled.points[k].ellipse.semi_major == pytest.approx(estimated * axis)
+        assert prior.points[k].ellipse.semi_major == pytest.approx(given * axis)
+        assert prior.points[k].sx == pytest.approx(plain.points[k].sx / plain.global_test.sigma0)
+    assert (plain.precision, prior.precision) == ("a posteriori", "a priori")
+
+
+def test_relative_precisions_of_points_that_observations_join(demo) -> None:
+    adjusted = demo.adjust(quality=Quality(relative=True))
+    record = adjusted.record()
+    pairs = [(item.first, item.second) for item in record.relative]
+    assert pairs == [("PtA", "PtB"), ("PtA", "PtC"), ("PtB", "PtD"), ("PtC", "PtD")]
+    places = dict(zip(adjusted.points.names, adjusted.points.coordinates, strict=True))
+    for item in record.relative:
+        assert item.distance == pytest.approx(math.dist(places[item.first], places[item.second]))
+        assert 0.0 < item.precision <= item.ellipse.semi_major * 1.0001
+
+
+def test_variance_components_scale_the_sigmas_that_they_find_wrong(tmp_path) -> None:
+    record = distances(tmp_path, scale=3.0, seed=3).adjust(quality=Quality(variance_components=True)).record()
+    (component,) = record.variance_components
+    assert component.group == "Dist"
+    assert component.supported
+    assert component.redundancy == pytest.approx(record.redundancy)
+    assert record.variance_factor == pytest.approx(1.0, abs=1e-6)
+    assert record.observations[0].sigma == pytest.approx(SIGMA * component.sigma_factor)
+
+
+def test_the_record_comes_back_with_all_of_it_and_the_listing_fits(tmp_path) -> None:
+    everything = Quality(snooping="w", relative=True, ellipses=0.9, level=0.01)
+    record = distances(tmp_path, blunder=0.03).adjust(quality=everything).record()
+    (tmp_path / "a.json").write_text(to_json(record), encoding="utf-8")
+    assert read_json(tmp_path / "a.json") == record
+    text = listing(record)
+    assert max(map(len, text.splitlines())) <= 120
+    for words in (
+        "rejected",
+        "Error ellipses, 90 %, a posteriori",
+        "Points relative to each other",
+        "limit 2.58",
+    ):
+        assert words in text
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"snooping": "z"}, 'snooping must be "w" or "tau" or None'),
+        ({"level": 5}, "not between 0 and 1"),
+        ({"ellipses": 95}, "not between 0 and 1"),
+        ({"relative": "yes"}, "relative must be True or False"),
+    ],
+)
+def test_wrong_wishes_are_refused(wrong, message) -> None:
+    with pytest.raises(InputError, match=message):
+        Quality(**wrong)
