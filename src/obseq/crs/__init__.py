@@ -6,6 +6,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 
 from obseq.arrays import FloatArray
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
+from obseq.crs.normals import Normals
 from obseq.crs.operations import Operation
 from obseq.crs.proj import ProjSystem
 from obseq.crs.refraction import (
@@ -34,6 +35,7 @@ __all__ = [
     "FloatArray",
     "Kind",
     "LocalTangent",
+    "Normals",
     "Operation",
     "ProjSystem",
     "RigidSystem",

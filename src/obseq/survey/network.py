@@ -164,8 +164,7 @@ class Network:
         return initial
 
     def _initial_values(self) -> InitialValues:
-        vertical = self.frame.vertical if self.frame.has_vertical else None
-        return initial_values(self.points, self.book, vertical)
+        return initial_values(self.points, self.book, self.frame.plumb)
 
     @expecting(
         max_iterations=WHOLE,
@@ -247,8 +246,8 @@ class Network:
         from obseq.survey.screening.robust import Model
         from obseq.survey.screening.search import gross_errors
 
-        vertical = self.frame.vertical if self.frame.has_vertical else None
-        model = Model(lambda points, book: initial_values(points, book, vertical), self._equations)
+        plumb = self.frame.plumb
+        model = Model(lambda points, book: initial_values(points, book, plumb), self._equations)
         return gross_errors(model, self.point_system, self.points, self.book)
 
     def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:

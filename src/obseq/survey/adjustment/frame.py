@@ -12,6 +12,8 @@ from obseq.errors import InputError
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.model import FieldBook, Points
 
@@ -55,6 +57,13 @@ class Frame:
         if self.has_vertical and not self.is_plane:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
+
+    @property
+    def plumb(self) -> Callable[[FloatArray], FloatArray] | None:
+        """What gives the vertical of points; None in a system without."""
+        if not self.has_vertical:
+            return None
+        return crs.Normals(self.system) if isinstance(self.system, crs.RigidSystem) else self.vertical
 
     def refraction(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) corrections (rad) of some zenith angles, at the coordinates (n_points, 3) given.

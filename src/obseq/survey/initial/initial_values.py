@@ -191,9 +191,7 @@ def _work(engine: Engine, state: State, graph: Graph) -> None:
             _take(state, point, engine.hints[point], _SPREAD_OF_APPROXIMATE)
         engine.start(left)
         _place_all(engine, frames)
-    for station, orientation in enumerate(graph.orientations):
-        if orientation == Orientation.VERT and state.station_steps[station] is not None:
-            reconcile(state, graph, station)
+    reconcile(state, graph)
 
 
 def _place_all(engine: Engine, frames: LocalFrames) -> None:

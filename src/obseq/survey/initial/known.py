@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.arrays import FloatArray
+from obseq.crs.normals import Normals
 from obseq.errors import InputError
 from obseq.survey.initial.closed_forms import Space
 
@@ -21,6 +22,9 @@ Matrix = tuple[Space, Space, Space]
 
 Vertical = Callable[[FloatArray], FloatArray]
 """Points (n, 3) of the frame -> rotations (n, 3, 3) from the frame to local east, north, up."""
+
+_FEW = 40
+"""Points from which arrays are quicker than one point after the other."""
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -101,6 +105,8 @@ class State:
         """R_(frame -> vertical) at a position."""
         if self.vertical is None:
             return IDENTITY
+        if isinstance(self.vertical, Normals):
+            return self.vertical.at(position)
         return as_matrix(self.vertical(np.array([position]))[0])
 
     def settle(self, points: Sequence[int]) -> None:
@@ -122,6 +128,8 @@ class State:
     def _matrices(self, points: Sequence[int]) -> list[Matrix]:
         if self.vertical is None:
             return [IDENTITY] * len(points)
+        if isinstance(self.vertical, Normals) and len(points) < _FEW:
+            return [self.vertical.at(self.known(point)) for point in points]
         rotations = np.asarray(self.vertical(np.array([self.positions[point] for point in points])))
         for point, is_finite in zip(points, np.asarray(np.isfinite(rotations).all(axis=(1, 2))), strict=True):
             if not is_finite:

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import Matrix, State, Step, as_matrix, minus, times
-from obseq.survey.initial.relations import central_angle, free_direction
+from obseq.survey.initial.known import Matrix, State, Step, as_matrix
+from obseq.survey.initial.relations import free_direction
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.initial.sights import Graph
 
+_SAMPLE = 9
+"""Sights of a station that are compared with each other."""
 _LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""
 
@@ -39,29 +40,53 @@ def orient(state: State, graph: Graph, station: int) -> bool:
     return True
 
 
-def reconcile(state: State, graph: Graph, station: int) -> None:
-    """Sets G0 of a plumb station to the value that most of its sights agree on, once all points are known.
+def reconcile(state: State, graph: Graph) -> None:
+    """Sets G0 of plumb stations to the value that most of their sights agree on, once all points are known.
 
     With one or two sights it is that of the first, as in MMVII.
     """
-    angles = []
-    for number in graph.sights_from[station]:
-        sight = graph.sights[number]
-        angle = _g0_of_sight(state, sight) if state.is_placed(sight.target) else None
-        if angle is not None:
-            angles.append(angle)
-    if angles:
-        state.g0[station] = central_angle(angles)
+    stations, angles = _g0s_of_sights(state, graph)
+    if not len(stations):
+        return
+    starts = np.flatnonzero(np.diff(stations, prepend=-1))
+    for station, g0 in zip(stations[starts].tolist(), _central_angles(angles, starts), strict=True):
+        state.g0[station] = g0
 
 
-def _g0_of_sight(state: State, sight: Sight) -> float | None:
-    """G0 by one sight between located points; None without reading, or on the vertical."""
-    reading = sight.reading()
-    offset = minus(state.known(sight.target), state.known(sight.origin))
-    east, north, up = times(state.vertical_of(sight.origin), offset)
-    if reading is None or math.hypot(east, north) <= 1e-6 * abs(up) + 1e-9:
-        return None
-    return wrap(math.atan2(east, north) - reading[0])
+def _g0s_of_sights(state: State, graph: Graph) -> tuple[IntArray, FloatArray]:
+    """(k,) station and G0 of each sight of oriented plumb stations to placed targets, in their order."""
+    plumb = [
+        k
+        for k, orientation in enumerate(graph.orientations)
+        if orientation == Orientation.VERT and state.station_steps[k] is not None
+    ]
+    sights = [graph.sights[number] for k in plumb for number in graph.sights_from[k]]
+    known = [(s, reading[0]) for s in sights if state.is_placed(s.target) and (reading := s.reading())]
+    if not known:
+        return np.zeros(0, np.int64), np.zeros(0)
+    ends = np.array([(state.known(s.origin), state.known(s.target)) for s, _ in known])
+    verticals = np.array([state.vertical_of(s.origin) for s, _ in known])
+    east, north, up = np.einsum("nij,nj->in", verticals, ends[:, 1] - ends[:, 0])
+    is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
+    angles = np.arctan2(east, north) - np.array([reading for _, reading in known])
+    stations = np.array([s.station for s, _ in known])
+    return stations[is_usable], _wrapped(angles[is_usable])
+
+
+def _central_angles(angles: FloatArray, starts: IntArray) -> list[float]:
+    """Of each run of angles, the one nearest to its first few; the first of one or two."""
+    counts = np.diff(starts, append=len(angles))
+    columns = np.arange(_SAMPLE)
+    inside = columns < counts[:, None]
+    sample = angles[np.minimum(starts[:, None] + columns, len(angles) - 1)]
+    apart = np.abs(_wrapped(sample[:, :, None] - sample[:, None, :]))
+    sums = np.where(inside[:, None, :], apart, 0.0).sum(axis=2)
+    best = np.where(counts <= 2, 0, np.argmin(np.where(inside, sums, np.inf), axis=1))
+    return [float(angle) for angle in sample[np.arange(len(starts)), best]]
+
+
+def _wrapped(angles: FloatArray) -> FloatArray:
+    return np.asarray(angles - 2.0 * math.pi * np.round(angles / (2.0 * math.pi)))
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,36 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+from obseq.survey.kinds.registry import IS_ANGLE, KINDS
 from obseq.survey.model import FieldBook, Orientation
 
 if TYPE_CHECKING:
-    import numpy as np
+    from collections.abc import Sequence
+
     import numpy.typing as npt
+
+    from obseq.survey.kinds.kind import ObservationKind
+
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""
+
+
+Vector = tuple[tuple[float, float, float], tuple[int, ...]]
+"""A vector (m) and the rows of its observations."""
 
 
 @dataclass(slots=True)
 class Sight:
     """Measures of one station to one target, in the frame of the instrument.
 
-    `distance` is the slope distance between the two points, whoever measured it.
+    `distance` is the slope distance between the two points, whoever measured it. `lift` is how much higher
+    the target is above its ground than the instrument above its own. `noise` is the expected error of the
+    vector.
     """
 
     station: int
@@ -38,6 +51,22 @@ class Sight:
     dy: Measure | None = None
     dz: Measure | None = None
     distance: Measure | None = None
+    lift: float = 0.0
+    noise: float = 0.0
+    _vector: Vector | None = None
+
+    def complete(self, sigmas: Sequence[float]) -> None:
+        """Makes the vector and its noise from the measures, once they are all there."""
+        if self.dx is not None and self.dy is not None and self.dz is not None:
+            rows = (self.dx[1], self.dy[1], self.dz[1])
+            self._vector = (self.dx[0], self.dy[0], self.dz[0]), rows
+            self.noise = math.hypot(*(sigmas[row] for row in rows))
+        elif self.hz is not None and self.zenith is not None and self.distance is not None:
+            length, rows = self.distance[0], (self.hz[1], self.zenith[1], self.distance[1])
+            x, y, z = direction(self.hz[0], self.zenith[0], length)
+            self._vector = (x, y, z - self.lift), rows
+            angles = math.hypot(sigmas[rows[0]], sigmas[rows[1]])
+            self.noise = math.hypot(angles * length, sigmas[rows[2]])
 
     def reading(self) -> tuple[float, tuple[int, ...]] | None:
         """Reading of the horizontal circle and its observations; from DX and DY when there is no Hz."""
@@ -47,14 +76,9 @@ class Sight:
             return None
         return math.atan2(self.dx[0], self.dy[0]), (self.dx[1], self.dy[1])
 
-    def vector(self) -> tuple[tuple[float, float, float], tuple[int, ...]] | None:
+    def vector(self) -> Vector | None:
         """Target in the frame of the instrument and the observations it comes from."""
-        if self.dx is not None and self.dy is not None and self.dz is not None:
-            return (self.dx[0], self.dy[0], self.dz[0]), (self.dx[1], self.dy[1], self.dz[1])
-        if self.hz is None or self.zenith is None or self.distance is None:
-            return None
-        rows = (self.hz[1], self.zenith[1], self.distance[1])
-        return direction(self.hz[0], self.zenith[0], self.distance[0]), rows
+        return self._vector
 
     def lengths(self) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise for a plumb instrument, with their observations."""
@@ -63,7 +87,7 @@ class Sight:
         if self.zenith is None or self.distance is None:
             return None
         _, flat, rise = direction(0.0, self.zenith[0], self.distance[0])
-        return (flat, rise), (self.zenith[1], self.distance[1])
+        return (flat, rise - self.lift), (self.zenith[1], self.distance[1])
 
 
 def direction(azimuth: float, zenith: float, length: float = 1.0) -> tuple[float, float, float]:
@@ -118,9 +142,7 @@ def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int
     )
     for station, origin in enumerate(graph.origins):
         graph.stations_at[origin].append(station)
-    distances = _collect(graph, book)
-    for sight in graph.sights:
-        sight.distance = distances.get(_pair(sight.origin, sight.target))
+    _collect(graph, book)
     return graph
 
 
@@ -128,44 +150,89 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _collect(graph: Graph, book: FieldBook) -> dict[tuple[int, int], Measure]:
-    """Fills the graph from the columns; returns the first distance of each pair of points."""
-    columns = book.observations
+def _collect(graph: Graph, book: FieldBook) -> None:
+    """Fills the graph from the columns, kind by kind."""
+    observations = book.observations
+    usable = np.flatnonzero(observations.active)
+    of_sights = [kind.code for kind in KINDS if kind.start not in (Start.NOTHING, Start.DISTANCE, Start.RISE)]
+    _add_sights(graph, book, usable[np.isin(observations.types[usable], of_sights)])
     distances: dict[tuple[int, int], Measure] = {}
-    rows = zip(
-        columns.types.tolist(),
-        columns.from_points.tolist(),
-        columns.to_points.tolist(),
-        columns.values.tolist(),
-        columns.from_heights.tolist(),
-        columns.to_heights.tolist(),
-        columns.stations.tolist(),
-        columns.active.tolist(),
-        strict=True,
-    )
-    for row, (code, origin, target, measured, low, high, station, active) in enumerate(rows):
-        kind = BY_CODE[code]
-        if not active or kind.start is Start.NOTHING:
+    for kind in KINDS:
+        rows = usable[observations.types[usable] == kind.code]
+        if not len(rows) or kind.start is Start.NOTHING:
             continue
-        value = kind.start_value(measured, low, high)
+        measured = _start_values(book, kind, rows)
         if kind.start is Start.DISTANCE:
-            if distances.setdefault(_pair(origin, target), (value, row)) == (value, row):
-                graph.distances[origin].append((target, value, row))
-                graph.distances[target].append((origin, value, row))
+            _add_distances(graph, measured, distances)
         elif kind.start is Start.RISE:
-            graph.height_differences[origin].append((target, -value, row))
-            graph.height_differences[target].append((origin, value, row))
+            _add_rises(graph, measured)
         else:
-            sight = _sight(graph, station, origin, target)
-            if getattr(sight, kind.start.value) is None:
-                setattr(sight, kind.start.value, (value, row))
-    return distances
+            _add_measures(graph, book, kind, measured)
+    for sight in graph.sights:
+        sight.distance = distances.get(_pair(sight.origin, sight.target))
+        sight.complete(graph.sigmas)
 
 
-def _sight(graph: Graph, station: int, origin: int, target: int) -> Sight:
-    number = graph.sight_of.setdefault((station, target), len(graph.sights))
-    if number == len(graph.sights):
-        graph.sights.append(Sight(station, origin, target))
-        graph.sights_from[station].append(number)
-        graph.sights_to[target].append(number)
-    return graph.sights[number]
+def _start_values(book: FieldBook, kind: ObservationKind, rows: Rows) -> list[tuple[int, int, int, float]]:
+    """Row, first point, second point and value of observations of one kind."""
+    observations = book.observations
+    columns = (
+        rows,
+        observations.from_points[rows],
+        observations.to_points[rows],
+        observations.values[rows],
+        observations.from_heights[rows],
+        observations.to_heights[rows],
+    )
+    value = kind.start_value
+    return [
+        (row, origin, target, value(measured, low, high))
+        for row, origin, target, measured, low, high in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+
+
+def _add_sights(graph: Graph, book: FieldBook, rows: Rows) -> None:
+    """One sight for each station and target, in reading order."""
+    observations = book.observations
+    columns = (observations.stations[rows], observations.to_points[rows], observations.from_points[rows])
+    for station, target, origin in zip(*(column.tolist() for column in columns), strict=True):
+        key = station, target
+        if key not in graph.sight_of:
+            number = graph.sight_of[key] = len(graph.sights)
+            graph.sights.append(Sight(station, origin, target))
+            graph.sights_from[station].append(number)
+            graph.sights_to[target].append(number)
+
+
+def _add_measures(
+    graph: Graph, book: FieldBook, kind: ObservationKind, measured: list[tuple[int, int, int, float]]
+) -> None:
+    """Gives each sight the first of its measures of a kind."""
+    slot, is_zenith = kind.start.value, kind.start is Start.ZENITH
+    observations, sights, sight_of = book.observations, graph.sights, graph.sight_of
+    rows = [row for row, _, _, _ in measured]
+    stations = observations.stations[rows].tolist()
+    lifts = (observations.to_heights[rows] - observations.from_heights[rows]).tolist()
+    for (row, _, target, value), station, lift in zip(measured, stations, lifts, strict=True):
+        sight = sights[sight_of[station, target]]
+        if getattr(sight, slot) is None:
+            setattr(sight, slot, (value, row))
+            if is_zenith:
+                sight.lift = lift
+
+
+def _add_distances(
+    graph: Graph, measured: list[tuple[int, int, int, float]], first: dict[tuple[int, int], Measure]
+) -> None:
+    for row, origin, target, value in measured:
+        pair = _pair(origin, target)
+        if pair not in first:
+            first[pair] = value, row
+            graph.distances[origin].append((target, value, row))
+            graph.distances[target].append((origin, value, row))
+
+
+def _add_rises(graph: Graph, measured: list[tuple[int, int, int, float]]) -> None:
+    for row, origin, target, value in measured:
+        graph.height_differences[origin].append((target, -value, row))
+        graph.height_differences[target].append((origin, value, row))

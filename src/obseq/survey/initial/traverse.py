@@ -12,6 +12,7 @@ import heapq
 import itertools
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from obseq.survey.initial.closed_forms import wrap
@@ -19,6 +20,8 @@ from obseq.survey.initial.known import Step, minus, plus, times, transposed_time
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import State
     from obseq.survey.initial.sights import Graph, Sight
@@ -56,6 +59,17 @@ class _Shared:
     sight: Sight
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How an oriented station sees another: where (local east, north, up), and what gives its azimuth."""
+
+    position: Space
+    noise: float
+    shared: list[_Shared]
+    spread: float
+    method: str
+
+
 def polar_vector(state: State, graph: Graph, sight: Sight) -> tuple[Space, float] | None:
     """Vector (frame) of a sight of an oriented station and its noise (m); None when it is incomplete."""
     vector = sight.vector()
@@ -63,7 +77,7 @@ def polar_vector(state: State, graph: Graph, sight: Sight) -> tuple[Space, float
     vertical = state.verticals[sight.origin]
     if vector is None or vertical is None or (rotation is None and g0 is None):
         return None
-    noise = vector_noise(graph, *vector)
+    noise = sight.noise
     if rotation is not None:
         return times(rotation, vector[0]), noise
     return transposed_times(vertical, turned(vector[0], g0 or 0.0)), noise
@@ -92,19 +106,20 @@ class Traverse:
 
     def __init__(self, state: State, graph: Graph, stations: frozenset[int] | None) -> None:
         self.state, self.graph, self.stations = state, graph, stations
-        self.queue: list[tuple[float, int, int, Link]] = []
+        self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
 
     def next(self, limit: float) -> tuple[int, Link] | None:
         """The surest link to a station that is not oriented; None when none is as sure as the limit (rad)."""
         while self.queue and self.queue[0][0] <= limit:
-            _, station, _, link = heapq.heappop(self.queue)
+            _, station, _, make = heapq.heappop(self.queue)
             if self.state.station_steps[station] is None:
-                return station, link
+                return station, make()
         return None
 
-    def _push(self, station: int, link: Link) -> None:
-        heapq.heappush(self.queue, (link.spread, station, next(self.count), link))
+    def _push(self, station: int, spread: float, make: Callable[[], Link]) -> None:
+        """Links are made only when it is their turn: most never are."""
+        heapq.heappush(self.queue, (spread, station, next(self.count), make))
 
     def _is_open(self, station: int) -> bool:
         return (
@@ -131,10 +146,10 @@ class Traverse:
             return
         moved = math.hypot(_honest_spread(state, sight.origin), _honest_spread(state, sight.target))
         spread = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
-        targets = ((sight.target, target),)
-        self._push(
-            sight.station, Link(None, targets, spread, 0.0, None, "azimuth of a known point", reading[1])
+        link = partial(
+            Link, None, ((sight.target, target),), spread, 0.0, None, "azimuth of a known point", reading[1]
         )
+        self._push(sight.station, spread, link)
 
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
@@ -164,12 +179,13 @@ class Traverse:
         self, station: int, other: int, seen: dict[int, tuple[Space, float]], shared: list[_Shared]
     ) -> None:
         origin = self.graph.origins[other]
-        link = self._by_sight(station, seen[origin], shared) if origin in seen else None
-        link = link or self._by_two_targets(station, shared)
-        if link is not None:
-            self._push(other, link)
+        found = self._by_sight(seen[origin], shared) if origin in seen else None
+        found = found or self._by_two_targets(shared)
+        if found is not None:
+            total = math.hypot(self.state.azimuth_spreads[station], found.spread)
+            self._push(other, total, partial(self._link, station, found, total))
 
-    def _by_sight(self, station: int, origin: tuple[Space, float], shared: list[_Shared]) -> Link | None:
+    def _by_sight(self, origin: tuple[Space, float], shared: list[_Shared]) -> _Way | None:
         """The oriented station sees the other; a common target, or the sight back, gives the azimuth."""
         position, noise = origin
         best: tuple[float, _Shared] | None = None
@@ -182,53 +198,44 @@ class Traverse:
                     best = (spread, item)
         if best is None:
             return None
-        return self._link(station, position, noise, [best[1]], best[0], "azimuth and distance")
+        return _Way(position, noise, [best[1]], best[0], "azimuth and distance")
 
-    def _by_two_targets(self, station: int, shared: list[_Shared]) -> Link | None:
-        """Free station on the two common targets that are the farthest apart."""
+    def _by_two_targets(self, shared: list[_Shared]) -> _Way | None:
+        """Free station on two common targets that are far apart."""
         complete = [item for item in shared if item.sight.vector() is not None]
         if len(complete) < 2:
             return None
-        a, b = max(
-            itertools.combinations(complete[:12], 2),
-            key=lambda pair: math.dist(pair[0].seen[:2], pair[1].seen[:2]),
-        )
-        own = [item.sight.vector() for item in (a, b)]
-        if own[0] is None or own[1] is None:
-            return None
+        b = max(complete, key=lambda item: math.dist(complete[0].seen[:2], item.seen[:2]))
+        a = max(complete, key=lambda item: math.dist(b.seen[:2], item.seen[:2]))
+        own = [vector for item in (a, b) if (vector := item.sight.vector())]
         base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own[0][0][:2], own[1][0][:2])
-        noise = math.hypot(a.noise, b.noise, *(vector_noise(self.graph, *vector) for vector in own if vector))
+        noise = math.hypot(a.noise, b.noise, a.sight.noise, b.sight.noise)
         if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * noise:
             return None
         g0 = _azimuth(a.seen, b.seen) - _azimuth(own[0][0], own[1][0])
-        ends = [
-            minus(item.seen, turned(vector[0], g0))
-            for item, vector in zip((a, b), own, strict=True)
-            if vector
-        ]
+        ends = [minus(item.seen, turned(vector[0], g0)) for item, vector in zip((a, b), own, strict=True)]
         middle = tuple((p + q) / 2.0 for p, q in zip(ends[0], ends[1], strict=True))
         position = (middle[0], middle[1], middle[2])
         spread = noise / base
         away = math.dist(position[:2], ((a.seen[0] + b.seen[0]) / 2.0, (a.seen[1] + b.seen[1]) / 2.0))
-        return self._link(station, position, math.hypot(noise, spread * away), [a, b], spread, "free station")
+        return _Way(position, math.hypot(noise, spread * away), [a, b], spread, "free station")
 
-    def _link(
-        self, station: int, position: Space, noise: float, shared: list[_Shared], spread: float, method: str
-    ) -> Link:
+    def _link(self, station: int, way: _Way, total: float) -> Link:
         """A link whose local positions are put in the frame."""
         start = self.state.known(self.graph.origins[station])
         vertical = self.state.vertical_of(self.graph.origins[station])
-        targets = tuple((item.point, plus(start, transposed_times(vertical, item.seen))) for item in shared)
+        targets = tuple(
+            (item.point, plus(start, transposed_times(vertical, item.seen))) for item in way.shared
+        )
         rows: list[int] = []
-        for item in shared:
+        for item in way.shared:
             both = [item.sight]
             if (station, item.point) in self.graph.sight_of:
                 both.append(self.graph.sights[self.graph.sight_of[station, item.point]])
             for sight in both:
                 rows.extend((sight.vector() or sight.reading() or ((), ()))[1])
-        total = math.hypot(self.state.azimuth_spreads[station], spread)
-        origin = plus(start, transposed_times(vertical, position))
-        return Link(origin, targets, total, noise, station, method, tuple(dict.fromkeys(rows)))
+        origin = plus(start, transposed_times(vertical, way.position))
+        return Link(origin, targets, total, way.noise, station, way.method, tuple(dict.fromkeys(rows)))
 
 
 def link_g0(state: State, graph: Graph, station: int, link: Link) -> float:
