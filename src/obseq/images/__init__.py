@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera, median_camera
     from obseq.images.control import ControlPoints
     from obseq.images.initial.distribution import Distribution, check_distribution
+    from obseq.images.initial.eleven import UncalibratedResection, resect_uncalibrated
     from obseq.images.initial.growth import Growth, place_images, similarity
     from obseq.images.initial.intersection import Intersection, intersect
     from obseq.images.initial.relative import RelativeOrientation, relative_orientation
@@ -43,6 +44,7 @@ _HOMES = {
     "Resection": "images.initial.resection",
     "ResectionOptions": "images.initial.resection",
     "RigidBlock": "images.rigid",
+    "UncalibratedResection": "images.initial.eleven",
     "Weighting": "images.weighting",
     "check_distribution": "images.initial.distribution",
     "initial_block": "images.rigid",
@@ -54,6 +56,7 @@ _HOMES = {
     "refine_poses": "images.initial.resection",
     "relative_orientation": "images.initial.relative",
     "resect": "images.initial.resection",
+    "resect_uncalibrated": "images.initial.eleven",
     "similarity": "images.initial.growth",
 }
 
@@ -75,6 +78,7 @@ __all__ = [
     "Resection",
     "ResectionOptions",
     "RigidBlock",
+    "UncalibratedResection",
     "Weighting",
     "check_distribution",
     "initial_block",
@@ -86,6 +90,7 @@ __all__ = [
     "refine_poses",
     "relative_orientation",
     "resect",
+    "resect_uncalibrated",
     "similarity",
 ]
 

@@ -1,0 +1,178 @@
+"""Resection without calibration: pose and interior orientation of each image, from six control points.
+
+The linear map (eleven parameters) is the least singular vector of the usual equations, in coordinates that
+are centred and scaled; its factors are F, principal point, b1 and b2, and the pose. Another degree of
+distortion is then found by least squares on the colinearity equations, one camera per image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import rq
+
+from obseq.errors import InputError
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera, median_camera
+from obseq.images.initial.distribution import spread_indices
+from obseq.images.names import index_of
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.images.control import ControlPoints
+    from obseq.images.measures import ImagePoints
+
+LEAST_POINTS = 6
+FLAT = 1e-4
+"""Below this planarity, points are in a plane for eleven parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class UncalibratedResection:
+    """Poses, and a camera per image, named after the images.
+
+    Attributes:
+        poses: of the images.
+        cameras: by image.
+        rms: (n,) quadratic mean of the residuals' lengths, pixels.
+    """
+
+    poses: Poses
+    cameras: dict[str, Camera]
+    rms: FloatArray
+
+    def medians(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Camera]:
+        """The median camera of groups of images, by name of the group (MMVII's shared calibrations)."""
+        return {
+            name: median_camera([self.cameras[image] for image in images], name)
+            for name, images in groups.items()
+        }
+
+
+def resect_uncalibrated(
+    measures: ImagePoints,
+    control: ControlPoints,
+    size: tuple[int, int],
+    degree: tuple[int, int, int] | None = None,
+    frozen: str | None = None,
+) -> UncalibratedResection:
+    """The poses and calibrations of images, each by itself.
+
+    Args:
+        measures: points in images; those that are no control points are left aside.
+        control: known points, taken as they are.
+        size: columns and lines of the images.
+        degree: of the distortion; None for the linear map (degree (0, 0, 1)).
+        frozen: pattern of parameters that stay as the linear map has them, distortion zero.
+
+    Raises:
+        InputError: an image has fewer than six control points, or they are in a plane.
+    """
+    known = measures.of_points(control.names)
+    ground = control.coordinates[index_of(control.names, known.point_names, "control point")]
+    found = {}
+    for image in measures.image_names:
+        rows = np.zeros(0, dtype=np.int64)
+        if image in known.image_names:
+            rows = np.flatnonzero(known.image == known.image_names.index(image))
+        found[image] = _linear(image, known.xy[rows], ground[known.point[rows]], size)
+    cameras = {image: camera for image, (camera, _, _) in found.items()}
+    poses = Poses.of(
+        list(found),
+        [centre for _, centre, _ in found.values()],
+        [rotation for _, _, rotation in found.values()],
+        cameras=[camera.name for camera in cameras.values()],
+    )
+    wanted = degree or (0, 0, 1)
+    start = {image: _with_degree(camera, wanted) for image, camera in cameras.items()}
+    return _refined(known, control, poses, start, frozen)
+
+
+def _with_degree(camera: Camera, degree: tuple[int, int, int]) -> Camera:
+    """The camera with other degrees: b1 and b2 stay where there is room for them, all else is zero."""
+    given = dict(zip(camera.coefficient_names, camera.coefficients.tolist(), strict=True))
+    kept = given if degree[2] >= 1 else {}
+    return Camera(
+        camera.name, camera.width, camera.height, camera.focal, camera.principal_point, degree, kept
+    )
+
+
+def _linear(
+    image: str, xy: FloatArray, ground: FloatArray, size: tuple[int, int]
+) -> tuple[Camera, FloatArray, FloatArray]:
+    """Camera, centre and rotation of the linear map from ground to image."""
+    _, planarity = spread_indices(ground)
+    if len(xy) < LEAST_POINTS:
+        raise InputError(
+            f"image {image}: {len(xy)} control points; eleven parameters take {LEAST_POINTS} or more"
+        )
+    if not planarity > FLAT:
+        raise InputError(
+            f"image {image}: its {len(xy)} control points are in a plane, which leaves eleven parameters "
+            "undetermined; add points off the plane, or use a calibration"
+        )
+    middle, scale = _frame(ground)
+    projection = _projection(xy, (ground - middle) / scale)
+    matrix = projection[:, :3] / scale
+    matrix = matrix * np.sign(np.linalg.det(matrix))
+    projection = projection * np.sign(np.linalg.det(projection[:, :3]))
+    centre = middle - scale * np.linalg.solve(projection[:, :3], projection[:, 3])
+    interior, turn = rq(matrix)
+    signs = np.sign(np.diagonal(interior))
+    interior, turn = interior * signs, turn * signs[:, None]
+    interior = interior / interior[2, 2]
+    focal = interior[1, 1]
+    given = {"b1": interior[0, 0] / focal - 1.0, "b2": interior[0, 1] / focal}
+    camera = Camera(image, *size, float(focal), interior[:2, 2], (0, 0, 1), given)
+    return camera, centre, turn.T
+
+
+def _projection(xy: FloatArray, ground: FloatArray) -> FloatArray:
+    """(3, 4) the linear map of least algebraic error, from points (n, 3) to pixels (n, 2)."""
+    middle, scale = _frame(xy)
+    u, v = ((xy - middle) / scale).T
+    points = np.column_stack([ground, np.ones(len(ground))])
+    nothing = np.zeros_like(points)
+    rows = np.vstack(
+        [
+            np.hstack([points, nothing, -u[:, None] * points]),
+            np.hstack([nothing, points, -v[:, None] * points]),
+        ]
+    )
+    found = np.linalg.svd(rows)[2][-1].reshape(3, 4)
+    back = np.array([[scale, 0.0, middle[0]], [0.0, scale, middle[1]], [0.0, 0.0, 1.0]])
+    return np.asarray(back @ found)
+
+
+def _frame(points: FloatArray) -> tuple[FloatArray, float]:
+    """The middle of points and their mean distance to it."""
+    middle = points.mean(axis=0)
+    return middle, float(np.sqrt(np.mean(np.sum((points - middle) ** 2, axis=1))))
+
+
+def _refined(
+    known: ImagePoints,
+    control: ControlPoints,
+    poses: Poses,
+    cameras: dict[str, Camera],
+    frozen: str | None,
+) -> UncalibratedResection:
+    """The same by least squares; images share nothing."""
+    block = BundleAdjustment()
+    block.add_cameras(*cameras.values())
+    block.add_poses(poses)
+    block.add_control_points(control.select(known.point_names).held())
+    block.add_measures(known)
+    if frozen:
+        block.freeze_parameters(frozen)
+    solution = block.solve(covariance=False)
+    return UncalibratedResection(
+        solution.poses,
+        {image: solution.cameras[cameras[image].name] for image in solution.poses.images},
+        solution.by_image().rms,
+    )
