@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 IGNORED = shutil.ignore_patterns("__pycache__", "formulas", "codegen", "generated")
 
+KERNEL_MODULES = tuple((ROOT / "generated").rglob("dir_equi_rect.py"))
 KERNELS = """
 import obseq
 print(obseq.calculator("Dir_EquiRect").values([[0.5, 0.25, 0.25]], [[]]))
@@ -38,9 +39,14 @@ print(supernodes(chain, np.array([2, 2, 2, 2, 2, 1]), np.ones(6, np.int64), Fals
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("copy")
     shutil.copytree(ROOT / "src" / "obseq", place / "obseq", ignore=IGNORED)
-    (place / "obseq" / "generated").mkdir()
-    for name in ("__init__.py", "index.py", "dir_equi_rect.py"):
-        shutil.copy(ROOT / "generated" / name, place / "obseq" / "generated")
+    for path in [
+        ROOT / "generated" / "index.py",
+        *(ROOT / "generated").rglob("__init__.py"),
+        *KERNEL_MODULES,
+    ]:
+        target = place / "obseq" / path.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, target)
     return place
 
 

@@ -36,7 +36,18 @@ def components() -> Iterator[tuple[str, str]]:
     )
     for package in PACKAGES:
         yield package, _version(package)
+    yield "machine code", machine_code()
     yield "PROJ", f"{pyproj.proj_version_str}, data in {pyproj.datadir.get_data_dir()}"
+
+
+def machine_code() -> str:
+    """Where compiled loops and kernels come from."""
+    from obseq.compilation import cache, objects
+
+    kind = objects.level()
+    if kind != objects.NONE:
+        return f"compiled ahead of time for {kind}; what is missing there by numba, kept in {cache.folder()}"
+    return f"compiled by numba at the first use, kept in {cache.folder()}"
 
 
 def _version(package: str) -> str:

@@ -28,6 +28,13 @@ def machine() -> Any:
     return target.create_target_machine(llvm.get_host_cpu_name(), features(), opt=3, **options)
 
 
+def other_machine(processor: str) -> Any:
+    """The target of code for a kind of processor, to be linked in a library."""
+    _initialise()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(processor, opt=3, reloc="pic", codemodel="default")
+
+
 def load(code: bytes, symbol: str) -> int:
     """Puts an object file in memory; the address of one of its functions."""
     engine = _engine()

@@ -23,6 +23,8 @@ from obseq.compilation.functions import Function, Instruction, named_values
 from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.compilation.signatures import Argument, Parameter, Signature
 
 OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
@@ -41,6 +43,10 @@ BYTE_ORDER, TYPE_NUMBER = OBJECT_HEADER + 10, OBJECT_HEADER + 12
 
 WANTED_FLAGS = 0x101
 """C-contiguous and aligned."""
+
+
+KERNEL_EFFORT, LOOP_EFFORT = 3, 2
+"""Levels of optimisation: loops are as fast with the lower one, and compiled in a third of the time."""
 
 
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
@@ -75,10 +81,22 @@ def compile_for_here(function: Function, signature: Signature, symbol: str) -> b
     return bytes(machine.emit_object(optimised(function, signature, symbol, machine)))
 
 
+def compile_for(
+    function: Function, signature: Signature, symbol: str, processors: Sequence[str]
+) -> dict[str, bytes]:
+    """Object files of a function for kinds of processors, as LLVM calls them, to be linked in libraries."""
+    text, found = str(assembled(function, signature, symbol)), {}
+    for processor in processors:
+        machine, module = host.other_machine(processor), llvm.parse_assembly(text)
+        optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
+        found[processor] = bytes(machine.emit_object(module))
+    return found
+
+
 def optimised(function: Function, signature: Signature, symbol: str, machine: Any) -> Any:
     """LLVM's module of a function for a machine, ready to be written as an object file."""
     module = assembled(function, signature, symbol)
-    optimise(module, machine, keep={symbol})
+    optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
     return module
 
 
@@ -96,12 +114,12 @@ def assembled(function: Function, signature: Signature, symbol: str) -> Any:
         return llvm.parse_assembly(str(library.get_llvm_str()))
 
 
-def optimise(module: Any, machine: Any, keep: set[str]) -> None:
-    """Optimises a module as a whole; what is not kept may vanish in what calls it."""
+def optimise(module: Any, machine: Any, symbol: str, effort: int) -> None:
+    """Optimises a module as a whole; all but the symbol may vanish in what calls it."""
     for function in module.functions:
-        if not function.is_declaration and function.name not in keep:
+        if not function.is_declaration and function.name != symbol:
             function.linkage = "internal"
-    options = llvm.create_pipeline_tuning_options(3)
+    options = llvm.create_pipeline_tuning_options(effort)
     options.loop_vectorization = options.slp_vectorization = True
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
@@ -171,10 +189,14 @@ def _entry(signature: Signature, symbol: str, context: Any, library: Any, descri
     """What is called from outside: plain C for kernels, Python's arrays unpacked for loops."""
     module = library.create_ir_module(f"entry of {symbol}")
     module.data_layout = _codegen()._data_layout
-    is_kernel = any(parameter.dimensions < 0 for parameter in signature.parameters)
-    emit = _kernel_entry if is_kernel else _loop_entry
+    emit = _kernel_entry if is_kernel(signature) else _loop_entry
     emit(symbol, signature, context, module, description)
     return module
+
+
+def is_kernel(signature: Signature) -> bool:
+    """Whether a function is a generated kernel, called in plain C."""
+    return any(parameter.dimensions < 0 for parameter in signature.parameters)
 
 
 def _kernel_entry(symbol: str, signature: Signature, context: Any, module: Any, description: Any) -> None:

@@ -8,7 +8,9 @@ from functools import cached_property
 from threading import RLock
 from typing import TYPE_CHECKING
 
+from obseq.compilation import objects
 from obseq.compilation.functions import DIGITS
+from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
     from obseq.compilation.functions import Function
@@ -51,26 +53,30 @@ class Routine:
             return self._resolve()
 
     def _resolve(self) -> int:
-        from obseq.compilation import objects
-
         address = objects.find(self.symbol)
         if address:
             self.origin = "object"
             return address
-        from obseq.compilation import cache
+        from obseq.compilation import cache, host
 
         code = cache.read(self.symbol)
         self.origin = "cache"
         if code is None:
-            from obseq.compilation.numba_compiler import compile_for_here
-
-            LOGGER.debug("compiling %s", self.symbol)
-            code = compile_for_here(self.function, self.signature, self.symbol)
+            code = self._compiled()
             self.origin = "numba"
             cache.write(self.symbol, code)
-        from obseq.compilation.host import load
+        return host.load(code, self.symbol)
 
-        return load(code, self.symbol)
+    def _compiled(self) -> bytes:
+        try:
+            from obseq.compilation.numba_compiler import compile_for_here
+        except ModuleNotFoundError as error:
+            raise ObseqError(
+                f"{self.symbol} is not among the functions compiled ahead of time, and {error.name}, which "
+                "compiles it, is not installed: pip install numba"
+            ) from error
+        LOGGER.debug("compiling %s", self.symbol)
+        return compile_for_here(self.function, self.signature, self.symbol)
 
 
 def origins() -> dict[str, str]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-INTERFACE = 1
-"""Number of the way in which arguments reach compiled functions; a change makes all older code unusable."""
+INTERFACE = 2
+"""Number of the way in which functions are compiled and called; a change makes all older code unusable."""
 
 FAILED = -1
 """What machine code returns when the function itself gave up; loops never do."""
