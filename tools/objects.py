@@ -37,6 +37,7 @@ LOOPS = {
     "obseq.leastsquares.loops.leverages": ("leverages",),
     "obseq.leastsquares.loops.schur_complement": ("eliminate", "neighbour_pairs", "substitute_back"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
+    "obseq.leastsquares.solvers.dense_loops": ("factor_columns", "invert_small", "solve_columns"),
     "obseq.leastsquares.solvers.graph": (
         "count_edges",
         "peel_leaves_and_chains",

@@ -46,8 +46,8 @@ def machine_code() -> str:
 
     kind = objects.level()
     if kind != objects.NONE:
-        return f"compiled ahead of time for {kind}; what is missing there by numba, kept in {cache.folder()}"
-    return f"compiled by numba at the first use, kept in {cache.folder()}"
+        return f"compiled ahead of time for {kind}; by numba what that has not, kept in {cache.user_folder()}"
+    return f"compiled by numba at the first use, kept in {cache.user_folder()}"
 
 
 def _version(package: str) -> str:

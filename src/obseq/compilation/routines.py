@@ -57,26 +57,28 @@ class Routine:
         if address:
             self.origin = "object"
             return address
-        from obseq.compilation import cache, host
-
-        code = cache.read(self.symbol)
-        self.origin = "cache"
-        if code is None:
-            code = self._compiled()
-            self.origin = "numba"
-            cache.write(self.symbol, code)
-        return host.load(code, self.symbol)
-
-    def _compiled(self) -> bytes:
         try:
-            from obseq.compilation.numba_compiler import compile_for_here
+            return self._loaded()
         except ModuleNotFoundError as error:
             raise ObseqError(
                 f"{self.symbol} is not among the functions compiled ahead of time, and {error.name}, which "
                 "compiles it, is not installed: pip install numba"
             ) from error
-        LOGGER.debug("compiling %s", self.symbol)
-        return compile_for_here(self.function, self.signature, self.symbol)
+
+    def _loaded(self) -> int:
+        """Address of the code that the cache has, or that numba makes."""
+        from obseq.compilation import cache, host
+
+        code = cache.read(self.symbol)
+        self.origin = "cache"
+        if code is None:
+            from obseq.compilation.numba_compiler import compile_for_here
+
+            LOGGER.debug("compiling %s", self.symbol)
+            code = compile_for_here(self.function, self.signature, self.symbol)
+            self.origin = "numba"
+            cache.write(self.symbol, code)
+        return host.load(code, self.symbol)
 
 
 def origins() -> dict[str, str]:

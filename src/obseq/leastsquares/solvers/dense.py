@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from obseq.leastsquares.solvers.base import BaseSolver
+from obseq.leastsquares.solvers.dense_loops import factor_columns, invert_small, solve_columns
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
 
@@ -16,18 +16,30 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
+SMALL = 64
+"""Matrices of so few unknowns are treated by plain loops: loading LAPACK takes longer."""
+
+
 class DenseCholesky(BaseSolver):
-    """LAPACK's Cholesky of the whole matrix, unknowns in their own order."""
+    """Cholesky of the whole matrix, unknowns in their own order: plain loops or, beyond `SMALL`, LAPACK."""
 
     name = "dense"
 
     def _analyse(self, pattern: SymmetricPattern) -> None:
         self._entries = (pattern.indices, pattern.columns())
-        self._lower = np.zeros((pattern.n, pattern.n), order="F")
+        self._columns = np.zeros(pattern.n * pattern.n)
+        self._lower = self._columns.reshape(pattern.n, pattern.n).T
+        self._is_small = pattern.n <= SMALL
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         diagonal = values[self._pattern.diagonal]
         self._fill(values)
+        if self._is_small:
+            n, pivots = self._pattern.n, diagonal.copy()
+            factor_columns(self._columns, 0, n, n, n, pivots, 0, tolerance)
+            return defect_of(pivots, tolerance)
+        from scipy.linalg.lapack import dpotrf
+
         self._lower, info = dpotrf(self._lower, lower=True, clean=False, overwrite_a=True)
         pivots = relative_pivots(np.square(np.diagonal(self._lower)), diagonal)
         if info != 0 or not np.all(pivots > tolerance):
@@ -40,9 +52,21 @@ class DenseCholesky(BaseSolver):
         self._lower[self._entries] = values
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
+        if self._is_small:
+            x = np.array(rhs.reshape(len(rhs), -1).T, order="C")
+            solve_columns(self._columns, self._pattern.n, x)
+            return x.T.reshape(rhs.shape)
+        from scipy.linalg.lapack import dpotrs
+
         return np.asarray(dpotrs(self._lower, rhs, lower=True)[0])
 
     def _selected_inverse(self) -> FloatArray:
+        if self._is_small:
+            n, inverse = self._pattern.n, np.zeros_like(self._columns)
+            invert_small(self._columns, 0, n, n, inverse, 0, np.empty(n))
+            return np.asarray(inverse.reshape(n, n).T[self._entries])
+        from scipy.linalg.lapack import dpotri
+
         inverse, _ = dpotri(self._lower, lower=True)
         return np.asarray(inverse[self._entries])
 

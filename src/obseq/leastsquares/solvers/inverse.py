@@ -9,6 +9,7 @@ import numpy as np
 from obseq.compilation import compiled
 from obseq.compilation.functions import SUMS
 from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, address_of, fortran, lapack
+from obseq.leastsquares.solvers.dense_loops import invert_small
 from obseq.leastsquares.solvers.numeric import (
     LOWER,
     MINUS,
@@ -112,39 +113,6 @@ def copy_triangle(
     for j in range(order):
         for i in range(j, order):
             workspace[to + j * stride + i] = workspace[source + j * source_stride + i]
-
-
-@compiled(flags=SUMS)
-def invert_small(
-    panels: FloatArray,
-    panel: int,
-    width: int,
-    front: int,
-    workspace: FloatArray,
-    at: int,
-    scratch: FloatArray,
-) -> None:
-    """Inverse on a small front by plain loops; the columns of the supernode from the last to the first.
-
-    Column j alone: y = L_rj / l_jj for all rows r after j, Z_rj = -Z_rr y, z_jj = 1 / l_jj^2 - y' Z_rj.
-    """
-    for j in range(width - 1, -1, -1):
-        column, to = panel + j * front, at + j * front
-        inverse = 1.0 / panels[column + j]
-        for i in range(j + 1, front):
-            scratch[i] = panels[column + i] * inverse
-            workspace[to + i] = 0.0
-        for k in range(j + 1, front):
-            other, y = at + k * front, scratch[k]
-            total = workspace[other + k] * y
-            for i in range(k + 1, front):
-                workspace[to + i] -= workspace[other + i] * y
-                total += workspace[other + i] * scratch[i]
-            workspace[to + k] -= total
-        diagonal = inverse * inverse
-        for i in range(j + 1, front):
-            diagonal -= scratch[i] * workspace[to + i]
-        workspace[to + j] = diagonal
 
 
 @compiled(flags=SUMS)

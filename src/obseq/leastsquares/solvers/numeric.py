@@ -12,6 +12,7 @@ import numpy as np
 
 from obseq.compilation import compiled
 from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, address_of, fortran, lapack
+from obseq.leastsquares.solvers.dense_loops import factor_columns
 from obseq.leastsquares.solvers.symbolic import Structure
 
 if TYPE_CHECKING:
@@ -124,42 +125,6 @@ def add_to_update(
         to, source = update + (relative[j] - width) * below - width, child + j * order
         for i in range(j, order):
             workspace[to + relative[i]] += workspace[source + i]
-
-
-@compiled
-def factor_columns(
-    panels: FloatArray,
-    panel: int,
-    width: int,
-    front: int,
-    rows: int,
-    pivots: FloatArray,
-    first: int,
-    tolerance: float,
-) -> None:
-    """Factors the first `rows` rows of a panel in place, by columns; replaces the pivots that vanish.
-
-    `pivots[first:]` holds the diagonal entries of the matrix and receives the relative pivots.
-    """
-    for j in range(width):
-        column = panel + j * front
-        diagonal, pivot = pivots[first + j], panels[column + j]
-        relative = pivot / diagonal if diagonal > 0.0 else min(diagonal, 0.0)
-        pivots[first + j] = relative
-        if relative > tolerance:
-            root = np.sqrt(pivot)
-            inverse = 1.0 / root
-        else:
-            root = np.sqrt(diagonal) if diagonal > 0.0 else 1.0
-            inverse = 0.0
-        panels[column + j] = root
-        for i in range(j + 1, rows):
-            panels[column + i] *= inverse
-        for k in range(j + 1, width):
-            factor = panels[column + k]
-            other = panel + k * front
-            for i in range(k, rows):
-                panels[other + i] -= factor * panels[column + i]
 
 
 @compiled
