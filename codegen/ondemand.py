@@ -11,7 +11,7 @@ from obseq.writing import write_text
 
 
 def compile_formula(formula: Formula) -> Kernel:
-    """The kernel of a formula, in memory: no module is written.
+    """The kernel of a formula, in memory; only its machine code is kept for other processes.
 
     It serves wherever a formula's name does: `obseq.Calculator(kernel)`, `LeastSquares.add(kernel, ...)`.
 

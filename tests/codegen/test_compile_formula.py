@@ -1,4 +1,4 @@
-"""A formula compiled in memory: the same object as a generated one, and no file."""
+"""A formula compiled in memory: the same object as a generated one, and no module on the disk."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +14,7 @@ from obseq.formulas.blocks import Length, Point2, norm
 from obseq.formulas.distortion import Degree, Distortion
 from obseq.formulas.functions import Scalar
 from obseq.formulas.space import Dist3D
+from obseq.kernels.loading import routine
 
 
 class Dist2D(Formula):
@@ -30,12 +31,23 @@ def test_values_and_derivatives() -> None:
     np.testing.assert_allclose(jacobian, [[[-0.6, -0.8, 0.6, 0.8]]], rtol=1e-15)
 
 
-def test_no_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_machine_code_is_kept_for_other_processes_and_no_module_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
-    kernel = compile_formula(Dist2D())
-    assert kernel.value_address and kernel.value_and_jacobian_address
-    assert list(tmp_path.iterdir()) == []
+
+    class Halved(Dist2D):
+        def residual(self, p1: Point2, p2: Point2, *, distance: Annotated[Length, "D"]) -> Scalar:
+            return norm(p2 - p1) - distance / 2
+
+    symbols = []
+    for formula in (Dist2D(), Halved()):
+        symbols.append(routine(compile_formula(formula).module, "value").symbol)
+        assert compile_formula(formula).value_address
+    assert len(set(symbols)) == 2
+    files = [path.name for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(files) == sorted(f"{symbol}.o" for symbol in symbols)
 
 
 def test_it_is_the_kernel_of_the_generated_module() -> None:

@@ -1,16 +1,18 @@
 """The lane loops of kernels are vectorised: packed operations, no scalar floating-point arithmetic.
 
-The optimised code is read as LLVM has it; for a few kernels, as machine code.
+The optimised code is read as LLVM has it; for a few kernels, as machine code. What is compiled for that is
+kept for the tests that run kernels, and a verdict until the code, the compiler or the rules change.
 """
 
 import re
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 import pytest
 from llvmlite import binding
 
-from obseq.compilation import host, numba_compiler
+from obseq.compilation import cache, host, numba_compiler
 from obseq.compilation.functions import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
@@ -37,7 +39,33 @@ def _optimised(module: ModuleType, function: str) -> str:
 
 def _module(kernel: Routine) -> Any:
     """LLVM's module of a kernel for this processor, compiled afresh."""
-    return numba_compiler.optimised(kernel.function, kernel.signature, kernel.symbol, host.machine())
+    machine = host.machine()
+    module = numba_compiler.optimised(kernel.function, kernel.signature, kernel.symbol, machine)
+    if cache.read(kernel.symbol) is None:
+        cache.write(kernel.symbol, bytes(machine.emit_object(module)))
+    return module
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Kernels found vectorised by these rules, as these versions compile them for this processor."""
+
+    kept: Any
+
+    def __contains__(self, kernel: Routine) -> bool:
+        return self.kept is not None and self.kept.get(self._place(kernel), "") == RULES
+
+    def add(self, kernel: Routine) -> None:
+        if self.kept is not None:
+            self.kept.set(self._place(kernel), RULES)
+
+    def _place(self, kernel: Routine) -> str:
+        return f"obseq/vectorised/{cache.folder().name}/{kernel.symbol}"
+
+
+@pytest.fixture(scope="module")
+def verdicts(pytestconfig: pytest.Config) -> Verdicts:
+    return Verdicts(getattr(pytestconfig, "cache", None))
 
 
 def _along(name: str) -> str:
@@ -53,6 +81,9 @@ def _computes(module: ModuleType, function: str) -> bool:
     return bool(values if function == "value" else everything)
 
 
+RULES = f"{SCALAR.pattern} {PACKED.pattern}"
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -60,14 +91,18 @@ def _computes(module: ModuleType, function: str) -> bool:
         for k, name in enumerate(formula_names())
     ],
 )
-def test_every_kernel_is_vectorised(name: str) -> None:
+def test_every_kernel_is_vectorised(name: str, verdicts: Verdicts) -> None:
     module = load(name).module
     for function in KERNELS:
-        code = _optimised(module, function)
+        kernel = routine(module, function)
+        if kernel in verdicts:
+            continue
+        code = str(_module(kernel))
         scalar = SCALAR.findall(code)
         assert not scalar, f"{name}.{function}: {len(scalar)} scalar operations, such as {scalar[0]}"
         if _computes(module, function):
             assert PACKED.search(code), f"{name}.{function}: no packed operation"
+        verdicts.add(kernel)
 
 
 @pytest.mark.parametrize(
