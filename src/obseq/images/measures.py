@@ -109,7 +109,14 @@ class ImagePoints:
 
     def label(self, row: int) -> str:
         """What to call a measure in a message: its image and its point."""
-        return f"image {self.image_names[self.image[row]]}, point {self.point_names[self.point[row]]}"
+        return self.labels([row])[0]
+
+    def labels(self, rows: ArrayLike) -> list[str]:
+        """What to call measures in messages."""
+        index = np.asarray(rows, dtype=np.int64)
+        images, points = self.image_names, self.point_names
+        pairs = zip(self.image[index].tolist(), self.point[index].tolist(), strict=True)
+        return [f"image {images[i]}, point {points[k]}" for i, k in pairs]
 
     def rows(self, chosen: ArrayLike) -> ImagePoints:
         """The measures of some rows (numbers or a mask), with the names that remain."""

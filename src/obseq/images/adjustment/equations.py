@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,20 +25,6 @@ PARAMETERS = "observed parameters"
 RIGID = "rigid blocks"
 ROTATION_ENTRIES = np.sqrt(2.0)
 """Sigma of the entries of a matrix over that of the angle: nine squares sum up to twice that of the angle."""
-
-
-class Labels(Sequence[str]):
-    """What measures are called in messages, made when somebody asks."""
-
-    def __init__(self, part: NumberedSet, rows: IntArray) -> None:
-        self._part = part
-        self._rows = rows
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
-        return self._part.given.measures.label(int(self._rows[index]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +189,7 @@ class Equations:
             blocks,
             measures.xy[rows],
             measures.sigmas[rows],
-            Labels(part, rows),
+            measures.labels(rows),
             part.given.name,
             loss=None if weighting is None else weighting.loss,
         )
