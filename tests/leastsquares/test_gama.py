@@ -342,8 +342,9 @@ def test_network(shared_data, data_set, name):
     expected, network = loaded(shared_data, data_set, name)
     if expected["datum_defect"]:
         network.system.set_datum(network.datum, sorted(network.datum_axes))
-    result = network.system.solve(max_iterations=50, tolerance=1e-9, covariance=True)
+    result = network.system.solve(covariance=True)
     assert result.converged
+    assert len(result.iterations) <= 6
     assert result.n_observations + result.n_constraints == expected["equations"]
     assert result.n_unknowns == expected["unknowns"]
     assert result.redundancy == expected["dof"]

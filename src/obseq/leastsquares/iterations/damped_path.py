@@ -80,7 +80,7 @@ class DampedPath:
         size = self._norm_of(sizes)
         self.first_radius = FIRST_RADIUS * size if size > 0.0 else np.inf
         if self._step(0.0) is None:
-            if self.is_bold or self._lost == 0:
+            if self.is_bold or self._lost == 0 or not (self._floor > 0.0).all():
                 self._explain()
             self.defect = self._lost
 

@@ -38,6 +38,9 @@ FIRST_RADIUS = 0.3
 PATIENCE = 3
 """Steps taken in the dark, none of them half as long as the one before, after which the iterations end."""
 
+SWINGS = 4
+"""Full steps one after the other with poor gains, which swing to and fro, after which they are held back."""
+
 EXCURSION = 3
 """Full steps that an excursion may take until it is below where it began."""
 
@@ -137,7 +140,7 @@ class _Search:
         self._arrival = Arrival(equations, options.tolerance)
         self._redundancy, self._tolerance = redundancy, options.tolerance
         self._radius = path.radius
-        self._is_first, self._decrease = not path.is_bold, np.inf
+        self._is_first, self._decrease, self._poor = not path.is_bold, np.inf, 0
         self._dark_length, self._in_the_dark = np.inf, 0
         self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
 
@@ -235,7 +238,8 @@ class _Search:
 
     def _learn(self, trial: Trial, gain: float, cost: float, after: float) -> None:
         """The radius shrinks with poor gains, to the minimum of a parabola, and grows with good ones."""
-        if self._path.is_bold and trial.is_full and gain > LEAST_GAIN:
+        self._poor = self._poor + 1 if trial.is_full and gain <= POOR else 0
+        if self._path.is_bold and trial.is_full and gain > LEAST_GAIN and self._poor < SWINGS:
             return
         if gain <= POOR:
             reach = trial.norm if np.isinf(self._radius) else min(self._radius, 10.0 * trial.norm)
