@@ -39,7 +39,7 @@ PATIENCE = 3
 """Steps taken in the dark, none of them half as long as the one before, after which the iterations end."""
 
 SWINGS = 4
-"""Full steps one after the other with poor gains, which swing about a minimum, after which they are held back."""
+"""Full steps of poor gain one after the other, swinging about a minimum, after which they are held back."""
 
 EXCURSION = 3
 """Full steps that an excursion may take until it is below where it began."""
