@@ -87,7 +87,7 @@ def test_a_blunder_that_the_global_test_accepts_is_named_first(tmp_path) -> None
     record = distances(tmp_path, blunder=0.0112, seed=5, scale=0.3).adjust().record()
     assert record.global_test.passed
     text = summary(record)
-    assert "1 of 15 exceed it" in text
+    assert "exceeded by 1 of 15" in text
     (first,) = [line for line in text.splitlines() if "n.obs:5" in line]
     assert text.index(first) < text.index("n.obs:", text.index(first) + len(first))
 

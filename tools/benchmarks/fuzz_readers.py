@@ -8,6 +8,7 @@ with its seed, which makes the same files again.
 """
 
 import argparse
+import logging
 import math
 import random
 import signal
@@ -26,6 +27,8 @@ from obseq.report import listing, page, summary, to_json
 from obseq.survey import Network, PointFileOptions
 
 PATIENCE = 30
+READABLE = 11
+"""A seed whose network is adjusted."""
 FRAMES = (None, "Local", "RTL*2.4*48.8*0*EPSG:4326", "RTL*0*48.8*0*+proj=latlong +datum=WGS84")
 SIZES = ("x", "y", "z")
 
@@ -228,8 +231,10 @@ def main() -> int:
     parser.add_argument("--adjust", type=float, default=1.0, help="share of networks to adjust (%(default)s)")
     options = parser.parse_args()
     counts: Counter[str] = Counter()
+    logging.disable(logging.WARNING)  # gross errors are announced, and mutations are little else
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
+        outcome(Path(folder), READABLE, 1.0)  # compiles what is not compiled yet, without a limit of time
         for seed in range(options.start, options.start + options.count):
             if found := failure(Path(folder), seed, options.adjust, counts):
                 print(found, flush=True)

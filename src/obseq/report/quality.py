@@ -25,7 +25,7 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     if found is None:
         return
     count = len(suspects(record))
-    verdict = f"{count} of {found.tests} exceed it" if count else "none exceeds it"
+    verdict = f"exceeded by {count} of {found.tests}" if count else "exceeded by none"
     share, limit = f"{100.0 * found.level:g} %", f"{found.critical:.2f}"
     yield f"test of each standardised residual at {share}: limit {limit} (a priori sigmas), {verdict}"
     if found.uncontrolled:
