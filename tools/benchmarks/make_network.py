@@ -125,7 +125,7 @@ def measured(names: list[str], true: FloatArray, pairs: IntArray, random: np.ran
     """Hz, Zen and Dist of each sight, with noise; one plumb station per origin, its zero anywhere."""
     origins, numbers = np.unique(pairs[:, 0], return_inverse=True)
     g0 = random.uniform(-np.pi, np.pi, len(origins))[numbers]
-    exact = _exact(true, pairs, g0)
+    exact = exact_values(true, pairs, g0)
     sigmas = np.broadcast_to([SIGMA_ANGLE, SIGMA_ANGLE, SIGMA_DISTANCE], exact.shape)
     values = exact + random.normal(0.0, 1.0, exact.shape) * sigmas
     values[:, 0] %= 2.0 * np.pi
@@ -152,7 +152,7 @@ def measured(names: list[str], true: FloatArray, pairs: IntArray, random: np.ran
     return FieldBook(tuple(names), observations, set_ups, ("synthetic",))
 
 
-def _exact(true: FloatArray, pairs: IntArray, g0: FloatArray) -> FloatArray:
+def exact_values(true: FloatArray, pairs: IntArray, g0: FloatArray) -> FloatArray:
     """(k, 3) horizontal reading, zenith angle (refracted), slope distance."""
     frame = obseq.crs.parse(FRAME)
     start, end = true[pairs[:, 0]], true[pairs[:, 1]]
