@@ -143,3 +143,13 @@ def test_one_weight_for_all_residuals_of_an_observation():
     u = np.hypot(3.0, 2.0)
     assert batch.robust_weights() == pytest.approx([1.0 / (1.0 + (u / 2.0) ** 2)])
     assert batch.weights[:, 0] ** 2 * [1.0, 4.0, 1.0] == pytest.approx(batch.robust_weights().repeat(3))
+
+
+def test_a_loss_is_had_by_its_name_too():
+    system = LeastSquares()
+    ids = system.add_scalars(["x"], np.zeros(1))
+    batch = system.add_linear([ids], [np.ones((1, 1))], [1.0], 0.1)
+    batch.loss = "tukey"
+    assert batch.loss == Tukey()
+    with pytest.raises(InputError, match="'hubert'; nearest names: huber"):
+        batch.loss = "hubert"

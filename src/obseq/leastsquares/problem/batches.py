@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
+from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
@@ -191,7 +192,9 @@ class Batch:
         return self._loss
 
     @loss.setter
-    def loss(self, new: Loss | None) -> None:
+    def loss(self, new: Loss | str | None) -> None:
+        if isinstance(new, str):
+            new = named_loss(new)
         if new is not None and (isinstance(new, type) or not callable(getattr(new, "weights", None))):
             raise InputError(f"{self.name}: a loss is wanted, such as Huber(), not {new!r}")
         self._loss = new

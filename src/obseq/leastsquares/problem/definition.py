@@ -145,7 +145,7 @@ class Definition:
         labels: Sequence[str] | None = None,
         group: str | None = None,
         active: ArrayLike | None = None,
-        loss: Loss | None = None,
+        loss: Loss | str | None = None,
         covariances: ArrayLike | None = None,
     ) -> Batch:
         """Adds observations of one formula.
@@ -159,7 +159,7 @@ class Definition:
             group: name under which sums of squares are kept; the formula's when None.
             active: (n,) False for observations that have residuals but no influence; all are active when
                 None.
-            loss: robust weights (see `losses`); None for least squares.
+            loss: robust weights, or their name such as `huber` (see `losses`); None for least squares.
             covariances: (m, m) or (n, m, m) instead of sigmas, for m correlated residuals.
 
         Raises:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from typing import Self
@@ -170,3 +170,20 @@ class Attenuated:
         else:
             weights = 1.0 / (1.0 + (u / self.attenuation) ** self.exponent)
         return weights if self.threshold is None else np.where(u > self.threshold, 0.0, weights)
+
+
+LOSSES: dict[str, type[Loss]] = {
+    loss.__name__.lower(): loss for loss in (Huber, L1, Cauchy, GemanMcClure, Tukey, IGG3, Attenuated)
+}
+"""The losses by name, in lower case."""
+
+
+def named_loss(name: str) -> Loss:
+    """The loss of a name, with its usual constants.
+
+    Raises:
+        InputError: No loss has that name; the message gives the nearest ones.
+    """
+    if name.lower() not in LOSSES:
+        raise InputError(f"no loss is named {nearest(name, LOSSES)}")
+    return LOSSES[name.lower()]()
