@@ -25,7 +25,7 @@ def test_what_was_written_is_read(place: Path) -> None:
     cache.write("loop_1", CODE)
     assert cache.read("loop_1") == CODE
     assert place in cache.folder().parents
-    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.o"]
+    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.nbc"]
 
 
 def test_versions_and_processor_name_the_folder(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,7 +47,7 @@ def test_versions_and_processor_name_the_folder(monkeypatch: pytest.MonkeyPatch)
 )
 def test_a_damaged_file_is_discarded(damage, caplog: pytest.LogCaptureFixture) -> None:
     cache.write("loop_1", CODE)
-    path = cache.folder() / "loop_1.o"
+    path = cache.folder() / "loop_1.nbc"
     path.write_bytes(damage(path.read_bytes()))
     with caplog.at_level(logging.WARNING, logger="obseq"):
         assert cache.read("loop_1") is None
@@ -75,7 +75,7 @@ def test_a_full_disk_leaves_nothing_behind_and_is_said_once(
         cache.write("loop_2", CODE)
         cache.write("loop_3", CODE)
     assert caplog.text.count("cannot be kept") == 1 and "No space left" in caplog.text
-    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.o"]
+    assert [path.name for path in cache.folder().iterdir()] == ["loop_1.nbc"]
 
 
 def test_a_place_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, caplog) -> None:
@@ -89,6 +89,7 @@ def test_a_place_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, caplog)
 
 def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OBSEQ_CACHE")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
 
     def homeless() -> Path:

@@ -85,6 +85,6 @@ def test_a_change_in_what_is_called_is_seen(
     changed = printed(copy, script)
     assert changed != first
     path.write_text(text, encoding="utf-8")
-    kept = {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.o")}
+    kept = {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.nbc")}
     assert printed(copy, script) == first
-    assert {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.o")} == kept
+    assert {file.name: file.stat().st_mtime_ns for file in (copy / "cache").rglob("*.nbc")} == kept

@@ -123,3 +123,32 @@ def test_its_description(distance: obseq.Calculator) -> None:
     assert repr(distance) == "<Calculator Dist3D: 6 unknowns, 1 observations, 1 residuals>"
     assert distance.unknowns == ("p1_x", "p1_y", "p1_z", "p2_x", "p2_y", "p2_z")
     assert (distance.observations, distance.residuals) == (("D",), ("D",))
+
+
+def test_results_are_written_where_wanted(distance: obseq.Calculator) -> None:
+    expected = distance.values_and_jacobian(POINTS, [[4.0], [3.5]])
+    out = np.full((2, 1), 7.0), np.full((2, 1, 6), 7.0)
+    found = distance.values_and_jacobian(POINTS, [[4.0], [3.5]], out=out)
+    assert found[0] is out[0] and found[1] is out[1]
+    np.testing.assert_array_equal(out[0], expected[0])
+    np.testing.assert_array_equal(out[1], expected[1])
+    assert distance.values(POINTS, [[4.0], [3.5]], out=out[0]) is out[0]
+
+
+@pytest.mark.parametrize(
+    "out", [np.zeros((2, 2)), np.zeros((2, 1), np.float32), np.zeros((2, 2))[:, :1], [[0.0], [0.0]]]
+)
+def test_places_that_cannot_take_the_results_are_refused(distance: obseq.Calculator, out) -> None:
+    with pytest.raises(FormulaError, match=r"out must be a writeable C-contiguous .* of shape \(2, 1\)"):
+        distance.values(POINTS, [[4.0], [3.5]], out=out)
+
+
+def test_two_threads_give_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    formula = obseq.calculator("TopoHz")
+    u, o = np.random.default_rng(7).uniform(0.5, 1.0, (1000, 9)), np.ones((1000, 10))
+    alone = formula.values_and_jacobian(u, o)
+    monkeypatch.setitem(formula.values.__func__.__globals__, "THREADED_ROWS", 100)
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    together = formula.values_and_jacobian(u, o)
+    np.testing.assert_array_equal(alone[0], together[0])
+    np.testing.assert_array_equal(alone[1], together[1])

@@ -1,8 +1,8 @@
 """Compiled code kept in a folder of the user, one file per function, named by its digest.
 
-The folder is `$OBSEQ_CACHE`, or the platform's place for caches; each version of obseq and of the compiler,
-and each kind of processor, has its own folder in it. A file is read whole or not at all: it begins with a
-digest of the rest, and takes its name when it is complete. What cannot be read or written costs a
+The folder is `$OBSEQ_CACHE`, else `$NUMBA_CACHE_DIR`, else the platform's; each version of obseq and of the
+compiler, and each kind of processor, has its own folder in it. A file is read whole or not at all: it begins
+with a digest of the rest, and takes its name when it is complete. What cannot be read or written costs a
 compilation, never a run.
 """
 
@@ -24,8 +24,8 @@ KEPT_IN = "machine-code"
 
 
 def user_folder() -> Path:
-    """The user's folder for what obseq builds: `$OBSEQ_CACHE`, or the platform's place for caches."""
-    if chosen := os.environ.get("OBSEQ_CACHE"):
+    """The user's folder for what obseq builds: `$OBSEQ_CACHE`, `$NUMBA_CACHE_DIR`, or the platform's."""
+    if chosen := os.environ.get("OBSEQ_CACHE") or os.environ.get("NUMBA_CACHE_DIR"):
         return Path(chosen)
     if sys.platform == "darwin":
         return _home() / "Library" / "Caches" / "obseq"
@@ -56,7 +56,7 @@ def _versions() -> str:
 
 def read(symbol: str) -> bytes | None:
     """The compiled code of that name; None if there is none that is whole. A damaged file is deleted."""
-    path = folder() / f"{symbol}.o"
+    path = folder() / f"{symbol}.nbc"
     try:
         content = path.read_bytes()
     except OSError:
@@ -73,7 +73,7 @@ def write(symbol: str, code: bytes) -> None:
     """Keeps compiled code for other processes; says once when that is not possible."""
     try:
         folder().mkdir(parents=True, exist_ok=True)
-        _write_whole(folder() / f"{symbol}.o", hashlib.sha256(code).digest() + code)
+        _write_whole(folder() / f"{symbol}.nbc", hashlib.sha256(code).digest() + code)
     except OSError as error:
         _say_once(str(folder()), error.strerror or str(error))
 

@@ -2,6 +2,9 @@
 
 import functools
 import math
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -15,6 +18,9 @@ from obseq.kernels.loading import Kernel, load
 
 SCRATCH_DOUBLES = 6 << 10
 """Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
+
+THREADED_ROWS = 32768
+"""So many rows and more are shared by two threads, where there are two processors."""
 
 
 class Calculator:
@@ -40,12 +46,15 @@ class Calculator:
             f"{len(self.observations)} observations, {len(self.residuals)} residuals>"
         )
 
-    def values(self, unknowns: ArrayLike, observations: ArrayLike) -> FloatArray:
+    def values(
+        self, unknowns: ArrayLike, observations: ArrayLike, out: FloatArray | None = None
+    ) -> FloatArray:
         """The residuals.
 
         Args:
             unknowns: (n, n_unknowns) float64.
             observations: (n, n_observations) float64, context of the unknown blocks included.
+            out: (n, n_residuals) float64 to write them to; a new array by default.
 
         Returns:
             (n, n_residuals) float64; a row where the formula is undefined is not finite.
@@ -54,17 +63,23 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        values, _ = self._evaluate(self.kernel.value_address, self.kernel.value_rows, (), u, o)
+        kernel, n = self.kernel, len(u)
+        values = self._result(out, n, len(self.residuals))
+        self._evaluate(kernel.value_address, kernel.value_rows, False, u, o, values, np.empty((n, 0)))
         return values
 
     def values_and_jacobian(
-        self, unknowns: ArrayLike, observations: ArrayLike
+        self,
+        unknowns: ArrayLike,
+        observations: ArrayLike,
+        out: tuple[FloatArray, FloatArray] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """The residuals and their derivatives with respect to the unknowns.
 
         Args:
             unknowns: (n, n_unknowns) float64.
             observations: (n, n_observations) float64, context of the unknown blocks included.
+            out: (n, n_residuals) and (n, n_residuals, n_unknowns) float64 to write to; new by default.
 
         Returns:
             (n, n_residuals) and (n, n_residuals, n_unknowns) float64.
@@ -73,11 +88,12 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        kernel = self.kernel
-        values, derivatives = self._evaluate(
-            kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows, u, o
-        )
-        return values, derivatives.reshape(len(u), len(self.residuals), len(self.unknowns))
+        kernel, n, m, k = self.kernel, len(u), len(self.residuals), len(self.unknowns)
+        given = (None, None) if out is None else out
+        values, jacobian = self._result(given[0], n, m), self._result(given[1], n, m, k)
+        rows = jacobian.reshape(n, m * k)
+        self._evaluate(kernel.value_and_jacobian_address, kernel.rows, True, u, o, values, rows)
+        return values, jacobian
 
     def directional_derivative(
         self, unknowns: ArrayLike, observations: ArrayLike, direction: ArrayLike
@@ -102,8 +118,12 @@ class Calculator:
         d = self._array("direction", direction, self.unknowns)
         if len(d) != len(u):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
+        shape = len(u), len(self.residuals)
         if address := self.kernel.directional_address:
-            return self._evaluate(address, self.kernel.directional_rows, (), u, np.hstack([o, d]))
+            values, along = self._result(None, *shape), self._result(None, *shape)
+            given = np.hstack([o, d])
+            self._evaluate(address, self.kernel.directional_rows, False, u, given, values, along)
+            return values, along
         values, jacobian = self.values_and_jacobian(u, o)
         return values, np.einsum("nij,nj->ni", jacobian, d)
 
@@ -142,16 +162,62 @@ class Calculator:
         return np.ascontiguousarray(array, dtype=np.float64)
 
     def _evaluate(
-        self, address: int, rows: int, constants: tuple[tuple[int, float], ...], u: FloatArray, o: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(residuals, what the kernel writes after them), a row for each row of arguments."""
-        tiles, m = _tiles(), len(self.residuals)
-        values, derivatives = np.empty((len(u), m)), np.empty((len(u), rows - u.shape[1] - o.shape[1] - m))
-        n_tiles = max(1, min(SCRATCH_DOUBLES // (rows * STRIDE), -(-len(u) // LANES)))
-        scratch = tiles.aligned_tiles(rows, n_tiles, constants)
-        if values.size:
-            tiles.evaluate(address, scratch, rows, u, o, values, derivatives)
-        return values, derivatives
+        self,
+        address: int,
+        rows: int,
+        has_constants: bool,
+        u: FloatArray,
+        o: FloatArray,
+        values: FloatArray,
+        derivatives: FloatArray,
+    ) -> None:
+        """Writes residuals and what the kernel writes after them, a row for each row of arguments."""
+        if not values.size:
+            return
+
+        def evaluate_part(first: int, last: int) -> None:
+            part = slice(first, last)
+            scratch = _scratch(self.kernel, address, rows, has_constants)
+            _tiles().evaluate(address, scratch, rows, u[part], o[part], values[part], derivatives[part])
+
+        n = len(u)
+        if n < THREADED_ROWS or (os.cpu_count() or 1) < 2:
+            evaluate_part(0, n)
+            return
+        middle = n // (2 * LANES) * LANES
+        with ThreadPoolExecutor(1) as pool:
+            second = pool.submit(evaluate_part, middle, n)
+            evaluate_part(0, middle)
+            second.result()
+
+    def _result(self, out: FloatArray | None, *shape: int) -> FloatArray:
+        """The array that results are written to: a new one, or the one given if it is as it must be."""
+        if out is None:
+            return np.empty(shape)
+        if not (
+            isinstance(out, np.ndarray)
+            and out.shape == shape
+            and out.dtype == np.float64
+            and out.flags.carray
+        ):
+            raise FormulaError(
+                f"{self.name}: out must be a writeable C-contiguous array of float64, of shape {shape}"
+            )
+        return out
+
+
+_KEPT = threading.local()
+
+
+def _scratch(kernel: Kernel, address: int, rows: int, has_constants: bool) -> FloatArray:
+    """Scratch tiles of a kernel, kept by each thread, with the rows that the kernel does not write."""
+    kept: dict[Any, Any] = _KEPT.__dict__
+    found: FloatArray | None = kept.get(address)
+    if found is None:
+        constants = kernel.constant_rows if has_constants else ()
+        n_tiles = max(1, SCRATCH_DOUBLES // (rows * STRIDE))
+        found = kept[address] = _tiles().aligned_tiles(rows, n_tiles, constants)
+    return found
 
 
 @functools.cache

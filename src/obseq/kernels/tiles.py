@@ -8,11 +8,15 @@ import numpy as np
 
 from obseq.compilation import Instruction, compiled
 from obseq.kernels.layout import LANES, STRIDE
+from obseq.kernels.vectors import transpose4
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows
 
 call_address = Instruction("obseq.kernels.instructions", "call_address")
+U = np.uint64
+ROW, TWO, THREE = U(STRIDE), U(2), U(3)
+
 pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
 
 
@@ -38,22 +42,48 @@ def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float],
     return tiles
 
 
-@compiled(always_inline=True)
-def _fill(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
+@compiled
+def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies rows to the lanes of a tile, the last row again and again where there are no more."""
-    last = len(rows) - 1
-    for lane in range(LANES):
-        row = min(start + lane, last)
-        for i in range(rows.shape[1]):
-            tiles[at + i * STRIDE + lane] = rows[row, i]
+    width = rows.shape[1]
+    if start + LANES <= len(rows):
+        quads = width - width % 4
+        step = U(width)
+        for lane in range(0, LANES, 4):
+            row = U((start + lane) * width)
+            for i in range(0, quads, 4):
+                a = row + U(i)
+                place = U(at + i * STRIDE + lane)
+                transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
+        for i in range(quads, width):
+            for lane in range(LANES):
+                tiles[at + i * STRIDE + lane] = rows[start + lane, i]
+    else:
+        last = len(rows) - 1
+        for lane in range(LANES):
+            row_here = min(start + lane, last)
+            for i in range(width):
+                tiles[at + i * STRIDE + lane] = rows[row_here, i]
 
 
-@compiled(always_inline=True)
-def _read(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
+@compiled
+def read_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
-    for lane in range(min(LANES, len(rows) - start)):
-        for i in range(rows.shape[1]):
-            rows[start + lane, i] = tiles[at + i * STRIDE + lane]
+    width = rows.shape[1]
+    if start + LANES <= len(rows):
+        quads = width - width % 4
+        for lane in range(0, LANES, 4):
+            for i in range(0, quads, 4):
+                a = U(at + i * STRIDE + lane)
+                place = U((start + lane) * width + i)
+                transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, U(width))
+        for i in range(quads, width):
+            for lane in range(LANES):
+                rows[start + lane, i] = tiles[at + i * STRIDE + lane]
+    else:
+        for lane in range(len(rows) - start):
+            for i in range(width):
+                rows[start + lane, i] = tiles[at + i * STRIDE + lane]
 
 
 @compiled
@@ -85,9 +115,9 @@ def evaluate(
     for start in range(0, unknowns.shape[0], most * LANES):
         n_tiles = min(most, (unknowns.shape[0] - start + LANES - 1) // LANES)
         for k in range(n_tiles):
-            _fill(tiles, k * tile_size, unknowns, start + k * LANES)
-            _fill(tiles, k * tile_size + observed, observations, start + k * LANES)
+            fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES)
+            fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES)
         call_kernel(address, tiles, n_tiles)
         for k in range(n_tiles):
-            _read(tiles, k * tile_size + residuals, values, start + k * LANES)
-            _read(tiles, k * tile_size + derived, derivatives, start + k * LANES)
+            read_lanes(tiles, k * tile_size + residuals, values, start + k * LANES)
+            read_lanes(tiles, k * tile_size + derived, derivatives, start + k * LANES)
