@@ -32,6 +32,7 @@ from obseq.formulas.projections import CENTRAL_PROJECTIONS
 from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
 from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
+from obseq.formulas.special_topography import AxisLink, AxisPlane, AxisRadius, TopoDHParam, TopoDistHz0
 from obseq.formulas.topography import (
     TopoDH,
     TopoDist,
@@ -65,6 +66,11 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDXOff(),
     TopoDYOff(),
     TopoDZOff(),
+    TopoDistHz0(),
+    TopoDHParam(),
+    AxisRadius(),
+    AxisPlane(),
+    AxisLink(),
     SumSquare(8),
     Dist2DCons(),
     RatioDist2DCons(),

@@ -2,6 +2,9 @@
 """The module of every generated formula."""
 
 MODULES = {
+    "AxisLink": "special_topography.axis_link",
+    "AxisPlane": "special_topography.axis_plane",
+    "AxisRadius": "special_topography.axis_radius",
     "BlocRigid": "rigid_blocks.bloc_rigid",
     "BlocRigid_RE": "rigid_blocks.bloc_rigid_re",
     "BunleElem_Ang12": "bundles.bunle_elem_ang12",
@@ -183,6 +186,7 @@ MODULES = {
     "SetPointNwCD_RotUK4": "plane.set_point_nw_cd_rot_uk4",
     "SumSquare_8": "plane.sum_square_8",
     "TopoDH": "topography.topo_dh",
+    "TopoDHParam": "special_topography.topo_dh_param",
     "TopoDX": "topography.topo_dx",
     "TopoDXOff": "topography.topo_dx_off",
     "TopoDY": "topography.topo_dy",
@@ -190,6 +194,7 @@ MODULES = {
     "TopoDZ": "topography.topo_dz",
     "TopoDZOff": "topography.topo_dz_off",
     "TopoDist": "topography.topo_dist",
+    "TopoDistHz0": "special_topography.topo_dist_hz0",
     "TopoDistOff": "topography.topo_dist_off",
     "TopoHz": "topography.topo_hz",
     "TopoHzOff": "topography.topo_hz_off",

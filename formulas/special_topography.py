@@ -1,0 +1,131 @@
+"""Survey observations of Comp3D that MMVII does not have: reduced distances, equal lengths, axes of rotation."""
+
+from typing import Annotated
+
+from obseq.formulas.base import Formula
+from obseq.formulas.blocks import Direction, Length, Matrix3, Number, Point3, norm
+from obseq.formulas.functions import Scalar, atan2
+from obseq.formulas.topography import From, MeasuredLength, Target, TopoDH
+
+COMP3D = "Comp3D (IGN France)"
+
+Axis = Annotated[Direction, "DuDv", "Axis"]
+Origin = Annotated[Point3, "O"]
+OnCircle = Annotated[Point3, "P"]
+Shift = Annotated[Length, "l"]
+
+
+class TopoDistHz0(Formula):
+    """Horizontal distance between two points, on the sphere that stands for height 0.
+
+    Residual: `R angle - val`, with the angle of the two points at the centre `O` of the sphere. Undefined where
+    the two points are on one vertical.
+    """
+
+    source = COMP3D
+    typical = {
+        "origin": (0.0, 1e3),
+        "target": (0.0, 1e3),
+        "centre": (-6.4e6, 1e3),
+        "R": (6.4e6, 1e3),
+        "val": (1e3, 10.0),
+    }
+
+    def residual(
+        self,
+        origin: From,
+        target: Target,
+        *,
+        centre: Annotated[Point3, "O"],
+        radius: Annotated[Length, "R"],
+        distance: MeasuredLength,
+    ) -> Scalar:
+        """The distance computed, minus the distance observed (m)."""
+        start = (origin - centre).with_names("start")
+        sight = (target - origin).with_names("sight")
+        across = norm(start.cross(sight))
+        along = start.dot(start + sight)
+        return radius * atan2(across, along) - distance
+
+
+class TopoDHParam(Formula):
+    """Difference of ellipsoidal heights between two points, itself an unknown.
+
+    Residual: `h(P_to) - h(P_from) - d` (see `TopoDH`). Undefined on the polar axis.
+    """
+
+    source = COMP3D
+    typical = {name: scale for name, scale in TopoDH.typical.items() if name != "val"}
+
+    def residual(
+        self,
+        rise: Annotated[Length, "d"],
+        origin: From,
+        target: Target,
+        *,
+        to_geocentric: Annotated[Matrix3, "RTL2Geoc_R"],
+        translation: Annotated[Point3, "RTL2Geoc_T"],
+        semi_major_axis: Annotated[Length, "a"],
+        eccentricity2: Annotated[Number, "e2"],
+    ) -> Scalar:
+        """The height difference computed, minus the unknown one (m)."""
+        return TopoDH().residual(
+            origin,
+            target,
+            to_geocentric=to_geocentric,
+            translation=translation,
+            semi_major_axis=semi_major_axis,
+            eccentricity2=eccentricity2,
+            height_difference=rise,
+        )
+
+
+class AxisRadius(Formula):
+    """Distance of a point of a turning target from the centre of its circle, which is on the axis.
+
+    Residual: `|P - O - l n| - r`. Undefined for a point on the axis.
+    """
+
+    source = COMP3D
+    typical = {"axis": (0.0, 0.0), "point": (10.0, 5.0), "l": (1.0, 1.0), "r": (10.0, 1.0)}
+
+    def residual(
+        self,
+        axis: Axis,
+        origin: Origin,
+        shift: Shift,
+        radius: Annotated[Length, "r"],
+        point: OnCircle,
+    ) -> Scalar:
+        """The radius computed, minus the unknown radius (m)."""
+        return norm(point - origin - shift * axis) - radius
+
+
+class AxisPlane(Formula):
+    """Distance along the axis of a point of a turning target from the plane of its circle.
+
+    Residual: `n . (O + l n - P)`. Defined everywhere.
+    """
+
+    source = COMP3D
+    typical = {"axis": (0.0, 0.0), "point": (10.0, 5.0), "l": (1.0, 1.0)}
+
+    def residual(self, axis: Axis, origin: Origin, shift: Shift, point: OnCircle) -> Scalar:
+        """How far the plane is beyond the point (m)."""
+        return axis.dot(origin + shift * axis - point)
+
+
+class AxisLink(Formula):
+    """The origin of an axis as the foot of a point on it.
+
+    Residual: `n . (P - O) / div`, with `div` the current distance of the two. Defined everywhere.
+    """
+
+    source = COMP3D
+    typical = {"axis": (0.0, 0.0), "point": (10.0, 5.0), "div": (10.0, 1.0)}
+
+    def residual(
+        self, axis: Axis, origin: Origin, point: OnCircle, *, distance: Annotated[Length, "div"]
+    ) -> Scalar:
+        """The cosine of the angle at the origin."""
+        return axis.dot(point - origin) / distance
