@@ -1,4 +1,4 @@
-"""Survey observations of Comp3D that MMVII does not have: reduced distances, equal lengths, axes of rotation."""
+"""Survey observations of Comp3D alone: reduced distances, equal lengths, axes of rotation."""
 
 from typing import Annotated
 
@@ -18,8 +18,8 @@ Shift = Annotated[Length, "l"]
 class TopoDistHz0(Formula):
     """Horizontal distance between two points, on the sphere that stands for height 0.
 
-    Residual: `R angle - val`, with the angle of the two points at the centre `O` of the sphere. Undefined where
-    the two points are on one vertical.
+    Residual: `R angle - val`, with the angle of the two points at the centre `O` of the sphere. Undefined
+    where the two points are on one vertical.
     """
 
     source = COMP3D

@@ -49,7 +49,7 @@ def test_comments_names_and_remarks(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("8 P 1 2 3", "unknown flag '8'; a line begins with a flag: 0 free, 1 known"),
+        ("18 P 1 2 3", "unknown flag '18'; a line begins with a flag: 0 free, 1 known"),
         ("-1 P 1 2 3", "unknown flag"),
         ("P 1 2 3", "unknown flag 'P'"),
         ("1 P 1 2", "4 fields where at least 5 are needed"),

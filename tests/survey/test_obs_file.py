@@ -154,11 +154,11 @@ def test_a_minus_before_the_code_switches_the_line_off(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("#FXI", "unknown keyword '#FXI'; alone on a line: #FIX, #VERT, #BASC, #NEW"),
+        ("#FXI", "unknown keyword '#FXI'; alone on a line: #FIX, #VERT, #BASC, #GRID, #NEW"),
         ("#FIX 5 A B", "unknown keyword"),
         ("#fix", "unknown keyword"),
         ("23 A B 1 1", "unknown code 23"),
-        ("2 A B 1 1", "a distance at height 0 (code 2 of Comp3D) is not read"),
+        ("18 A @b.axe 1 1", "an axis of rotation (code 18 of Comp3D) is read in Comp3D projects only"),
         ("Hz A B 1 1", "'Hz' is neither a code"),
         ("5.5 A B 1 1", "neither a code"),
         ("9" * 5000 + " A B 1 1", "neither a code"),

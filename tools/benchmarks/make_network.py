@@ -144,6 +144,7 @@ def measured(names: list[str], true: FloatArray, pairs: IntArray, random: np.ran
         to_heights=np.zeros(n),
         active=np.ones(n, np.bool_),
         stations=stations,
+        groups=np.full(n, -1, np.int32),
         file_indices=np.zeros(n, np.int32),
         lines=np.arange(1, n + 1, dtype=np.int32),
     )

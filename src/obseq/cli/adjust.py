@@ -27,6 +27,7 @@ example:
   obseq adjust --obs day1.obs day2.obs --cor points.cor --points-crs IGNF:LAMB93 \\
       --point-sigma 0.001 --out results
   obseq adjust --obs levels.obs --cor levels.cor
+  obseq adjust project.comp --json result.json
 
 exit code: 0 adjusted; 1 the iterations did not converge, or points were left out; 2 could not run"""
 
@@ -41,6 +42,7 @@ class Request:
         reading: Keyword arguments of `Network.read`.
         solving: Keyword arguments of `Network.adjust`.
         outputs: Where the results go.
+        project: What to read instead of observations and points.
     """
 
     observations: Sequence[Path]
@@ -48,6 +50,7 @@ class Request:
     reading: dict[str, Any]
     solving: dict[str, Any]
     outputs: Outputs
+    project: Path | None = None
 
 
 def register(commands: Commands) -> None:
@@ -55,9 +58,17 @@ def register(commands: Commands) -> None:
     command = add_command(commands, "adjust", run, "adjust a survey network by least squares", MORE, EXAMPLE)
     files = command.add_argument_group("files")
     files.add_argument(
-        "--obs", nargs="+", type=Path, required=True, metavar="FILE", help="observation files (OBS)"
+        "project",
+        nargs="?",
+        type=Path,
+        metavar="PROJECT",
+        help="a project of another program: Comp3D (.comp)",
     )
-    files.add_argument("--cor", nargs="+", type=Path, required=True, metavar="FILE", help="point files (COR)")
+    files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
+    files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
+    files.add_argument(
+        "--outside", action="store_true", help="let a project read files outside of its own folder"
+    )
     files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
     files.add_argument(
         "--point-format",
@@ -138,9 +149,23 @@ def run(arguments: argparse.Namespace) -> int:
         "strict": arguments.strict,
         "quality": quality_of(arguments),
     }
-    return adjust(
-        Request(arguments.obs, arguments.cor, _given(reading), _given(solving), outputs_of(arguments))
-    )
+    outputs = outputs_of(arguments)
+    if arguments.project:
+        reading = _project_options(arguments, _given(reading))
+        return adjust(Request([], [], reading, _given(solving), outputs, arguments.project))
+    if not arguments.obs or not arguments.cor:
+        raise InputError("adjust: give a project, or observation files (--obs) and point files (--cor)")
+    return adjust(Request(arguments.obs, arguments.cor, _given(reading), _given(solving), outputs))
+
+
+def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> dict[str, Any]:
+    """What may be said about a project besides its name."""
+    accepted = {"frame", "refraction", "encoding"}
+    given = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
+    if given:
+        listed = ", ".join("--" + name.replace("_", "-") for name in given)
+        raise InputError(f"{arguments.project}: a project says itself what {listed} would say; leave it out")
+    return reading | {"outside": arguments.outside}
 
 
 def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -157,7 +182,7 @@ def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    check_writable([path for path, _ in request.outputs], [*request.observations, *request.points])
+    check_writable([path for path, _ in request.outputs], _inputs(request))
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
         record = _adjusted(request, watch)
@@ -168,11 +193,19 @@ def adjust(request: Request) -> int:
     return 0 if record.is_complete else INCOMPLETE
 
 
+def _inputs(request: Request) -> list[Path]:
+    """The files that no output may replace."""
+    return [*request.observations, *request.points, *([request.project] if request.project else [])]
+
+
 def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
     with watch.phase("load"):
         from obseq.survey import Network
     watch.progress("read")
-    network = Network.read(request.observations, request.points, **request.reading)
+    if request.project:
+        network = Network.read_project(request.project, **request.reading)
+    else:
+        network = Network.read(request.observations, request.points, **request.reading)
     record = network.adjust(progress=watch.progress, **request.solving).record()
     return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))
 

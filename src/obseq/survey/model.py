@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -23,16 +23,33 @@ IntArray = npt.NDArray[np.int32]
 
 
 class Orientation(enum.IntEnum):
-    """How a station is turned: local axes, plumb with an unknown horizontal zero, or free."""
+    """How a station is turned: local axes, plumb with an unknown zero, free, or plumb along the grid.
+
+    `GRID` is Comp3D's, for differences of coordinates: east and north are those of the origin of the frame.
+    """
 
     FIX = 0
     VERT = 1
     BASC = 2
+    GRID = 3
 
     @property
     def keyword(self) -> str:
         """The status line of OBS files, such as `#VERT`."""
         return f"#{self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateCovariance:
+    """Covariance of known coordinates.
+
+    Attributes:
+        coordinates: (k) name of the point and component (0 to 2) of each.
+        matrix: (k, k) m^2, symmetric and positive definite.
+    """
+
+    coordinates: tuple[tuple[str, int], ...]
+    matrix: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +66,7 @@ class Points:
         files: names of the files the points come from.
         file_indices: (n,) int32 index in `files`; -1 for a point that only observations name.
         lines: (n,) int32 line in that file, from 1; 0 for a point that only observations name.
+        covariance: what replaces the sigmas of some known coordinates; None for nothing.
     """
 
     names: tuple[str, ...]
@@ -59,6 +77,7 @@ class Points:
     files: tuple[str, ...]
     file_indices: IntArray
     lines: IntArray
+    covariance: CoordinateCovariance | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -153,6 +172,7 @@ def merge_points(parts: Sequence[Points]) -> Points:
         files=tuple(file for part in parts for file in part.files),
         file_indices=np.concatenate([np.zeros(0, np.int32), *indices]).astype(np.int32),
         lines=np.concatenate([np.zeros(0, np.int32)] + [part.lines for part in parts]),
+        covariance=next((part.covariance for part in parts if part.covariance), None),
     )
     _require_unique(merged)
     return merged
@@ -184,7 +204,8 @@ class Observations:
         from_heights: (n,) float64 m, height of the instrument above its point.
         to_heights: (n,) float64 m, height of the target above its point.
         active: (n,) bool, false when the file switches the observation off.
-        stations: (n,) int32 station of the observation; -1 for `Dist` and `DH`.
+        stations: (n,) int32 station of the observation; -1 for kinds that need none.
+        groups: (n,) int32 group of the observation, which has unknowns of its own; -1 for none.
         file_indices: (n,) int32 index in the field book's `files`.
         lines: (n,) int32 line in that file, from 1.
     """
@@ -199,6 +220,7 @@ class Observations:
     to_heights: FloatArray
     active: BoolArray
     stations: IntArray
+    groups: IntArray
     file_indices: IntArray
     lines: IntArray
 
@@ -235,6 +257,42 @@ class Stations:
         return self.members[self.starts[station] : self.starts[station + 1]]
 
 
+@dataclass(frozen=True)
+class Group:
+    """Observations that share unknowns of their own: those of an axis of rotation, equal distances.
+
+    Attributes:
+        name: For messages.
+        parent: The group whose unknowns it has besides its own (an axis, of a turning target); -1 for none.
+    """
+
+    name: str
+    parent: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class VectorCovariances:
+    """Covariances of vectors, whose components are consecutive observations.
+
+    Attributes:
+        first: (k,) int64 rows of the first components.
+        matrices: (k, 3, 3) m^2.
+    """
+
+    first: npt.NDArray[np.int64]
+    matrices: FloatArray
+
+    @classmethod
+    def of(cls, vectors: Sequence[tuple[int, FloatArray]] = ()) -> VectorCovariances:
+        """Covariances of vectors given as (first row, matrix)."""
+        rows = np.array([row for row, _ in vectors], np.int64)
+        return cls(rows, np.array([matrix for _, matrix in vectors], np.float64).reshape(-1, 3, 3))
+
+    def at(self, rows: npt.NDArray[np.int64]) -> FloatArray:
+        """(n, 3, 3) covariances of the vectors whose first components are these rows."""
+        return np.asarray(self.matrices[np.searchsorted(self.first, rows)])
+
+
 @dataclass(frozen=True, eq=False)
 class FieldBook:
     """What OBS files contain.
@@ -244,6 +302,8 @@ class FieldBook:
         observations: all observations.
         stations: the station sets; each has at least one active observation.
         files: names of the files read.
+        groups: the groups of observations that share unknowns.
+        vectors: the covariances of observed vectors.
         warnings: things that were read and not used, one sentence each.
     """
 
@@ -251,6 +311,8 @@ class FieldBook:
     observations: Observations
     stations: Stations
     files: tuple[str, ...]
+    groups: tuple[Group, ...] = ()
+    vectors: VectorCovariances = field(default_factory=VectorCovariances.of)
     warnings: tuple[str, ...] = ()
 
     def place(self, row: int) -> str:
@@ -281,7 +343,7 @@ def group_by_station(stations: IntArray, n_stations: int) -> tuple[IntArray, Int
 
 @expecting(book=instance(FieldBook))
 def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
-    """Orientations after MMVII's rule: a station without any active Hz, DX or DY becomes FIX.
+    """Orientations after MMVII's rule: a station without any active Hz, DX or DY becomes FIX; so does GRID.
 
     A DX or DY of exactly zero (a target plumb over its mark) turns with no station, and does not count.
 
@@ -296,7 +358,10 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     kept = orienting & observations.active & (observations.stations >= 0)
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True
-    return np.where(is_oriented, book.stations.orientations, np.int8(Orientation.FIX)).astype(np.int8)
+    declared = np.where(
+        book.stations.orientations == Orientation.GRID, np.int8(Orientation.FIX), book.stations.orientations
+    )
+    return np.where(is_oriented, declared, np.int8(Orientation.FIX)).astype(np.int8)
 
 
 @expecting(points=instance(Points), book=instance(FieldBook))

@@ -10,13 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq import crs
-from obseq.arguments import FUNCTION, NOTHING, NUMBER, PATHS, TEXT, TRUTH, WHOLE, WORDS, expecting, instance
+from obseq.arguments import (
+    FUNCTION,
+    NOTHING,
+    NUMBER,
+    PATH,
+    PATHS,
+    TEXT,
+    TRUTH,
+    WHOLE,
+    WORDS,
+    expecting,
+    instance,
+)
 from obseq.errors import ObseqError, SingularSystemError
 from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
+from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.notes import notes
 from obseq.survey.adjustment.plumb import Plumb
@@ -25,6 +38,7 @@ from obseq.survey.adjustment.quality import Examination, Quality, examine
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.files.projects import read_project
 from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.initial.left_out import Determined, leave_out
@@ -139,6 +153,51 @@ class Network:
                 if point_sigma is not None:
                     options = replace(options, sigma=point_sigma)
                 points = _read_free_format(point_files, point_format, options)
+        return cls._assembled(points, book, frame, points_crs, refraction, watch)
+
+    @classmethod
+    @expecting(path=PATH, frame=TEXT | NOTHING, encoding=TEXT, outside=TRUTH)
+    def read_project(
+        cls,
+        path: str | Path,
+        frame: str | None = None,
+        refraction: float | None = None,
+        encoding: str = "utf-8",
+        *,
+        outside: bool = False,
+    ) -> Network:
+        """Reads what a file of another program describes: a Comp3D project (`.comp`).
+
+        Args:
+            path: The file.
+            frame: Definition of the computation frame, in place of the one of the project.
+            refraction: Coefficient of zenith angles, in place of the one of the project.
+            encoding: Encoding of names in the files.
+            outside: Whether files outside the folder of the project may be read.
+
+        Raises:
+            InputError: Something in the files cannot be read; the message says where and what to do.
+        """
+        watch = Stopwatch()
+        with watch.phase("read"):
+            project = read_project(path, encoding, outside)
+        coefficient = project.refraction if refraction is None else refraction
+        definition = frame or project.frame
+        return cls._assembled(
+            project.points, project.book, definition, project.points_crs, coefficient, watch
+        )
+
+    @classmethod
+    def _assembled(
+        cls,
+        points: Points,
+        book: FieldBook,
+        frame: str | None,
+        points_crs: str | None,
+        refraction: float,
+        watch: Stopwatch,
+    ) -> Network:
+        """The network of points in their system and of observations."""
         with watch.phase("coordinate systems"):
             computation, given = frame_of(frame, points_crs, points)
             placed = points.has_coordinates
@@ -164,7 +223,8 @@ class Network:
         return initial
 
     def _initial_values(self) -> InitialValues:
-        return initial_values(self.points, self.book, self.frame.plumb)
+        points = with_first_places(self.frame, self.points, self.book)
+        return initial_values(points, self.book, self.frame.plumb)
 
     @expecting(
         max_iterations=WHOLE,
@@ -345,11 +405,7 @@ class Network:
     ) -> Adjustment:
         solution, quality = found.solution, adjusted_quality(equations, self.book, found)
         coordinates = solution.values(equations.points)
-        residuals = np.full(len(self.book.observations), np.nan)
-        sigmas = self.book.observations.sigmas.copy()
-        for rows, batch in equations.batches.values():
-            residuals[rows] = solution.residuals(batch)[:, 0]
-            sigmas[rows] = batch.sigmas[:, 0]
+        residuals, sigmas = equations.fitted(solution)
         residuals[quality.rejected] = np.nan
         return Adjustment(
             solution=solution,

@@ -10,7 +10,9 @@ import numpy as np
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
+from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
+from obseq.survey.adjustment.vectors import Vectors
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS
 from obseq.survey.model import Orientation
 
@@ -96,7 +98,10 @@ class Equations:
             ids = self.stations[initial.orientations == status]
             if ids.size:
                 self.system.freeze(ids, components)
-        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations)
+        shared_unknowns = SharedUnknowns(self.system, book)
+        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, shared_unknowns)
+        shared_unknowns.add(self._site, initial.coordinates)
+        self._vectors: Vectors | None = None
         self.batches = self._add_observations(initial.coordinates)
 
     def _blocks_of_points(
@@ -110,17 +115,37 @@ class Equations:
     def _plumbed(self, initial: InitialValues, vertical: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
         before = vertical(initial.coordinates[self._origins])
-        return np.asarray(self._verticals.transpose(0, 2, 1) @ before @ initial.rotations)
+        rotations = self._verticals.transpose(0, 2, 1) @ before @ initial.rotations
+        grid = self._book.stations.orientations == Orientation.GRID
+        rotations[grid] = _along_grid(self._verticals[grid])
+        return np.asarray(rotations)
 
     def _add_observations(self, coordinates: FloatArray) -> dict[ObservationKind, tuple[IntArray, Batch]]:
         observations = self._book.observations
         batches = {}
         for kind in KINDS:
             rows = np.flatnonzero((observations.types == kind.code) & observations.active)
-            if rows.size:
-                add = self._linear if kind.is_linear(self._site) else self._observed
-                batches[kind] = (rows, add(kind, rows, coordinates))
+            if rows.size and kind.size:
+                batches[kind] = (rows, self._added(kind, rows, coordinates))
         return batches
+
+    def _added(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
+        if kind.size > 1:
+            return self._add_vectors(kind, rows, coordinates)
+        add = self._linear if kind.is_linear(self._site) else self._observed
+        return add(kind, rows, coordinates)
+
+    def _add_vectors(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
+        """Vectors as whitened linear rows."""
+        self._vectors = Vectors.of(self._book, rows)
+        rotation, _ = self._site.to_geocentric(rows)
+        values = self._vectors.values(self._site, self._plumb, self._book, coordinates)
+        coefficients, right = self._vectors.equations(rotation, values)
+        ends = [np.repeat(blocks, kind.size) for blocks in self._site.ends(rows)]
+        labels = Labels(self._book, self._vectors.components.ravel())
+        return self.system.add_linear(
+            ends, [-coefficients, coefficients], right, 1.0, labels=labels, group=kind.name
+        )
 
     def _observed(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
         """Observations of a formula."""
@@ -155,7 +180,8 @@ class Equations:
     def _measured(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, m) what the equation takes besides blocks: offsets if any, its context, the value last."""
         site = self._site
-        columns = [kind.context(site, rows, coordinates), kind.values(site, rows, coordinates)[:, None]]
+        values = kind.values(site, rows, coordinates).reshape(len(rows), -1)
+        columns = [kind.context(site, rows, coordinates), values]
         if self._has_offsets(kind, rows):
             columns.insert(0, self._plumb.offsets(self._book, rows, coordinates))
         return np.hstack(columns)
@@ -183,10 +209,28 @@ class Equations:
             system.set_values(self.stations, rotations)
             self._verticals = verticals
         for kind, (rows, batch) in self.batches.items():
+            if kind.size > 1:
+                continue
             if kind.depends_on_place or self._has_offsets(kind, rows) or self._plumb.is_deflected:
                 batch.observations = self._measured(kind, rows, coordinates)
             if self._book.observations.relative_sigmas[rows].any():
                 batch.sigmas = self.sigmas(rows, coordinates)
+
+    def fitted(self, solution: LeastSquaresResult) -> tuple[FloatArray, FloatArray]:
+        """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""
+        residuals = np.full(len(self._book.observations), np.nan)
+        sigmas = self._book.observations.sigmas.copy()
+        for kind, (rows, batch) in self.batches.items():
+            found = solution.residuals(batch)
+            if kind.size > 1 and self._vectors is not None:
+                components = self._vectors.components
+                residuals[components], sigmas[components] = (
+                    self._vectors.residuals(found),
+                    self._vectors.sigmas,
+                )
+            else:
+                residuals[rows], sigmas[rows] = kind.residuals(found)[:, 0], batch.sigmas[:, 0]
+        return residuals, sigmas
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""
@@ -207,3 +251,20 @@ def station_names(points: Points, book: FieldBook) -> list[str]:
         seen[name] = seen.get(name, 0) + 1
         names.append(f"station {name}" if seen[name] == 1 else f"station {name} ({seen[name]})")
     return names
+
+
+def _along_grid(verticals: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations, plumb instrument to frame, whose front is the y axis of the frame seen from above.
+
+    Args:
+        verticals: (n, 3, 3) rotations from the frame to east, north, up.
+    """
+    azimuths = np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1])
+    cosine, sine, zero, one = (
+        np.cos(azimuths),
+        np.sin(azimuths),
+        np.zeros(len(azimuths)),
+        np.ones(len(azimuths)),
+    )
+    turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
+    return np.asarray((turns @ verticals).transpose(0, 2, 1))

@@ -99,6 +99,19 @@ class Frame:
                 f"{RTL_HINT} ({error})"
             ) from error
 
+    def sphere(self, book: FieldBook, rows: IntArray) -> tuple[FloatArray, float]:
+        """Centre (3,) in the frame, and radius, of the sphere that stands for height 0, for observations.
+
+        It is below the origin of the frame, with the mean curvature there.
+        """
+        if self.is_plane:
+            return np.array([0.0, 0.0, -MEAN_RADIUS]), MEAN_RADIUS
+        self.to_geocentric(book, rows)
+        _, latitude, height = self.system.geodetic(np.zeros((1, 3)))[0]
+        radius = float(crs.curvature_radius(latitude))
+        up = self.system.vertical_rotation(np.zeros((1, 3)))[0, 2]
+        return np.asarray(-(radius + height) * up), radius
+
 
 def frame_of(
     definition: str | None, points_crs: str | None, points: Points

@@ -76,10 +76,14 @@ class KnownCoordinates:
         self._values[some] = point_system.coordinates(points.coordinates[some], names)
         self._sigmas = points.sigmas
         self._linearised_at = system.values(ids)
-        self._rows, self._components = np.nonzero(~(points.is_free | points.is_held))
+        self._correlated = _correlated(points)
+        independent = ~(points.is_free | points.is_held)
+        independent[self._correlated] = False
+        self._rows, self._components = np.nonzero(independent)
         self._held_rows, self._held_components = self._freeze(system)
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
+        self._whitened = self._add_whitened(system)
 
     def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
         """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
@@ -116,6 +120,18 @@ class KnownCoordinates:
         labels = Labels(self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
 
+    def _add_whitened(self, system: LeastSquares) -> Batch | None:
+        """Correlated coordinates, as rows that their covariance makes independent, linearised once."""
+        covariance, (rows, components) = self._points.covariance, self._correlated
+        if covariance is None or not rows.size:
+            return None
+        equations = self._linearised(system, rows, components)
+        roots = np.linalg.cholesky(np.linalg.inv(covariance.matrix)).T
+        places = [np.full(len(rows), self._ids[row]) for row in rows]
+        coefficients = [roots[:, k, None] * equations[k, :3] for k in range(len(rows))]
+        values = roots @ equations[:, 3]
+        return system.add_linear(places, coefficients, values, 1.0, group=GROUP, is_constraint=True)
+
     def _linearised(self, system: LeastSquares, rows: IntArray, components: IntArray) -> FloatArray:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
         found, position = np.unique(rows, return_inverse=True)
@@ -139,8 +155,23 @@ class KnownCoordinates:
 
     def residuals(self, solution: LeastSquaresResult) -> CoordinateResiduals:
         """How the coordinates given with a sigma fit a solution."""
-        rows, components = self._rows, self._components
-        residuals = np.zeros(0) if self._soft is None else solution.residuals(self._soft)[:, 0]
-        return CoordinateResiduals(
-            rows, components, self._values[rows, components], self._sigmas[rows, components], residuals
-        )
+        rows = np.concatenate([self._rows, self._correlated[0]])
+        components = np.concatenate([self._components, self._correlated[1]])
+        if not rows.size:
+            return CoordinateResiduals(rows, components, *(np.zeros(0) for _ in range(3)))
+        found, position = np.unique(rows, return_inverse=True)
+        here = solution.values(self._ids[found])
+        gaps = self._system.differences(self._system.coordinates(here), self._values[found])
+        gaps *= self._system.axes(here)[1]
+        sigmas = self._sigmas[rows, components]
+        if self._points.covariance is not None:
+            sigmas[len(self._rows) :] = np.sqrt(np.diag(self._points.covariance.matrix))
+        values = self._values[rows, components]
+        return CoordinateResiduals(rows, components, values, sigmas, gaps[position, components])
+
+
+def _correlated(points: Points) -> tuple[IntArray, IntArray]:
+    """(rows, components) of the coordinates that a covariance is given for, in its order."""
+    given = points.covariance.coordinates if points.covariance else ()
+    rows = [points.index[name] for name, _ in given]
+    return np.array(rows, np.int64), np.array([component for _, component in given], np.int64)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.adjustment.plumb import Plumb
+    from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
     from obseq.survey.model import FieldBook
 
 
@@ -24,6 +25,7 @@ class NetworkSite:
         book: The observations.
         points: Block of every point.
         rotations: Block of the rotation of every station.
+        shared_unknowns: Blocks of the unknowns of groups.
     """
 
     frame: Frame
@@ -31,6 +33,7 @@ class NetworkSite:
     book: FieldBook
     points: IntArray
     rotations: IntArray
+    shared_unknowns: SharedUnknowns
 
     @property
     def is_plane(self) -> bool:
@@ -61,3 +64,16 @@ class NetworkSite:
     def stations(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the rotations of the stations."""
         return self.rotations[self.book.observations.stations[rows]]
+
+    def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (n, 3) of the two points."""
+        observations = self.book.observations
+        return coordinates[observations.from_points[rows]], coordinates[observations.to_points[rows]]
+
+    def shared(self, rows: IntArray, part: str) -> IntArray:
+        """Blocks (n,) of what the group of each observation, or its parent, has under this name."""
+        return self.shared_unknowns.blocks(rows, part)
+
+    def sphere(self, rows: IntArray) -> tuple[FloatArray, float]:
+        """Centre (3,) in the frame, and radius, of the sphere that stands for height 0."""
+        return self.frame.sphere(self.book, rows)

@@ -12,6 +12,7 @@ follow three sigmas, or directly the coordinates of a free point.
 | 3 | constrained in z; x, y free |
 | 4, 5 | Comp3D's 1D point: x, y held; z free (4) or constrained (5) |
 | 6, 7 | Comp3D's 2D point: z held; x, y free (6) or constrained (7) |
+| 8, 9 | the same, remote: no part of a datum of its own |
 
 A constrained component with a sigma of 0 is held at its value; with a negative sigma its constraint is
 switched off and the component is free. This is Comp3D's reading; MMVII has no such file.
@@ -57,10 +58,12 @@ _FLAGS = {
     5: (_HELD, _HELD, _GIVEN),
     6: (_FREE, _FREE, _HELD),
     7: (_GIVEN, _GIVEN, _HELD),
+    8: (_FREE, _FREE, _HELD),
+    9: (_GIVEN, _GIVEN, _HELD),
 }
 _KNOWN_FLAGS = frozenset(str(flag) for flag in _FLAGS)
 _HELP = "flag name x y z [sx sy sz, or s] [eta xi]"
-_FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 and 7 plane only"
+_FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 to 9 plane only"
 
 
 @dataclass(frozen=True)
@@ -103,31 +106,70 @@ def read_cor(
 
 
 def _read_one(file: TextFile, default_sigma: float | None) -> Points:
-    names, rows, sigmas, rests, lines = [], [], [], [], []
+    columns = PointColumns(default_sigma)
+    columns.open_file(file)
     for index, line in enumerate(file.lines):
         fields = line.partition("*")[0].split()
-        if not fields:
-            continue
+        if fields:
+            columns.append(file, index, fields)
+    if not len(columns):
+        raise InputError(f"{file.name}: holds no point (every line is empty or a comment)")
+    return columns.points()
+
+
+class PointColumns:
+    """Collects the points of one COR file after another."""
+
+    def __init__(self, default_sigma: float | None = None) -> None:
+        self._default_sigma = default_sigma
+        self._files: list[str] = []
+        self._names: list[str] = []
+        self._coordinates: list[list[float]] = []
+        self._sigmas: list[list[float]] = []
+        self._rests: list[_Rest] = []
+        self._places: list[tuple[int, int]] = []
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def open_file(self, file: TextFile) -> None:
+        """A file whose lines follow."""
+        self._files.append(file.name)
+
+    def append(self, file: TextFile, index: int, fields: list[str]) -> None:
+        """Adds the point of line `index` (from 0) of an open file.
+
+        Raises:
+            InputError: the line is not what it must be; the message names it.
+        """
         flag = _flag(file, index, fields)
         file.check_name(index, fields[1])
         rest = _rest(file, index, fields[5:], _GIVEN in _FLAGS[flag])
-        names.append(fields[1])
-        rows.append([_number(file, index, text) for text in fields[2:5]])
-        sigmas.append(_sigmas(file, index, flag, rest.sigmas, default_sigma))
-        rests.append(rest)
-        lines.append(index + 1)
-    if not names:
-        raise InputError(f"{file.name}: holds no point (every line is empty or a comment)")
-    return Points(
-        names=tuple(names),
-        coordinates=np.array(rows, np.float64),
-        sigmas=np.array(sigmas, np.float64),
-        deflections=np.array([rest.deflection for rest in rests], np.float64),
-        infos=tuple(rest.info for rest in rests),
-        files=(file.name,),
-        file_indices=np.zeros(len(names), np.int32),
-        lines=np.array(lines, np.int32),
-    )
+        self._names.append(fields[1])
+        self._coordinates.append([_number(file, index, text) for text in fields[2:5]])
+        self._sigmas.append(_sigmas(file, index, flag, rest.sigmas, self._default_sigma))
+        self._rests.append(rest)
+        self._places.append((self._files.index(file.name), index + 1))
+
+    def points(self) -> Points:
+        """Everything read.
+
+        Raises:
+            InputError: a name occurs twice.
+        """
+        n = len(self)
+        places = np.array(self._places, np.int32).reshape(n, 2)
+        points = Points(
+            names=tuple(self._names),
+            coordinates=np.array(self._coordinates, np.float64).reshape(n, 3),
+            sigmas=np.array(self._sigmas, np.float64).reshape(n, 3),
+            deflections=np.array([rest.deflection for rest in self._rests], np.float64).reshape(n, 2),
+            infos=tuple(rest.info for rest in self._rests),
+            files=tuple(self._files),
+            file_indices=places[:, 0],
+            lines=places[:, 1],
+        )
+        return merge_points([points])
 
 
 def _flag(file: TextFile, index: int, fields: list[str]) -> int:

@@ -16,7 +16,6 @@ two components of value 0; a minus before the code switches a line off.
 from __future__ import annotations
 
 import math
-from array import array
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +24,7 @@ import numpy as np
 from obseq.arguments import PATH, PATHS, TEXT, WORDS, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import NOTHING, AfterSigma, Triple, checked_ignore
+from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
@@ -41,8 +41,6 @@ from obseq.survey.model import (
     FieldBook,
     Observations,
     Orientation,
-    Stations,
-    group_by_station,
 )
 from obseq.writing import write_text
 
@@ -55,7 +53,7 @@ RADIANS_PER_GON = math.pi / 200.0
 _WHITE_SPACE = " \t\r\f\v"
 _OPENS_STATION = 7
 _SLOPE, _CENTRING = 1, 9
-_LINES: dict[int, tuple[ObservationKind, ...]] = {kind.code: (kind,) for kind in KINDS} | {
+_LINES: dict[int, tuple[ObservationKind, ...]] = {kind.code: (kind,) for kind in KINDS if kind.is_line} | {
     _OPENS_STATION: (HZ,),
     _SLOPE: (DIST,),
     _CENTRING: (DX, DY),
@@ -67,11 +65,10 @@ _ALONE = (AZIM.code, _CENTRING)
 _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
 _NEW = "#NEW"
 _KNOWN = ", ".join(
-    [f"{kind.code} {kind.name}" for kind in KINDS]
+    [f"{kind.code} {kind.name}" for kind in KINDS if kind.is_line]
     + [f"{_SLOPE} as 3", f"{_OPENS_STATION} Hz of a new station", f"{_CENTRING} centring"]
 )
 _HINTS = {
-    2: "a distance at height 0 (code 2 of Comp3D) is not read; give the slope distance with code 3",
     11: "a sub-frame (code 11 of Comp3D) is read in Comp3D projects; in an OBS file write its lines with "
     "codes "
     "14, 15 and 16 after a line #BASC",
@@ -100,31 +97,23 @@ def read_obs(
     reader = _Reader(checked_ignore(ignore))
     for path in [paths] if isinstance(paths, str | Path) else paths:
         reader.read(read_text(path, encoding))
-    return reader.field_book()
+    return reader.columns.field_book()
 
 
 class _Reader:
-    """Collects the columns of a field book, one file after another."""
+    """Reads one file after another into the columns of a field book."""
 
     def __init__(self, ignored: frozenset[str]) -> None:
         self.ignored = ignored
-        self.names: dict[str, int] = {}
-        self.files: list[str] = []
-        self.warnings: list[str] = []
-        self.types, self.active = array("h"), array("b")
-        self.from_points, self.to_points = array("i"), array("i")
-        self.values, self.sigmas = array("d"), array("d")
-        self.relative_sigmas, self.from_heights, self.to_heights = array("d"), array("d"), array("d")
-        self.stations, self.file_indices, self.lines = array("i"), array("i"), array("i")
-        self.origins, self.orientations = array("i"), array("b")
+        self.columns = Columns()
         self.orientation = Orientation.VERT
         self.open_stations: dict[int, int] = {}
 
     def read(self, file: TextFile) -> None:
         """Adds the observations of one file."""
         self.orientation, self.open_stations = Orientation.VERT, {}
-        self.files.append(file.name)
-        before, rest = len(self.values), AfterSigma(file, self.ignored)
+        self.number = self.columns.open_file(file)
+        before, rest = len(self.columns), AfterSigma(file, self.ignored)
         for index, line in enumerate(file.lines):
             fields = line.partition("*")[0].split()
             if not fields:
@@ -133,9 +122,9 @@ class _Reader:
                 self._read_status(file, index, line)
             else:
                 self._read_measure(file, index, fields, rest)
-        if len(self.values) == before:
+        if len(self.columns) == before:
             raise InputError(f"{file.name}: holds no observation (every line is empty or a comment)")
-        self.warnings.extend(rest.warnings())
+        self.columns.warnings.extend(rest.warnings())
 
     def _read_status(self, file: TextFile, index: int, line: str) -> None:
         word = line.partition("*")[0].strip(_WHITE_SPACE)
@@ -166,51 +155,16 @@ class _Reader:
             _check_measure(file, index, kinds[0], fields, value, sigma)
         is_length = kinds[0].is_angle or code == _CENTRING
         after = rest.read(index, is_length, fields[5:]) if len(fields) > 5 else NOTHING
-        origin, target = self._point(file, index, fields[1]), self._point(file, index, fields[2])
+        origin, target = (self.columns.point(file, index, name) for name in fields[1:3])
         station = self._station(code, origin)
         if code == _CENTRING:
-            self._append_centring(index, (origin, target, station), sigma, is_off, after)
+            measures = centring(origin, target, station, sigma, after, not is_off)
         else:
-            self._append(index, kinds[0], (origin, target, station), value, sigma, is_active, after)
-
-    def _append_centring(
-        self, index: int, ends: tuple[int, int, int], sigma: float, is_off: bool, after: Triple
-    ) -> None:
-        """Two components of value 0; the number after the sigma is the sigma of the second, if any."""
-        second = after[0] if after[0] > 0.0 else sigma
-        for kind, spread in zip(_LINES[_CENTRING], (sigma, second), strict=True):
-            self._append(index, kind, ends, 0.0, spread, spread >= 0.0 and not is_off, (0.0, *after[1:]))
-
-    def _append(
-        self,
-        index: int,
-        kind: ObservationKind,
-        ends: tuple[int, int, int],
-        value: float,
-        sigma: float,
-        is_active: bool,
-        after: Triple,
-    ) -> None:
-        unit = RADIANS_PER_GON if kind.is_angle else 1.0
-        self.types.append(kind.code)
-        self.from_points.append(ends[0])
-        self.to_points.append(ends[1])
-        self.values.append(value * unit)
-        self.sigmas.append(abs(sigma) * unit)
-        self.relative_sigmas.append(after[0])
-        self.from_heights.append(after[1])
-        self.to_heights.append(after[2])
-        self.active.append(is_active)
-        self.stations.append(ends[2])
-        self.file_indices.append(len(self.files) - 1)
-        self.lines.append(index + 1)
-
-    def _point(self, file: TextFile, index: int, name: str) -> int:
-        row = self.names.get(name)
-        if row is None:
-            file.check_name(index, name)
-            row = self.names[name] = len(self.names)
-        return row
+            unit = RADIANS_PER_GON if kinds[0].is_angle else 1.0
+            numbers = (value * unit, sigma * unit, is_active, *after)
+            measures = (Measure(kinds[0], origin, target, *numbers, station),)
+        for measure in measures:
+            self.columns.append(measure, self.number, index)
 
     def _station(self, code: int, origin: int) -> int:
         """Station of a measure, opened if needed; code 7 hides the open station of its point.
@@ -220,52 +174,23 @@ class _Reader:
         if not _LINES[code][0].needs_station:
             return -1
         if code in _ALONE:
-            self.origins.append(origin)
-            self.orientations.append(Orientation.FIX)
-            return len(self.origins) - 1
+            return self.columns.open_station(origin, Orientation.FIX)
         station = self.open_stations.get(origin, -1)
         if station < 0 or code == _OPENS_STATION:
-            station = self.open_stations[origin] = len(self.origins)
-            self.origins.append(origin)
-            self.orientations.append(self.orientation)
+            station = self.columns.open_station(origin, self.orientation)
+            self.open_stations[origin] = station
         return station
 
-    def field_book(self) -> FieldBook:
-        """Everything read; stations without an active observation are dropped."""
-        active = np.array(self.active, np.bool_)
-        declared = np.array(self.stations, np.int32)
-        used = np.zeros(len(self.origins) + 1, np.bool_)
-        used[declared[active]] = True
-        used[-1] = False
-        numbers = np.where(used, np.cumsum(used) - 1, -1).astype(np.int32)
-        stations = numbers[declared]
-        kept = used[:-1]
-        starts, members = group_by_station(stations, int(kept.sum()))
-        return FieldBook(
-            point_names=tuple(self.names),
-            observations=Observations(
-                types=np.array(self.types, np.int16),
-                from_points=np.array(self.from_points, np.int32),
-                to_points=np.array(self.to_points, np.int32),
-                values=np.array(self.values, np.float64),
-                sigmas=np.array(self.sigmas, np.float64),
-                relative_sigmas=np.array(self.relative_sigmas, np.float64),
-                from_heights=np.array(self.from_heights, np.float64),
-                to_heights=np.array(self.to_heights, np.float64),
-                active=active,
-                stations=stations,
-                file_indices=np.array(self.file_indices, np.int32),
-                lines=np.array(self.lines, np.int32),
-            ),
-            stations=Stations(
-                origins=np.array(self.origins, np.int32)[kept],
-                orientations=np.array(self.orientations, np.int8)[kept],
-                starts=starts,
-                members=members,
-            ),
-            files=tuple(self.files),
-            warnings=tuple(self.warnings),
-        )
+
+def centring(
+    origin: int, target: int, station: int, sigma: float, after: Triple, is_on: bool
+) -> tuple[Measure, ...]:
+    """Two components of value 0; the first number after the sigma is the sigma of the second, if any."""
+    second = after[0] if abs(after[0]) > LEAST_SIGMA else sigma
+    return tuple(
+        Measure(kind, origin, target, 0.0, spread, spread >= 0.0 and is_on, 0.0, *after[1:], station)
+        for kind, spread in ((DX, sigma), (DY, second))
+    )
 
 
 def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:

@@ -50,11 +50,36 @@ class Site(Protocol):
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
 
+    def sphere(self, rows: IntArray) -> tuple[FloatArray, float]:
+        """Centre (3,) in the frame, and radius, of the sphere that stands for height 0."""
+
+    def shared(self, rows: IntArray, part: str) -> IntArray:
+        """Blocks (n,) of what the group of each observation, or its parent, has as unknown of this name."""
+
     def ends(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Blocks (n,) of the two points."""
 
+    def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (n, 3) of the two points."""
+
     def stations(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the rotations of the stations."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """An unknown of a group, where it starts.
+
+    Attributes:
+        value: A number, or a vector (3,) of any length for a direction.
+    """
+
+    value: float | FloatArray
+
+    @property
+    def is_direction(self) -> bool:
+        """Whether it is a direction of space, not a number."""
+        return not isinstance(self.value, float)
 
 
 @dataclass(frozen=True)
@@ -70,7 +95,9 @@ class ObservationKind:
         needs_station: Whether it is read on an instrument, whose axes are an unknown or given rotation.
         orients: Whether it turns a station about its vertical (0: no, 1: yes, -1: unless its value is 0).
         start: What it gives to initial values.
+        size: Number of components: the rows of a vector follow each other, the first one leads.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
+        is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
     """
 
     name: str
@@ -81,7 +108,9 @@ class ObservationKind:
     needs_station: bool = False
     orients: int = 0
     start: Start = Start.NOTHING
+    size: int = 1
     takes_heights: bool = True
+    is_line: bool = True
 
     @property
     def unit(self) -> str:
@@ -93,6 +122,14 @@ class ObservationKind:
         if self.is_angle and abs(value) > FULL_TURN:
             return "is beyond one turn"
         return None
+
+    def residuals(self, equation: FloatArray) -> FloatArray:
+        """(n, m) computed minus observed, of the residuals (n, m) of the equation."""
+        return equation
+
+    def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
+        """The unknowns that a group of such observations has of its own, from the rows of one group."""
+        return {}
 
     def start_value(self, value: float, from_height: float, to_height: float) -> float:
         """What initial values make of a value: that between the points, on the axes of the station."""

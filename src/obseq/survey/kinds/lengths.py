@@ -25,6 +25,16 @@ class Distance(ObservationKind):
 
 
 @dataclass(frozen=True)
+class ReducedDistance(Distance):
+    """A horizontal distance on the sphere that stands for height 0; in a plane, the plane distance."""
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Centre and radius of the sphere."""
+        centre, radius = site.sphere(rows)
+        return np.tile((*centre, radius), (len(rows), 1))
+
+
+@dataclass(frozen=True)
 class HeightDifference(ObservationKind):
     """A height difference: along the vertical of the ellipsoid, or of z in a plane frame."""
 
@@ -52,4 +62,7 @@ class HeightDifference(ObservationKind):
 DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE)
 DH = HeightDifference(
     "DH", 4, "height of the target above the origin", "TopoDH", start=Start.RISE, takes_heights=False
+)
+DIST_HZ0 = ReducedDistance(
+    "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", takes_heights=False
 )

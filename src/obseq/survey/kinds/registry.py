@@ -7,14 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
-from obseq.survey.kinds.lengths import DH, DIST
+from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
+from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ0
+from obseq.survey.kinds.polar import ALPHA, BETA
+from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
 
-KINDS: tuple[ObservationKind, ...] = (DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ)
+KINDS: tuple[ObservationKind, ...] = (
+    *(DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ),
+    *(DIST_HZ0, ALPHA, BETA, VECTOR, VECTOR_Y, VECTOR_Z, EQUAL_DH, EQUAL_DIST),
+    *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
+)
 
 BY_CODE = {kind.code: kind for kind in KINDS}
 BY_NAME = {kind.name: kind for kind in KINDS}

@@ -1,0 +1,164 @@
+"""The columns of a field book while files are read."""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from obseq.survey.model import (
+    FieldBook,
+    Group,
+    Observations,
+    Orientation,
+    Stations,
+    VectorCovariances,
+    group_by_station,
+)
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.files.text import TextFile
+    from obseq.survey.kinds.kind import ObservationKind
+
+
+class Measure(NamedTuple):
+    """One observation as read, in metres and radians.
+
+    Attributes:
+        kind: Its kind.
+        origin: Row of the point it is measured from.
+        target: Row of the point it is measured to.
+        value: As read.
+        sigma: Its absolute part.
+        is_active: False when the file switches it off.
+        relative: What is added to the sigma (see `Observations.relative_sigmas`).
+        from_height: Height of the instrument.
+        to_height: Height of the target.
+        station: Its station; -1 for none.
+        group: Its group; -1 for none.
+    """
+
+    kind: ObservationKind
+    origin: int
+    target: int
+    value: float
+    sigma: float
+    is_active: bool = True
+    relative: float = 0.0
+    from_height: float = 0.0
+    to_height: float = 0.0
+    station: int = -1
+    group: int = -1
+
+
+class Columns:
+    """Collects observations, stations and groups of one file after another."""
+
+    def __init__(self) -> None:
+        self.names: dict[str, int] = {}
+        self.files: list[str] = []
+        self.warnings: list[str] = []
+        self.groups: list[Group] = []
+        self._vectors: list[tuple[int, FloatArray]] = []
+        self._integers = {name: array("i") for name in _INTEGERS}
+        self._numbers = {name: array("d") for name in _NUMBERS}
+        self._active = array("b")
+        self._origins, self._orientations = array("i"), array("b")
+
+    def __len__(self) -> int:
+        return len(self._active)
+
+    def open_file(self, file: TextFile) -> int:
+        """Index of a file whose lines follow."""
+        self.files.append(file.name)
+        return len(self.files) - 1
+
+    def point(self, file: TextFile, index: int, name: str) -> int:
+        """Row of a point, which line `index` names."""
+        row = self.names.get(name)
+        if row is None:
+            file.check_name(index, name)
+            row = self.names[name] = len(self.names)
+        return row
+
+    def open_station(self, origin: int, orientation: Orientation) -> int:
+        """Index of a new station."""
+        self._origins.append(origin)
+        self._orientations.append(orientation)
+        return len(self._origins) - 1
+
+    def open_group(self, name: str, parent: int = -1) -> int:
+        """Index of a new group of observations that share unknowns."""
+        self.groups.append(Group(name, parent))
+        return len(self.groups) - 1
+
+    def append(self, measure: Measure, file: int, index: int) -> None:
+        """Adds an observation, read in line `index` (from 0) of a file."""
+        integers = (measure.kind.code, measure.origin, measure.target, measure.station, measure.group, file)
+        for column, integer in zip(self._integers.values(), (*integers, index + 1), strict=True):
+            column.append(integer)
+        numbers = (
+            measure.value,
+            abs(measure.sigma),
+            measure.relative,
+            measure.from_height,
+            measure.to_height,
+        )
+        for values, number in zip(self._numbers.values(), numbers, strict=True):
+            values.append(number)
+        self._active.append(measure.is_active)
+
+    def append_vector(
+        self, measures: tuple[Measure, ...], covariance: FloatArray, file: int, index: int
+    ) -> None:
+        """Adds the components of a vector, with their covariance (m, m)."""
+        self._vectors.append((len(self), covariance))
+        for measure in measures:
+            self.append(measure, file, index)
+
+    def field_book(self) -> FieldBook:
+        """Everything read; stations without an active observation are dropped."""
+        active = np.array(self._active, np.bool_)
+        integers = {name: np.array(values, np.int32) for name, values in self._integers.items()}
+        numbers = {name: np.array(values, np.float64) for name, values in self._numbers.items()}
+        declared = integers["stations"]
+        used = np.zeros(len(self._origins) + 1, np.bool_)
+        used[declared[active]] = True
+        used[-1] = False
+        order = np.where(used, np.cumsum(used) - 1, -1).astype(np.int32)
+        stations, kept = order[declared], used[:-1]
+        starts, members = group_by_station(stations, int(kept.sum()))
+        return FieldBook(
+            point_names=tuple(self.names),
+            observations=Observations(
+                types=integers["types"].astype(np.int16),
+                from_points=integers["from_points"],
+                to_points=integers["to_points"],
+                values=numbers["values"],
+                sigmas=numbers["sigmas"],
+                relative_sigmas=numbers["relative_sigmas"],
+                from_heights=numbers["from_heights"],
+                to_heights=numbers["to_heights"],
+                active=active,
+                stations=stations,
+                groups=integers["groups"],
+                file_indices=integers["file_indices"],
+                lines=integers["lines"],
+            ),
+            stations=Stations(
+                origins=np.array(self._origins, np.int32)[kept],
+                orientations=np.array(self._orientations, np.int8)[kept],
+                starts=starts,
+                members=members,
+            ),
+            files=tuple(self.files),
+            groups=tuple(self.groups),
+            vectors=VectorCovariances.of(self._vectors),
+            warnings=tuple(self.warnings),
+        )
+
+
+_INTEGERS = ("types", "from_points", "to_points", "stations", "groups", "file_indices", "lines")
+_NUMBERS = ("values", "sigmas", "relative_sigmas", "from_heights", "to_heights")

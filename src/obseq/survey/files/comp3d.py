@@ -1,0 +1,227 @@
+"""Comp3D projects (`.comp`): settings, and the files that they name."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.comp3d_observations import read_observations
+from obseq.survey.files.cor import PointColumns
+from obseq.survey.files.includes import Folder
+from obseq.survey.files.levelled_points import levelled_points
+from obseq.survey.files.text import parse_number
+from obseq.survey.model import CoordinateCovariance, merge_points
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.model import FieldBook, Points
+
+UNITS = (1.0, math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0)
+"""Radians in one unit of angles, by `files_unit`: radian, gon, degree, arc second."""
+DEFAULTS = {
+    "root_COR_file": "",
+    "root_OBS_file": "",
+    "coord_cov_file": "",
+    "use_proj": False,
+    "proj_def": "",
+    "center_latitude": 48.8,
+    "local_center": [0.0, 0.0, 0.0],
+    "refraction": 0.12,
+    "files_unit": 1,
+    "use_ellips_height": True,
+    "compute_type": 0,
+    "internal_constraints": False,
+    "max_iterations": 100,
+}
+"""Values of a new project, for keys that are missing; each one that is used is told."""
+SILENT = frozenset(
+    ("name", "description", "lang", "invert_matrix", "convergence_criterion", "force_iterations", "nb_digits")
+) | frozenset(("clean_outputs", "display_map", "misc_metadata", "coord_cov_file", "proj_def"))
+"""Keys that change nothing here, or nothing when they are missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """What a project file of another program describes.
+
+    Attributes:
+        points: The points, in their own system.
+        book: The observations.
+        frame: Definition of the computation frame.
+        points_crs: Definition of the system of the points.
+        refraction: Coefficient of zenith angles.
+        max_iterations: The iterations end at this number.
+    """
+
+    points: Points
+    book: FieldBook
+    frame: str
+    points_crs: str
+    refraction: float
+    max_iterations: int
+
+
+def read_comp3d(path: str | Path, encoding: str = "utf-8", outside: bool = False) -> Project:
+    """Reads a Comp3D project; nothing is written.
+
+    Args:
+        path: The `.comp` file.
+        encoding: Of the point names.
+        outside: Whether files outside the folder of the project may be read.
+
+    Raises:
+        InputError: Naming file and line, what is wrong and what to do.
+    """
+    config, told = _settings(Path(path))
+    folder = Folder(Path(path).parent, encoding, outside)
+    points, ignored = _points(folder, config)
+    unit = UNITS[config["files_unit"]]
+    book = read_observations(folder, config["root_OBS_file"], unit, ignored)
+    if config["coord_cov_file"]:
+        points = replace(points, covariance=_covariance(folder, config["coord_cov_file"], points))
+    points = merge_points([points, levelled_points(points, book, config["local_center"])])
+    if not config["use_ellips_height"] and not points.is_held[:, :2].all():
+        raise InputError(
+            f"{path}: config.use_ellips_height is false: heights are altitudes, which is for networks of "
+            "points "
+            "known in height only (codes 4 and 5)"
+        )
+    points_crs, frame = _systems(config)
+    return Project(
+        points,
+        replace(book, warnings=(*told, *book.warnings)),
+        frame,
+        points_crs,
+        float(config["refraction"]),
+        int(config["max_iterations"]),
+    )
+
+
+def _settings(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The settings with defaults for what is missing, and sentences about these."""
+    file = Folder(path.parent, "latin-1", True).open(path.name)
+    _, found, text = "\n".join(file.lines).partition("=")
+    try:
+        content = json.loads(text if found else "")
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not a Comp3D project (data= and a JSON object): {error}") from error
+    config = content.get("config") if isinstance(content, dict) else None
+    if not isinstance(config, dict):
+        raise InputError(f"{path}: holds no object `config`, which a Comp3D project has")
+    missing = [key for key in DEFAULTS if key not in config and key not in SILENT]
+    told = tuple(
+        f"{path}: {key} is missing; {DEFAULTS[key]!r} is taken, as in a new project" for key in missing
+    )
+    complete = DEFAULTS | config
+    if complete["internal_constraints"]:
+        told += (
+            f"{path}: internal_constraints: precisions here are those of the constraints of the point file, "
+            "not of "
+            "inner constraints",
+        )
+    _check(path, complete)
+    return complete, told
+
+
+def _check(path: Path, config: dict[str, Any]) -> None:
+    for key, default in DEFAULTS.items():
+        if not _is_like(config[key], default):
+            raise InputError(f"{path}: config.{key} is {config[key]!r}; something like {default!r} is needed")
+    for key in ("root_COR_file", "root_OBS_file"):
+        if not config[key]:
+            raise InputError(f"{path}: config.{key} is empty; name the file")
+    if config["files_unit"] not in range(len(UNITS)):
+        raise InputError(f"{path}: config.files_unit is {config['files_unit']!r}; it goes from 0 to 3")
+    if config["compute_type"] != 0:
+        raise InputError(
+            f"{path}: config.compute_type is {config['compute_type']}: only adjustments (0) are read, not "
+            "propagations or simulations"
+        )
+    centre = config["local_center"]
+    if len(centre) < 2 or not all(isinstance(value, int | float) for value in centre):
+        raise InputError(f"{path}: config.local_center is {centre!r}; [east, north, 0] is needed")
+    if config["max_iterations"] < 1:
+        raise InputError(f"{path}: config.max_iterations is {config['max_iterations']!r}; it is at least 1")
+
+
+def _is_like(value: Any, default: object) -> bool:
+    """Whether a value is of the kind of its default: a truth, a finite number, a text, a list."""
+    if isinstance(default, bool) or not isinstance(default, int | float):
+        return isinstance(value, type(default))
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _systems(config: dict[str, Any]) -> tuple[str, str]:
+    """Definitions of the system of the points and of the computation frame."""
+    east, north = (float(value) for value in config["local_center"][:2])
+    definition = config["proj_def"]
+    if not config["use_proj"]:
+        definition = (
+            f"+proj=sterea +lat_0={config['center_latitude']!r} +lon_0=0 +k_0=1 +x_0={east!r} +y_0={north!r} "
+            "+datum=WGS84"
+        )
+    return definition, f"RTL*{east!r}*{north!r}*0*{definition}"
+
+
+def _points(folder: Folder, config: dict[str, Any]) -> tuple[Points, frozenset[str]]:
+    """The points, and the names that are to be ignored with everything that they occur in."""
+    columns, ignored = PointColumns(), set()
+    for file, index, fields in folder.lines(config["root_COR_file"], columns.open_file):
+        if fields[0] == "-1" and len(fields) > 1:
+            ignored.add(fields[1])
+        else:
+            columns.append(file, index, fields)
+    points = columns.points()
+    kept = np.array([row for row, name in enumerate(points.names) if name not in ignored], np.intp)
+    if not kept.size:
+        raise InputError(f"{folder.path(config['root_COR_file'])}: holds no point")
+    return points.subset(kept), frozenset(ignored)
+
+
+def _covariance(folder: Folder, name: str, points: Points) -> CoordinateCovariance | None:
+    """The covariance of known coordinates that have a sigma; other parameters of the file have no part."""
+    file = folder.open(name)
+    rows = [(index, line.replace(",", " ").split()) for index, line in enumerate(file.lines) if line.strip()]
+    if not rows or rows[0][1][0] != "param":
+        raise file.error(0, "the first line of a covariance file is `param` and the names of the parameters")
+    names = rows[0][1][1:]
+    matrix = np.zeros((len(names), len(names)))
+    if len(rows) != len(names) + 1:
+        raise file.error(rows[-1][0], f"{len(rows) - 1} rows for {len(names)} parameters")
+    for k, (index, fields) in enumerate(rows[1:]):
+        if fields[0] != names[k] or len(fields) != len(names) + 1:
+            raise file.error(index, f"the row of {names[k]} with {len(names)} numbers is expected here")
+        try:
+            matrix[k] = [parse_number(text) for text in fields[1:]]
+        except ValueError as error:
+            raise file.error(index, str(error)) from error
+    return _restricted(file.name, names, matrix, points)
+
+
+def _restricted(
+    file: str, names: list[str], matrix: FloatArray, points: Points
+) -> CoordinateCovariance | None:
+    coordinates, kept = [], []
+    for k, name in enumerate(names):
+        point, _, axis = name.rpartition("_")
+        row, component = points.index.get(point), "xyz".find(axis)
+        if row is not None and component >= 0 and points.sigmas[row, component] > 0.0:
+            coordinates.append((point, component))
+            kept.append(k)
+    if not kept:
+        return None
+    chosen = matrix[np.ix_(kept, kept)]
+    symmetric = (chosen + chosen.T) / 2.0
+    try:
+        np.linalg.cholesky(symmetric)
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            f"{file}: the covariance of the known coordinates is not positive definite"
+        ) from error
+    return CoordinateCovariance(tuple(coordinates), symmetric)

@@ -1,0 +1,92 @@
+"""Files that name other files: where they may be, and how deep that goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+from obseq.survey.files.text import read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from obseq.survey.files.text import TextFile
+
+DEEPEST = 5
+"""Levels of files that include files."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A project's folder.
+
+    Attributes:
+        root: The folder.
+        encoding: Of the names in its files.
+        outside: Whether files outside of it may be read.
+    """
+
+    root: Path
+    encoding: str
+    outside: bool
+
+    def path(self, name: str, beside: Path | None = None) -> Path:
+        r"""The path of a file that another one names; `\` counts as `/`.
+
+        Raises:
+            InputError: it is outside the folder, and that was not allowed.
+        """
+        found = (beside or self.root) / name.replace("\\", "/")
+        if not self.outside and not found.resolve().is_relative_to(self.root.resolve()):
+            raise InputError(
+                f"{found}: this file is outside the folder of the project; if you trust the project, allow "
+                "it "
+                "(--outside)"
+            )
+        return found
+
+    def open(self, name: str, beside: Path | None = None) -> TextFile:
+        """A file that another one names."""
+        return read_text(self.path(name, beside), self.encoding)
+
+    def lines(
+        self,
+        name: str,
+        opened: Callable[[TextFile], object],
+        includes: bool = True,
+        beside: Path | None = None,
+    ) -> Iterator[tuple[TextFile, int, list[str]]]:
+        """The lines that hold something: file, index (from 0) and fields; those of included files in place.
+
+        Args:
+            name: The file.
+            opened: Called with each file before its lines.
+            includes: Whether a line `@file` includes a file.
+            beside: Folder from which the name counts; the root when None.
+
+        Raises:
+            InputError: a file cannot be read, or files include each other without end.
+        """
+        yield from self._lines(self.path(name, beside), opened, includes, 0)
+
+    def _lines(
+        self, path: Path, opened: Callable[[TextFile], object], includes: bool, depth: int
+    ) -> Iterator[tuple[TextFile, int, list[str]]]:
+        file = read_text(path, self.encoding)
+        opened(file)
+        for index, line in enumerate(file.lines):
+            fields = line.partition("*")[0].split()
+            if not fields:
+                continue
+            if not fields[0].startswith("@"):
+                yield file, index, fields
+                continue
+            if not includes:
+                raise file.error(index, "a file of this kind includes no other file")
+            if depth == DEEPEST:
+                raise file.error(
+                    index, f"files include files more than {DEEPEST} levels deep; is there a loop?"
+                )
+            yield from self._lines(self.path(fields[0][1:], path.parent), opened, includes, depth + 1)

@@ -1,0 +1,99 @@
+"""Axes of rotation: targets fixed on a turning object lie on circles around one axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.kinds.kind import ObservationKind, Shared
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.kinds.kind import Site
+
+
+def axis_of(points: FloatArray) -> FloatArray:
+    """Normal (3,) of the plane of points (n, 3), by its largest triangle; zero if there is none."""
+    if len(points) < 3:
+        return np.zeros(3)
+    a, b = _farthest_pair(points)
+    heights = np.linalg.norm(np.cross(points - points[a], points[b] - points[a]), axis=1)
+    c = int(heights.argmax())
+    normal = np.cross(points[b] - points[a], points[c] - points[a])
+    normal = normal * np.sign(normal[np.abs(normal).argmax()])
+    return np.asarray(normal)
+
+
+def _farthest_pair(points: FloatArray) -> tuple[int, int]:
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
+    a, b = np.unravel_index(int(gaps.argmax()), gaps.shape)
+    return int(a), int(b)
+
+
+@dataclass(frozen=True)
+class OnCircle(ObservationKind):
+    """A point of a turning target, seen from the origin of the axis.
+
+    The axis (`axis`, a direction) is an unknown of the parent group; centre and radius of the circle
+    (`shift` along the axis from its origin, `radius`) are unknowns of the target.
+    """
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """Axis, origin, shift, the radius when it counts, and the point."""
+        origins, points = site.ends(rows)
+        parts = {name: site.shared(rows, name) for name in self.parts}
+        return {"axis": parts.pop("axis"), "origin": origins, **parts, "point": points}
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Unknowns of the groups that its equation has."""
+        return ("axis", "shift", "radius") if self.formula == "AxisRadius" else ("axis", "shift")
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Its formula takes no value."""
+        return np.zeros((len(rows), 0))
+
+    def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
+        """Axis, shift and radius, of the points of one target."""
+        origins, points = site.positions(rows, coordinates)
+        normal = axis_of(points)
+        length = float(np.linalg.norm(normal))
+        if length == 0.0:
+            return {"shift": Shared(0.0), "radius": Shared(float(np.linalg.norm(points[0] - origins[0])))}
+        axis = normal / length
+        shift = float((points[0] - origins[0]) @ axis)
+        radius = float(np.linalg.norm(points[0] - origins[0] - shift * axis))
+        return {"axis": Shared(axis), "shift": Shared(shift), "radius": Shared(radius)}
+
+
+@dataclass(frozen=True)
+class AxisFoot(ObservationKind):
+    """The origin of an axis is the foot of a point on it."""
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """Axis, origin and point."""
+        origins, points = site.ends(rows)
+        return {"axis": site.shared(rows, "axis"), "origin": origins, "point": points}
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """The distance that makes it an angle."""
+        origins, points = site.positions(rows, coordinates)
+        return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
+
+    @property
+    def depends_on_place(self) -> bool:
+        """The distance does."""
+        return True
+
+
+AXIS_RADIUS = OnCircle(
+    "AxisRadius", 181, "distance from an axis", "AxisRadius", takes_heights=False, is_line=False
+)
+AXIS_PLANE = OnCircle(
+    "AxisPlane", 182, "distance from the plane of a circle", "AxisPlane", takes_heights=False, is_line=False
+)
+AXIS_LINK = AxisFoot(
+    "AxisFoot", 184, "foot of a point on an axis", "AxisLink", takes_heights=False, is_line=False
+)
