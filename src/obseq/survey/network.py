@@ -223,8 +223,11 @@ class Network:
         return initial
 
     def _initial_values(self) -> InitialValues:
-        points = with_first_places(self.frame, self.points, self.book)
-        return initial_values(points, self.book, self.frame.plumb)
+        return self._started(self.points, self.book)
+
+    def _started(self, points: Points, book: FieldBook) -> InitialValues:
+        """Initial values of points and observations in the frame of the network."""
+        return initial_values(with_first_places(self.frame, points, book), book, self.frame.plumb)
 
     @expecting(
         max_iterations=WHOLE,
@@ -306,8 +309,7 @@ class Network:
         from obseq.survey.screening.robust import Model
         from obseq.survey.screening.search import gross_errors
 
-        plumb = self.frame.plumb
-        model = Model(lambda points, book: initial_values(points, book, plumb), self._equations)
+        model = Model(self._started, self._equations)
         return gross_errors(model, self.point_system, self.points, self.book)
 
     def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:

@@ -58,7 +58,8 @@ class Equations:
         system: The least-squares system.
         points: Block of every point.
         stations: Block of the rotation of every station.
-        batches: Rows of the field book and batch of every kind of observation present.
+        batches: Rows of the field book and batch of every kind of observation present. The rows of a vector
+            are those of its components; its residuals, in sigmas, are combinations of theirs.
         known: The equations of known coordinates.
     """
 
@@ -126,7 +127,8 @@ class Equations:
         for kind in KINDS:
             rows = np.flatnonzero((observations.types == kind.code) & observations.active)
             if rows.size and kind.size:
-                batches[kind] = (rows, self._added(kind, rows, coordinates))
+                batch = self._added(kind, rows, coordinates)
+                batches[kind] = (rows if kind.size == 1 else _components(rows, kind.size), batch)
         return batches
 
     def _added(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
@@ -240,6 +242,11 @@ class Equations:
         verticals = self._plumb.axes(self._origins, coordinates)
         rotations = solution.values(self.stations)
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
+
+
+def _components(rows: IntArray, size: int) -> IntArray:
+    """(size n,) rows of all components of vectors, from those of the first ones."""
+    return np.asarray((rows[:, None] + np.arange(size)).ravel())
 
 
 def station_names(points: Points, book: FieldBook) -> list[str]:
