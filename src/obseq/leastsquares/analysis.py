@@ -44,6 +44,7 @@ class Analysis:
         self._state = _Structure(system)
         self._state.refuse_untouched(system)
         self._eliminated = eliminated.copy()
+        _refuse_clusters(system, eliminated)
         self._solver_name = solver
         self._threads = threads
         self.equations = NormalEquations(
@@ -154,6 +155,16 @@ class _Structure:
         untouched = np.flatnonzero(free & ~self.used)
         if untouched.size:
             raise untouched_error(table, untouched)
+
+
+def _refuse_clusters(system: Definition, eliminated: BoolArray) -> None:
+    for batch in system.batches:
+        touched = eliminated[batch.blocks].any(axis=0)
+        if batch.clusters is not None and touched.any():
+            raise InputError(
+                f"{batch.label(int(np.argmax(touched)))}: a covariance across observations concerns blocks "
+                "that are to be eliminated; do not eliminate them"
+            )
 
 
 def _change(table: UnknownTable, scalars: IntArray, reference: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.errors import DivergenceError
+from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
 from obseq.leastsquares.assembly.evaluation import jacobian_rows, residuals, used_blocks
 from obseq.leastsquares.assembly.store import aligned_zeros, part_width, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
@@ -154,6 +155,7 @@ class NormalEquations:
         values, gradient = self._poured()
         self._is_clean = True
         self._add_priors(values, gradient, squares)
+        self._add_clusters(values, gradient, squares)
         if viscous:
             self._add_viscosities(values)
         return _Whole(values, gradient, squares, self._diagonal(values))
@@ -287,7 +289,7 @@ class NormalEquations:
                 self.table.padded_context,
                 batch.observation_tiles,
                 batch.observation_rows,
-                batch.weights,
+                batch.tile_weights,
                 batch.roots,
                 layout.record_rows,
                 layout.pairs,
@@ -327,6 +329,15 @@ class NormalEquations:
             np.add.at(gradient, row[free], pull[free])
             if len(self.layout.groups.blocks):
                 self._add_to_eliminated(prior.scalars, weight, pull)
+
+    def _add_clusters(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
+        """Adds the observations that are correlated with one another."""
+        for batch in self.batches:
+            if batch.clusters is not None:
+                raw = jacobian_rows(self.table, batch)
+                rows = whitened_rows(self.table, self.free, batch, raw)
+                misfits = batch.whitening_matrix() @ raw[: batch.shape.n_residuals].T.ravel()
+                squares[batch.group] += add_cluster(rows, misfits, self.pattern, values, gradient)
 
     def _add_viscosities(self, values: FloatArray) -> None:
         """Adds the weights of a pull to the current values: to the diagonal only."""

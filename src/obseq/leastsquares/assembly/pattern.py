@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.leastsquares.assembly.clusters import cluster_keys
 from obseq.leastsquares.solvers import SymmetricPattern
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
         for batch in batches
         for p, q in role_pairs(len(batch.blocks))
     ]
+    keys += cluster_keys(batches, live, n)  # behind all occurrences, which nothing is scattered to
     joined = np.concatenate(keys) if keys else np.zeros(0, dtype=np.int64)
     distinct, occurrence = np.unique(joined, return_inverse=True)
     if distinct.size and distinct[0] < 0:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import StepError
+from obseq.errors import InputError, StepError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
@@ -59,6 +59,8 @@ def _batch_rows(
     equations: NormalEquations, batch: Batch
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """(row, column or -1 where frozen, value) of the derivatives; residuals of active observations."""
+    if batch.clusters is not None:
+        raise InputError(f"{batch.name}: steps of rows are not for observations correlated with one another")
     active = np.flatnonzero(batch.active)
     m, n_unknowns = batch.shape.n_residuals, batch.shape.n_unknowns
     rows = jacobian_rows(equations.table, batch)[:, active]

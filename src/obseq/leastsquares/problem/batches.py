@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
+from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.unknowns import Kind
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence, Set
 
     from numpy.typing import ArrayLike, NDArray
+    from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.losses import Loss
@@ -51,6 +53,7 @@ class Batch:
         n: number of observations.
         is_constraint: whether its rows count as constraints, as priors do.
         weights: (n_residuals, padded n) inverse sigmas times the roots of robust weights; 0 where inactive.
+        clusters: covariances across observations; None without.
         roots: (m (m + 1) / 2, padded n) upper triangles that whiten correlated residuals; empty without.
     """
 
@@ -62,7 +65,9 @@ class Batch:
         "_sigmas",
         "_table",
         "_weighed",
+        "_whitening",
         "blocks",
+        "clusters",
         "contexts",
         "dimensions",
         "is_constraint",
@@ -100,6 +105,7 @@ class Batch:
         self.observations = observations
         self._loss: Loss | None = None
         self.is_constraint = False
+        self.clusters: Clusters | None = None
         self.roots: FloatArray = np.zeros((0, 0))
         self._sigmas = self._checked_sigmas(sigmas)
         self._active = self._checked_active(active)
@@ -197,6 +203,8 @@ class Batch:
             new = named_loss(new)
         if new is not None and (isinstance(new, type) or not callable(getattr(new, "weights", None))):
             raise InputError(f"{self.name}: a loss is wanted, such as Huber(), not {new!r}")
+        if new is not None and self.clusters is not None:
+            raise InputError(f"{self.name}: no loss for observations that are correlated with one another")
         self._loss = new
         self._weigh()
 
@@ -220,6 +228,8 @@ class Batch:
     def _weigh(self, factors: FloatArray | float = 1.0) -> None:
         """Weight = active / sigma, times the roots of robust weights (n, 1)."""
         self._weighed = (self._sigmas.copy(), self._active.copy())
+        if self.clusters is not None:
+            self._whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
         weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
         weights[:, : self.n] = np.where(self._active[:, None], factors / self._sigmas, 0.0).T
         self.weights = weights
@@ -261,6 +271,33 @@ class Batch:
         self.roots = _padded(roots[:, rows, columns].T, np.float64)
         self.sigmas = np.ones((self.n, m))
 
+    def correlate_all(self, covariance: Any) -> None:
+        """Gives all residuals, observation by observation, one covariance (see `Clusters`), in their units.
+
+        Their sigmas are 1 then, factors of the whitened residuals.
+
+        Raises:
+            InputError: it does not fit, or there are other covariances or a loss.
+        """
+        if self.roots.size or self._loss is not None:
+            raise InputError(f"{self.name}: covariance across observations goes with nothing else")
+        self.clusters = Clusters(covariance, self.n * self.shape.n_residuals, f"{self.name}, covariance")
+        self.sigmas = np.ones((self.n, self.shape.n_residuals))
+
+    def whitening_matrix(self) -> csr_array:
+        """(n m, n m) what makes the residuals of clusters, observation by observation, uncorrelated.
+
+        Each is divided by its factor `sigmas`, and by the root of its robust weight.
+        """
+        from scipy.sparse import csr_array, diags_array
+
+        return csr_array(diags_array(self.weights[:, : self.n].T.ravel()) @ self._whitening)
+
+    @property
+    def tile_weights(self) -> FloatArray:
+        """The weights that the loops over tiles take: none where clusters are added otherwise."""
+        return self.weights if self.clusters is None else np.zeros_like(self.weights)
+
     def whitened(self, rows: FloatArray, chosen: ArrayLike | None = None) -> FloatArray:
         """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.
 
@@ -268,6 +305,14 @@ class Batch:
             rows: (m, k, n) for each residual, k values of each observation.
             chosen: observations that the last axis stands for; all when None.
         """
+        if self.clusters is not None:
+            if chosen is not None:
+                raise InputError(
+                    f"{self.name}: observations of a cluster are whitened together, not one by one"
+                )
+            flat = rows.transpose(2, 0, 1).reshape(-1, rows.shape[1])
+            whole = (self._whitening @ flat).reshape(self.n, -1, rows.shape[1])
+            return np.asarray(whole.transpose(1, 2, 0))
         if not self.roots.size:
             return rows
         m = self.shape.n_residuals

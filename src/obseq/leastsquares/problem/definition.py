@@ -147,6 +147,7 @@ class Definition:
         active: ArrayLike | None = None,
         loss: Loss | str | None = None,
         covariances: ArrayLike | None = None,
+        covariance: Any = None,
     ) -> Batch:
         """Adds observations of one formula.
 
@@ -161,17 +162,21 @@ class Definition:
                 None.
             loss: robust weights, or their name such as `huber` (see `losses`); None for least squares.
             covariances: (m, m) or (n, m, m) instead of sigmas, for m correlated residuals.
+            covariance: (n m, n m) of all residuals, observation by observation, for observations that are
+                correlated with one another: dense, sparse, or a list of dense blocks, cluster by cluster.
 
         Raises:
             InputError: an argument does not fit; the message names formula, argument and row.
         """
         shape = formula_shape(formula)
-        if (sigmas is None) == (covariances is None):
+        if sum(given is not None for given in (sigmas, covariances, covariance)) != 1:
             raise InputError(f"{shape.name}: give either sigmas or covariances")
         given = 1.0 if sigmas is None else sigmas
         batch = Batch(shape, self.unknowns, blocks, observations, given, labels, group, active)
         if covariances is not None:
             batch.correlate(covariances)
+        if covariance is not None:
+            batch.correlate_all(covariance)
         batch.loss = loss
         return self._added(batch)
 
@@ -336,7 +341,9 @@ class Definition:
     def remove_constraint(self, constraint: Batch) -> None:
         """Takes a constraint out again."""
         if constraint not in self._constraints:
-            raise InputError(f"{getattr(constraint, 'name', constraint)!r} is no constraint of the system")
+            raise InputError(
+                f"this {getattr(constraint, 'name', constraint)} constraint is not in the system"
+            )
         self.unknowns.owner.check()
         self._constraints.remove(constraint)
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
+from obseq.leastsquares.assembly.clusters import whitened_rows
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.unknowns import PADDING
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+    from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
@@ -52,6 +54,8 @@ class FinalState:
         """
         from obseq.leastsquares.loops.leverages import leverages
 
+        if batch.clusters is not None:
+            return self._cluster_leverages(batch)
         k = batch.shape.n_residuals
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
@@ -76,6 +80,18 @@ class FinalState:
                 rows,
             )
         return results.reshape(batch.n, k, k) if crossed else results
+
+    def cluster_rows(self, batch: Batch) -> csr_array:
+        """(n n_residuals, n_free) whitened rows of observations that are correlated with one another."""
+        raw = self._raw_rows(batch, np.arange(batch.n))
+        return whitened_rows(self.equations.table, self.equations.free, batch, raw)
+
+    def _cluster_leverages(self, batch: Batch) -> FloatArray:
+        """(n, n_residuals) a Q a' of the whitened rows, whose unknowns are all joined in the pattern."""
+        rows = self.cluster_rows(batch)
+        inverse = self.equations.pattern.matrix(self.cofactors.values)
+        products = (rows @ inverse).multiply(rows).sum(axis=1)
+        return np.asarray(products).reshape(batch.n, -1)
 
     def prior_leverages(self, prior: Prior) -> FloatArray:
         """(n_scalars,) the same for the equations of a prior; 0 where the unknown is frozen."""
@@ -108,6 +124,13 @@ class FinalState:
 
     def _derivatives(self, batch: Batch, index: IntArray) -> FloatArray:
         """(n_residuals n_unknowns, k) derivatives of chosen observations (k,), residual by residual."""
+        shape = batch.shape
+        derivatives = self._raw_rows(batch, index)[shape.n_residuals :]
+        whitened = batch.whitened(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1), index)
+        return np.ascontiguousarray(whitened.reshape(derivatives.shape))
+
+    def _raw_rows(self, batch: Batch, index: IntArray) -> FloatArray:
+        """(n_residuals + n_residuals n_unknowns, k) residuals and derivatives of chosen observations (k,)."""
         from obseq.leastsquares.loops.accumulation import evaluate
 
         shape, padded = batch.shape, np.append(index, np.repeat(index[-1:], -len(index) % LANES))
@@ -126,9 +149,7 @@ class FinalState:
             len(results),
             results,
         )
-        derivatives = results[shape.n_residuals :, : len(index)]
-        whitened = batch.whitened(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1), index)
-        return np.ascontiguousarray(whitened.reshape(derivatives.shape))
+        return results[:, : len(index)]
 
 
 def whitening(batch: Batch, chosen: IntArray | None = None) -> FloatArray:

@@ -9,7 +9,7 @@ the pattern of N are needed. Formulas and sources: docs/statistics.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import (
 )
 from obseq.leastsquares.statistics.observation_statistics import (
     UNCONTROLLED,
+    Numbers,
     correlated_numbers,
     independent_numbers,
     residual_cofactors,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
-    from obseq.leastsquares.statistics.observation_statistics import Numbers
     from obseq.leastsquares.system import LeastSquares
 
 
@@ -294,7 +294,10 @@ def reliability(
 
 def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
     residuals, weights = state.result.residuals(batch), batch.robust_weights()
-    if batch.roots.size:
+    if batch.clusters is not None:
+        sigmas = np.sqrt(batch.clusters.variances()).reshape(residuals.shape)
+        numbers = _of_clusters(state, batch, residuals)
+    elif batch.roots.size:
         roots = whitening(batch)
         numbers = correlated_numbers(residuals, roots, state.leverages(batch, crossed=True), weights)
         sigmas = np.linalg.norm(np.linalg.inv(roots), axis=2)
@@ -303,6 +306,26 @@ def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | Non
         numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
     active = np.broadcast_to(batch.active[:, None], residuals.shape)
     return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0)
+
+
+def _of_clusters(state: FinalState, batch: Batch, residuals: FloatArray) -> Numbers:
+    """The numbers of observations that are correlated with one another: a cluster is as one observation."""
+    if batch.clusters is None:
+        raise InputError(f"{batch.name}: its observations are not correlated with one another")
+    rows, roots, m = state.cluster_rows(batch), batch.whitening_matrix(), batch.shape.n_residuals
+    found = [np.full(residuals.size, np.nan) for _ in fields(Numbers)]
+    found[1] = np.zeros(residuals.size, dtype=bool)
+    for members in batch.clusters.members:
+        kept = members[batch.active[members // m]]
+        if not len(kept):
+            continue
+        inside = np.asarray(rows[kept].toarray())
+        root = np.asarray(roots[kept][:, kept].toarray())
+        leverages = (inside @ state.solve(np.ascontiguousarray(inside.T)))[None]
+        numbers = correlated_numbers(residuals.ravel()[kept][None], root[None], leverages, np.ones(1))
+        for column, entry in zip(found, fields(Numbers), strict=True):
+            column[kept] = getattr(numbers, entry.name)[0]
+    return Numbers(*(column.reshape(residuals.shape) for column in found))
 
 
 def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | None) -> ObservationReliability:
