@@ -19,6 +19,6 @@ def moved(module: str) -> Callable[[str], Any]:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         message = f"{module} has moved: from obseq.leastsquares import {name}"
         warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return getattr(now, name)
+        return now.__getattr__(name)  # its home: a former place may have taken the name in the package
 
     return find
