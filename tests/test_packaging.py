@@ -39,9 +39,8 @@ def pins(level: str) -> dict[str, str]:
     for line in (ROOT / "requirements" / f"{level}.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("-r "):
             found |= pins(line.removeprefix("-r ").removesuffix(".txt"))
-        elif not line.startswith("#"):
-            name, version = re.fullmatch(r"([\w.-]+)==(\S+)(?: ; .*)?", line).groups()
-            found[name] = version
+        elif match := re.match(r"([\w.-]+)==(\S+)", line):
+            found[match[1]] = match[2]
     return found
 
 
@@ -218,9 +217,8 @@ def test_a_wheel_with_objects_needs_no_compiler(copy: Path, tmp_path: Path) -> N
     (site / "blocked.pth").write_text(blocked, encoding="utf-8")
     run(commands / "obseq", "demo", "--out", "objects", where=tmp_path)
     assert f"compiled ahead of time for {level}" in run(commands / "obseq", "versions", where=tmp_path)
-    results = [
-        json.loads((tmp_path / name / "adjustment.json").read_text("utf-8")) for name in ("numba", "objects")
-    ]
+    texts = [(tmp_path / name / "adjustment.json").read_text("utf-8") for name in ("numba", "objects")]
+    results = [json.loads(re.sub(r'[^"(]*/survey/data/', "", text)) for text in texts]
     for result in results:
         for changing in ("phases", "run"):
             result.pop(changing, None)
