@@ -12,7 +12,8 @@ from obseq.cli import main as command
 from obseq.cli.main import main
 
 SCRIPT = """\
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a runner in the background has it ignored
 from obseq.cli.main import main
 from obseq import survey
 adjust = survey.Network.adjust
@@ -37,7 +38,10 @@ def test_a_command_that_is_interrupted_while_it_computes(number, delay: float, t
         assert process.stdout.readline() == "adjusting\n"
         time.sleep(delay)
         process.send_signal(number)
-        _, err = process.communicate(timeout=60)
+        try:
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert (process.returncode, err) == (130, "\nobseq: interrupted; no file is half-written.\n")
     assert not out.exists()
 
