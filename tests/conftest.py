@@ -1,7 +1,7 @@
 """Shared fixtures: where the outside values lie; and the same random examples in every run."""
 
-from dataclasses import dataclass
 import signal
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -10,9 +10,7 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
-if (
-    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-):  # a shell that runs the tests in the background ignores it
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as under a runner in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
