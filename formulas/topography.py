@@ -125,7 +125,7 @@ class TopoDZ(Formula):
 class TopoHzOff(Formula):
     """Horizontal direction between two points that stand beside or above their marks.
 
-    Residual: that of `TopoHz`, with the target moved by `off`: the offset of the target (height of the target
+    Residual: as `TopoHz` with the target moved by `off`: the offset of the target (height of the target
     along its vertical) minus that of the instrument, in the frame of the points.
     """
 
@@ -140,7 +140,7 @@ class TopoHzOff(Formula):
 class TopoZenOff(Formula):
     """Zenith angle between two points that stand beside or above their marks.
 
-    Residual: that of `TopoZen`, with the target moved by `off` (see `TopoHzOff`).
+    Residual: as `TopoZen` with the target moved by `off` (see `TopoHzOff`).
     """
 
     source = "TopoZen with heights of instrument and target"
@@ -162,7 +162,7 @@ class TopoZenOff(Formula):
 class TopoDistOff(Formula):
     """Spatial distance between two points that stand beside or above their marks.
 
-    Residual: that of `TopoDist`, with the target moved by `off` (see `TopoHzOff`).
+    Residual: as `TopoDist` with the target moved by `off` (see `TopoHzOff`).
     """
 
     source = "TopoDist with heights of instrument and target"
@@ -176,7 +176,7 @@ class TopoDistOff(Formula):
 class TopoDXOff(Formula):
     """First component of the vector between two points that stand beside or above their marks.
 
-    Residual: that of `TopoDX`, with the target moved by `off` (see `TopoHzOff`).
+    Residual: as `TopoDX` with the target moved by `off` (see `TopoHzOff`).
     """
 
     source = "TopoDX with heights of instrument and target"
@@ -190,7 +190,7 @@ class TopoDXOff(Formula):
 class TopoDYOff(Formula):
     """Second component of the vector between two points that stand beside or above their marks.
 
-    Residual: that of `TopoDY`, with the target moved by `off` (see `TopoHzOff`).
+    Residual: as `TopoDY` with the target moved by `off` (see `TopoHzOff`).
     """
 
     source = "TopoDY with heights of instrument and target"
@@ -204,7 +204,7 @@ class TopoDYOff(Formula):
 class TopoDZOff(Formula):
     """Third component of the vector between two points that stand beside or above their marks.
 
-    Residual: that of `TopoDZ`, with the target moved by `off` (see `TopoHzOff`).
+    Residual: as `TopoDZ` with the target moved by `off` (see `TopoHzOff`).
     """
 
     source = "TopoDZ with heights of instrument and target"
