@@ -62,7 +62,6 @@ def test_a_defect_shows_where_it_is_and_asks_for_a_report(fail_with, capsys) -> 
     [
         [],
         ["unknown"],
-        ["adjust"],
         ["adjust", "--obs", "a.obs", "--cor", "a.cor", "--point-sigma", "-1"],
         ["adjust", "--obs", "a.obs", "--cor", "a.cor", "--point-sigma", "thin"],
         ["adjust", "--obs", "a.obs", "--cor", "a.cor", "--iterations", "0"],
@@ -74,6 +73,11 @@ def test_wrong_arguments_are_exit_code_2(arguments, capsys) -> None:
         main(arguments)
     assert end.value.code == 2
     assert capsys.readouterr().err
+
+
+def test_a_command_without_files_says_what_it_needs(capsys) -> None:
+    assert main(["adjust"]) == 2
+    assert "give a project, or observation files" in capsys.readouterr().err
 
 
 def test_every_command_explains_itself(capsys) -> None:
