@@ -47,7 +47,7 @@ def test_machine_code_is_kept_for_other_processes_and_no_module_is(
         assert compile_formula(formula).value_address
     assert len(set(symbols)) == 2
     files = [path.name for path in tmp_path.rglob("*") if path.is_file()]
-    assert sorted(files) == sorted(f"{symbol}.o" for symbol in symbols)
+    assert sorted(files) == sorted(f"{symbol}.nbc" for symbol in symbols)
 
 
 def test_it_is_the_kernel_of_the_generated_module() -> None:
