@@ -339,64 +339,6 @@ def test_statistics(case):
         )
 
 
-def published(name):
-    """The inputs and expected values of one of the original's own tests."""
-    return [case for case in cases("borea_test_assertion") if case["id"] == name]
-
-
-@pytest.mark.parametrize(
-    "case", published("assert-inter-2p") + published("assert-inter-3shots"), ids=identify
-)
-def test_the_intersections_of_the_original_tests(case):
-    inputs = case["inputs"]
-    shots = inputs.get("shots") or {"1": inputs["shot1"], "2": inputs["shot2"]}
-    pixels = inputs.get("images") or {"1": inputs["image_1"], "2": inputs["image_2"]}
-    made = Shots.from_angles(
-        list(shots),
-        [shot["pos"] for shot in shots.values()],
-        np.deg2rad([shot["opk_deg"] for shot in shots.values()]),
-        ["c"] * len(shots),
-        height_type=TYPES[inputs["type_z_shot"]],
-        has_alteration=inputs.get("linear_alteration", True),
-    )
-    site = Worksite(made, {"c": FrameCamera("c", (13210.0, 8502.0), 30975.0)}, lambert93(), geoid())
-    site = site.with_nadir(terrain())
-    rows = np.arange(len(shots))
-    measured = np.array([pixels[name] for name in shots])
-    pair = most_distant_pairs(site, np.zeros(len(rows), dtype=np.int64), rows, 1)
-    found = intersect_pairs(site, rows[pair], measured[pair], TYPES[inputs["type_z_data"]])
-    np.testing.assert_allclose(
-        found.points[0], case["expected"]["world"], rtol=0.0, atol=case["tol"]["world"]
-    )
-
-
-@pytest.mark.parametrize("case", published("assert-i2w"), ids=identify)
-def test_the_ground_point_of_the_original_test(case):
-    inputs = case["inputs"]
-    made = Shots.from_angles(
-        ["s"],
-        [inputs["shot"]["pos"]],
-        np.deg2rad([inputs["shot"]["opk_deg"]]),
-        ["c"],
-        height_type=TYPES[inputs["type_z_shot"]],
-        has_alteration=True,
-    )
-    site = Worksite(made, {"c": FrameCamera("c", (13210.0, 8502.0), 30975.0)}, lambert93(), geoid())
-    site = site.with_nadir(terrain())
-    found = site.image_to_world(np.array([0]), np.array([inputs["col_line"]]), terrain(), HeightType.HEIGHT)
-    off = np.abs(found[0] - case["expected"]["world"])
-    assert (off < case["tol"]["world"]).all()
-
-
-@pytest.mark.parametrize("case", published("assert-convz"), ids=identify)
-def test_the_heights_of_the_original_test(case):
-    site = worksite()
-    row = site.rows(["23FD1305x00026_01306"])[0]
-    assert round(site.positions(HeightType.HEIGHT)[row, 2]) == 1820
-    kept = site.positions(HeightType.HEIGHT, keep_alteration=True)[row, 2]
-    assert round(kept) == case["expected"]["shot_z_as_height_rounded_m"]
-
-
 @pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # inside rasterio
 def test_a_raster_and_a_grid_of_the_same_ground_are_the_same(tmp_path):
     rasterio = pytest.importorskip("rasterio", reason="rasterio is an extra: pip install obseq[raster]")
