@@ -161,13 +161,8 @@ def inputs(formula: Formula) -> list[tuple[str, Atom]]:
 
 
 def _row(name: str, atom: Atom, scalars: tuple[str, ...], unit: str) -> Row:
-    kind = CONTEXT[atom.kind] if scalars and scalars == atom.context else atom.kind
-    if atom.transposed and scalars == atom.context:
-        kind += ", transposed"
+    kind = atom.meaning if scalars and scalars == atom.context else atom.kind
     return Row(name, kind, ", ".join(f"`{scalar}`" for scalar in scalars), unit)
-
-
-CONTEXT = {"Rotation": "current matrix, row by row", "Direction": "current vector and its two tangents"}
 
 
 def documentation_of(cls: type) -> tuple[str, str, tuple[tuple[str, str], ...]]:

@@ -25,12 +25,13 @@ class Atom:
     """An atomic block: scalars that are adjusted, frozen and updated together.
 
     Attributes:
-        kind: `Point3`, `Point2`, `Rotation`, `Direction`, `Vector` or `Scalar`.
+        kind: `Point3`, `Point2`, `Rotation`, `Direction`, `Vector`, `Scalar`, or a kind of one's own.
         scalars: Names of its scalars.
         context: Names of its context values.
         part: What it is in a composite block (`centre`, `rotation`), else empty.
         transposed: True when the context holds the transposed matrix.
         unit: Unit of its scalars, for the documentation.
+        meaning: What its context holds, for the documentation.
     """
 
     kind: str
@@ -39,6 +40,7 @@ class Atom:
     part: str = ""
     transposed: bool = False
     unit: str = ""
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -294,9 +296,9 @@ class Rotation:
         """Three unknowns and nine context values (a label each), `WORLD_TO_LOCAL` if transposed."""
         small, matrix, *mark = labels
         transposed = mark == [WORLD_TO_LOCAL]
-        atom = Atom(
-            "Rotation", component_names((small,), "xyz"), matrix_names(matrix), "rotation", transposed, "rad"
-        )
+        names = component_names((small,), "xyz"), matrix_names(matrix)
+        meaning = "current matrix, row by row" + (", transposed" if transposed else "")
+        atom = Atom("Rotation", *names, "rotation", transposed, "rad", meaning)
 
         def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Rotation:
             stored = Matrix3.from_scalars(context)
@@ -402,4 +404,6 @@ class Direction(Point3):
             moved: Point3 = normal + scalars[0] * along_u + scalars[1] * along_v
             return moved
 
-        return Declaration((Atom("Direction", component_names((tangent,), "xy"), context),), build)
+        meaning = "current vector and its two tangents"
+        atom = Atom("Direction", component_names((tangent,), "xy"), context, meaning=meaning)
+        return Declaration((atom,), build)

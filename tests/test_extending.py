@@ -55,6 +55,7 @@ EACH = {
         *(f"tests/formulas/test_registry.py::{test}[TopoHDist]" for test in ABOUT_ONE),
         "tests/survey/test_kinds.py",
     ],
+    "A kind of unknown": [],
     "An output format": [],
     "A robust loss": [],
 }

@@ -33,7 +33,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from obseq.leastsquares.assembly.threads import blas_threads
-from obseq.leastsquares.problem.unknowns import Kind
+from obseq.leastsquares.problem.manifolds import POINT3, ROTATION
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def cut(system: LeastSquares, depth: int) -> tuple[list[Part], np.ndarray]:
     """The parts of a system of points and rotations, and (n_unknowns,) the node where each is eliminated."""
     table, equations = system.unknowns, system.equations()
     n_leaves, n_blocks = 2**depth, len(table)
-    points = np.flatnonzero(table.kind == Kind.POINT3)
+    points = np.flatnonzero(table.each(POINT3.__eq__))
     leaf_of = np.zeros(n_blocks, dtype=np.int64)
     leaf_of[points] = halved(table.read(points)[:, :2], depth)
     touched = np.zeros((n_leaves, n_blocks), dtype=bool)
@@ -208,7 +208,7 @@ def _part(
     of_scalar: np.ndarray,
 ) -> Part:
     table, equations = system.unknowns, system.equations()
-    chosen = [np.flatnonzero(of_leaves[key] & (table.kind == kind)) for kind in (Kind.POINT3, Kind.ROTATION)]
+    chosen = [np.flatnonzero(of_leaves[key] & table.each(kind.__eq__)) for kind in (POINT3, ROTATION)]
     blocks = np.concatenate(chosen)
     local = np.full(len(table), -1)
     local[blocks] = np.arange(len(blocks))

@@ -29,7 +29,9 @@ WIDE = np.array([-1, 9, 0, -45, 0, 0, 45, 0, -9, 1]) / 120
 
 DEFAULT = (0.0, 1.0)
 SMALL = (0.0, 0.1)
-TANGENT = frozenset({"Rotation", "Direction"})
+FRAME = 9
+"""Context values of rotations, and of directions: an orthonormal frame."""
+
 MOST_DRAWS = 30
 ROWS_AT_ONCE = 1 << 14
 
@@ -171,14 +173,14 @@ def _along(
 def draw(kernel: Kernel, n: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Random admissible inputs: (n, n_unknowns) unknowns and (n, n_observations) observations.
 
-    Scalars are uniform in the interval that the module calls typical, else in [-1, 1]; small rotations and
-    tangent components in [-0.1, 0.1]. The context of a rotation is an orthogonal matrix, that of a direction
-    an orthonormal frame.
+    Scalars are uniform in the interval that the module calls typical, else in [-1, 1]; small displacements
+    of blocks with a context in [-0.1, 0.1]. A context of nine values is an orthonormal frame, as those of
+    rotations and directions are.
     """
     unknowns = _uniform(kernel, kernel.unknowns, n, random)
     observations = _uniform(kernel, kernel.observations, n, random)
     for block in kernel.blocks:
-        if block.context and block.kind in TANGENT:
+        if block.context and block.context[1] - block.context[0] == FRAME:
             observations[:, slice(*block.context)] = _frames(n, random)
     return unknowns, observations
 
@@ -193,7 +195,7 @@ def interval(kernel: Kernel, name: str) -> tuple[float, float]:
     """(centre, half width) of where a scalar is drawn."""
     if name in kernel.typical:
         return kernel.typical[name]
-    tangent = (block for block in kernel.blocks if block.kind in TANGENT)
+    tangent = (block for block in kernel.blocks if block.context)
     return SMALL if any(name in _names(kernel, block) for block in tangent) else DEFAULT
 
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         Loss,
         Tukey,
     )
+    from obseq.leastsquares.problem.manifolds import Curved, Manifold
     from obseq.leastsquares.problem.objects import (
         Calibration,
         Direction,
@@ -89,6 +90,7 @@ _HOMES = {
     "Cauchy": "problem.losses",
     "Component": "statistics.component_equations",
     "Controlled": "iterations.strategies",
+    "Curved": "problem.manifolds",
     "Direction": "problem.objects",
     "Dogleg": "iterations.strategies",
     "ErrorEllipses": "statistics.ellipses",
@@ -105,6 +107,7 @@ _HOMES = {
     "LeftOut": "statistics.reliability",
     "LevenbergMarquardt": "iterations.strategies",
     "Loss": "problem.losses",
+    "Manifold": "problem.manifolds",
     "Method": "statistics.variance_components",
     "ObservationReliability": "statistics.reliability",
     "Point": "problem.objects",
@@ -153,6 +156,7 @@ __all__ = [
     "Component",
     "ContradictoryConstraintsError",
     "Controlled",
+    "Curved",
     "Direction",
     "DivergenceError",
     "Dogleg",
@@ -168,6 +172,7 @@ __all__ = [
     "LeftOut",
     "LevenbergMarquardt",
     "Loss",
+    "Manifold",
     "Method",
     "ObservationReliability",
     "Point",

@@ -7,11 +7,10 @@ similarities of the plane or of space. What is a translation, a rotation or a ch
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -78,12 +77,11 @@ def _parts(
 
 
 def _part(table: UnknownTable, free: FreeUnknowns, kernel: FloatArray, blocks: IntArray) -> Part:
-    points = blocks[table.kind[blocks] == Kind.POINT3]
-    if not points.size:
-        points = blocks[table.kind[blocks] == Kind.POINT2]
-    if not points.size:
-        return Part(blocks, points, np.zeros((0, 3, 0)))
-    dimension = int(table.size[points[0]])
+    places = blocks[table.each(attrgetter("is_point"))[blocks]]
+    if not places.size:
+        return Part(blocks, places, np.zeros((0, 3, 0)))
+    dimension = int(table.size[places].max())
+    points = places[table.size[places] == dimension]
     numbers = free.number[table.start[points][:, None] + np.arange(dimension)]
     moved = np.where(numbers[..., None] >= 0, kernel[np.maximum(numbers, 0)], 0.0)
     basis = _range_of(moved.reshape(-1, kernel.shape[1]))

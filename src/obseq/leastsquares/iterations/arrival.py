@@ -9,11 +9,11 @@ when it says nothing any more: to the statistician, or to the computer.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.problem.unknowns import Kind
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -117,8 +117,8 @@ def resolution(table: UnknownTable, weights: FloatArray) -> float:
 
 def sizes_of(table: UnknownTable) -> FloatArray:
     """(n_scalars,) what the digits of a step are compared with: values; 1 for rotations and directions."""
-    kind = np.repeat(table.kind, table.size)
-    return np.where((kind == Kind.ROTATION) | (kind == Kind.DIRECTION), 1.0, table.values)
+    is_flat = np.repeat(table.each(attrgetter("is_flat")), table.size)
+    return np.where(is_flat, table.values, 1.0)
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:

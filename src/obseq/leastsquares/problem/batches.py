@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.losses import named_loss
-from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence, Set
@@ -355,14 +355,13 @@ class Batch:
     def _checked_role(self, role: Role, ids: ArrayLike) -> IntArray:
         table, what = self._table, f"{self.name}, {role.name}"
         array = table.checked(ids, what)
-        accepted = np.isin(table.kind[array], _accepted(role)) & (table.size[array] == role.size)
+        accepted = table.each(role.takes)[array] & (table.size[array] == role.size)
         wrong = np.flatnonzero(~accepted)
         if wrong.size:
             block = array[wrong[0]]
-            kind = Kind(table.kind[block]).label
             raise InputError(
-                f"{what}: row {wrong[0]} gives {table.names[block]!r}, a {kind} of {table.size[block]}; "
-                f"the formula wants a {role.kind} of {role.size}"
+                f"{what}: row {wrong[0]} gives {table.names[block]!r}, a {table.manifold(block).label} of "
+                f"{table.size[block]}; the formula wants a {role.kind} of {role.size}"
             )
         return array
 
@@ -391,8 +390,9 @@ class Batch:
         """The arrays that the drivers take, in their order."""
         shape, table = self.shape, self._table
         contexts = table.context_start[self.blocks]
-        for contexts_of_role, role in zip(contexts, shape.roles, strict=True):
-            contexts_of_role += 9 if role.transposed else 0
+        if any(role.transposed for role in shape.roles):
+            asks = np.array([role.transposed for role in shape.roles])[:, None]
+            contexts += asks * table.each(attrgetter("transposed_at"))[self.blocks]
         self.roles = np.array(
             [(role.row, role.size, role.context_row, role.context_size) for role in shape.roles],
             dtype=np.int64,
@@ -403,12 +403,6 @@ class Batch:
         self.dimensions = np.array(
             [self.n, shape.n_unknowns, shape.n_residuals, shape.first_row, 0], dtype=np.int64
         )
-
-
-def _accepted(role: Role) -> tuple[Kind, ...]:
-    """Kinds of blocks that may stand for a role; a vector of one is a scalar."""
-    kind = next(kind for kind in Kind if kind.label == role.kind)
-    return (Kind.VECTOR, Kind.SCALAR) if kind in (Kind.VECTOR, Kind.SCALAR) else (kind,)
 
 
 def _refuse_other_names(what: str, expected: Set[str], given: Set[str]) -> None:

@@ -9,11 +9,19 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, listed, real, table_of_rows, texts, truths
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.manifolds import checked_rotations, direction_context, rotation_context
+from obseq.leastsquares.problem.manifolds import (
+    DIRECTION,
+    POINT2,
+    POINT3,
+    ROTATION,
+    SCALAR,
+    VECTOR,
+    Manifold,
+)
 from obseq.leastsquares.problem.objects import matching
 from obseq.leastsquares.problem.priors import Prior, Viscosity
 from obseq.leastsquares.problem.shapes import formula_shape, linear_shape
-from obseq.leastsquares.problem.unknowns import Kind, UnknownTable, kind_of
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,24 +66,15 @@ class Definition:
         array = table_of_rows(coordinates, len(names), "add_points")
         if array.shape[1] not in (2, 3):
             raise InputError(f"add_points: coordinates have {array.shape[1]} columns; expected 2 or 3")
-        kind = Kind.POINT3 if array.shape[1] == 3 else Kind.POINT2
-        return self.unknowns.add(kind, names, array)
+        return self.unknowns.add(POINT3 if array.shape[1] == 3 else POINT2, names, array)
 
     def add_rotations(self, names: Sequence[str], matrices: ArrayLike) -> IntArray:
         """Adds rotations from a local frame to the world frame, (n, 3, 3); returns their ids."""
-        names = texts(names, "add_rotations")
-        array = finite(matrices, (len(names), 3, 3), "add_rotations")
-        context = rotation_context(checked_rotations(array, "add_rotations"))
-        return self.unknowns.add(Kind.ROTATION, names, np.zeros((len(names), 3)), context)
+        return self._add_shaped(ROTATION, names, matrices, "add_rotations")
 
     def add_directions(self, names: Sequence[str], vectors: ArrayLike) -> IntArray:
         """Adds unit directions, given by vectors (n, 3) of any length but zero; returns their ids."""
-        names = texts(names, "add_directions")
-        array = finite(vectors, (len(names), 3), "add_directions")
-        wrong = np.flatnonzero(~array.any(axis=1))
-        if wrong.size:
-            raise InputError(f"add_directions: the vector of {names[wrong[0]]!r} is zero")
-        return self.unknowns.add(Kind.DIRECTION, names, np.zeros((len(names), 2)), direction_context(array))
+        return self._add_shaped(DIRECTION, names, vectors, "add_directions")
 
     def add_vectors(
         self, names: Sequence[str], values: ArrayLike, component_names: Sequence[str] | None = None
@@ -88,17 +87,36 @@ class Definition:
         components = texts(component_names or numbers, "add_vectors, component_names")
         if len(components) != size or not size:
             raise InputError(f"add_vectors: {len(components)} component names for vectors of {size}")
-        return self.unknowns.add(Kind.VECTOR, names, array, components=components)
+        return self.unknowns.add(VECTOR, names, array, components)
 
     def add_scalars(self, names: Sequence[str], values: ArrayLike) -> IntArray:
         """Adds single unknowns, values (n,); returns their ids."""
         names = texts(names, "add_scalars")
         array = finite(values, (len(names),), "add_scalars")
-        return self.unknowns.add(Kind.SCALAR, names, array[:, None])
+        return self.unknowns.add(SCALAR, names, array[:, None])
+
+    def add_blocks(self, manifold: Manifold, names: Sequence[str], values: ArrayLike) -> IntArray:
+        """Adds blocks of a kind of unknown, which may be one's own (see `Manifold`); returns their ids.
+
+        Args:
+            manifold: the kind; it names the components.
+            names: (n,) names of the blocks.
+            values: (n, ...) their values, in the shape that the kind says.
+        """
+        if not isinstance(manifold, Manifold) or not manifold.components:
+            raise InputError(
+                f"add_blocks: a kind of unknown with components is wanted, a Manifold; not {manifold!r}"
+            )
+        return self._add_shaped(manifold, names, values, "add_blocks")
+
+    def _add_shaped(self, manifold: Manifold, names: Sequence[str], values: ArrayLike, what: str) -> IntArray:
+        names = texts(names, what)
+        shape = manifold.shape(len(manifold.components))
+        return self.unknowns.add(manifold, names, finite(values, (len(names), *shape), what), what=what)
 
     def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
-        """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar."""
-        return self.unknowns.find(names, kind_of(kind))
+        """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar or yours."""
+        return self.unknowns.find(names, kind)
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Current values of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
@@ -373,8 +391,7 @@ class Definition:
             InputError: a rotation or a direction is among them.
         """
         blocks = self.unknowns.checked(ids, "datum")
-        kinds = self.unknowns.kind[blocks]
-        if np.isin(kinds, (Kind.ROTATION, Kind.DIRECTION)).any():
+        if not all(self.unknowns.manifold(block).is_flat for block in np.unique(blocks)):
             raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
         chosen = np.zeros(0, dtype=np.int64)
         if blocks.size:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import text
+from obseq.leastsquares.problem.manifolds import Manifold
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 
 class Blocks(Protocol):
     """What objects need of a system: the values of its blocks."""
+
+    def add_blocks(self, manifold: Manifold, names: Sequence[str], values: ArrayLike) -> IntArray:
+        """Adds blocks of a kind of unknown."""
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Current values of blocks that are alike."""
@@ -44,8 +49,8 @@ class UnknownObject:
         ids: Block of each part, once attached.
     """
 
-    parts: ClassVar[Mapping[str, str]] = {}
-    """Attribute of the object -> method of the system that adds it."""
+    parts: ClassVar[Mapping[str, str | Manifold]] = {}
+    """Attribute of the object -> method of the system that adds it, or kind of unknown that it is."""
 
     name: str
     ids: dict[str, IntArray] = field(default_factory=dict, init=False, repr=False)
@@ -62,18 +67,22 @@ class UnknownObject:
         """Adds the blocks of this object to a system."""
         if self.ids:
             raise InputError(f"{self.name} is already attached to a system; an object belongs to one")
-        for part, adder in self.parts.items():
+        for part in self.parts:
             name = self.name if len(self.parts) == 1 else f"{self.name}.{part}"
             values = np.asarray(getattr(self, part), dtype=np.float64)[None]
-            add: Callable[..., IntArray] = getattr(system, adder)
-            more = (self.component_names(part),) if adder == "add_vectors" else ()
-            self.ids[part] = add([name], values, *more)
+            names = self.component_names(part)
+            more = () if names is None else (names,)
+            self.ids[part] = self._adder(system, part)([name], values, *more)
+
+    def _adder(self, system: Blocks, part: str) -> Callable[..., IntArray]:
+        kind = self.parts[part]
+        return partial(system.add_blocks, kind) if isinstance(kind, Manifold) else getattr(system, kind)
 
     def pull(self, system: Blocks) -> None:
         """Takes its values from the system."""
         for part, ids in self.ids.items():
             values = system.values(ids)[0]
-            setattr(self, part, float(values[0]) if self.parts[part] == "add_scalars" else values)
+            setattr(self, part, values if np.ndim(getattr(self, part)) else float(values[0]))
 
     def push(self, system: Blocks) -> None:
         """Gives its values to the system."""
@@ -85,7 +94,7 @@ class UnknownObject:
 class Scalar(UnknownObject):
     """One unknown number."""
 
-    parts: ClassVar[Mapping[str, str]] = {"value": "add_scalars"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"value": "add_scalars"}
     value: float
 
 
@@ -93,7 +102,7 @@ class Scalar(UnknownObject):
 class Vector(UnknownObject):
     """Several unknown numbers, with names if they have some."""
 
-    parts: ClassVar[Mapping[str, str]] = {"values": "add_vectors"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"values": "add_vectors"}
     values: ArrayLike
     names: Sequence[str] | None = None
 
@@ -106,7 +115,7 @@ class Vector(UnknownObject):
 class Point(UnknownObject):
     """A point of the plane or of space, metres."""
 
-    parts: ClassVar[Mapping[str, str]] = {"coordinates": "add_points"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"coordinates": "add_points"}
     coordinates: ArrayLike
 
 
@@ -114,7 +123,7 @@ class Point(UnknownObject):
 class Direction(UnknownObject):
     """A unit vector of space."""
 
-    parts: ClassVar[Mapping[str, str]] = {"vector": "add_directions"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"vector": "add_directions"}
     vector: ArrayLike
 
 
@@ -122,7 +131,7 @@ class Direction(UnknownObject):
 class Rotation(UnknownObject):
     """A rotation from a local frame to the world, (3, 3)."""
 
-    parts: ClassVar[Mapping[str, str]] = {"matrix": "add_rotations"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"matrix": "add_rotations"}
     matrix: ArrayLike
 
 
@@ -130,7 +139,7 @@ class Rotation(UnknownObject):
 class Pose(UnknownObject):
     """A local frame in the world: centre (3,) and rotation from local to world (3, 3)."""
 
-    parts: ClassVar[Mapping[str, str]] = {"centre": "add_points", "rotation": "add_rotations"}
+    parts: ClassVar[Mapping[str, str | Manifold]] = {"centre": "add_points", "rotation": "add_rotations"}
     centre: ArrayLike
     rotation: ArrayLike
 

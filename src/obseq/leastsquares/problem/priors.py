@@ -9,7 +9,6 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, frozen, real, text
-from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -33,9 +32,9 @@ class Prior:
     def __init__(
         self, table: UnknownTable, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str
     ) -> None:
-        self.ids, kind, size = table.uniform(ids, "prior")
-        if kind in (Kind.ROTATION, Kind.DIRECTION):
-            raise InputError(f"prior: a {kind.label} takes no prior; freeze it, or observe its effect")
+        self.ids, manifold, size = table.uniform(ids, "prior")
+        if not manifold.is_flat:
+            raise InputError(f"prior: a {manifold.label} takes no prior; freeze it, or observe its effect")
         self._table = table
         self._group = text(group, "prior, group")
         shape = (len(self.ids), size)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import FormulaError, InputError
-from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.problem.manifolds import Manifold
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
@@ -39,6 +39,11 @@ class Role:
     context_row: int = -1
     context_size: int = 0
     transposed: bool = False
+
+    def takes(self, manifold: Manifold) -> bool:
+        """Whether blocks of a kind of unknown can stand for it."""
+        context = manifold.context_size - (manifold.transposed_at if self.transposed else 0)
+        return self.kind in (manifold.label, *manifold.stands_for) and context >= self.context_size
 
 
 @dataclass(frozen=True)
@@ -150,9 +155,10 @@ def linear_shape(table: UnknownTable, columns: Sequence[IntArray]) -> Shape:
     """The shape of plain linear rows over blocks: their coefficients and value are the observations."""
     roles, row = [], 0
     for number, ids in enumerate(columns):
-        _, kind, size = table.uniform(ids, f"linear rows, block {number}")
-        if kind not in (Kind.POINT3, Kind.POINT2, Kind.VECTOR, Kind.SCALAR):
-            raise InputError(f"linear rows: {table.names[ids[0]]!r} is a {kind.label}, not a linear unknown")
-        roles.append(Role(str(number), kind.label, row, size))
+        _, manifold, size = table.uniform(ids, f"linear rows, block {number}")
+        if not manifold.is_flat:
+            name = table.names[ids[0]]
+            raise InputError(f"linear rows: {name!r} is a {manifold.label}, not a linear unknown")
+        roles.append(Role(str(number), manifold.label, row, size))
         row += size
     return Shape("linear", tuple(roles), (), tuple(range(row, 2 * row + 1)), row, 1, 2 * row + 1, None)

@@ -3,109 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
-from obseq.leastsquares.problem.manifolds import (
-    checked_rotations,
-    direction_context,
-    moved_directions,
-    rotation_context,
-    turned,
-)
+from obseq.leastsquares.problem.growing import GrowingArray
+from obseq.leastsquares.problem.manifolds import MANIFOLDS
 from obseq.leastsquares.problem.owner import Owner
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-
-
-PADDING = 4
-"""Spare doubles behind values and context: gathers read four at a time."""
-
-
-class Kind(IntEnum):
-    """What a block of unknowns is."""
-
-    POINT3 = 0
-    POINT2 = 1
-    ROTATION = 2
-    DIRECTION = 3
-    VECTOR = 4
-    SCALAR = 5
-
-    @property
-    def label(self) -> str:
-        """The name formulas use for it (`Point3`)."""
-        return self.name.capitalize()
-
-
-def kind_of(label: object) -> Kind:
-    """The kind of a label (`Point3`, in any case).
-
-    Raises:
-        InputError: there is no such kind.
-    """
-    for kind in Kind:
-        if isinstance(label, str) and label.upper() == kind.name:
-            return kind
-    raise InputError(f"no kind of unknown is called {label!r}; there are {', '.join(k.label for k in Kind)}")
-
-
-COMPONENTS = {
-    Kind.POINT3: ("x", "y", "z"),
-    Kind.POINT2: ("x", "y"),
-    Kind.ROTATION: ("rotation.x", "rotation.y", "rotation.z"),
-    Kind.DIRECTION: ("direction.u", "direction.v"),
-    Kind.SCALAR: ("",),
-}
-
-Scalar = TypeVar("Scalar", bound=np.generic)
-
-
-class Column(Generic[Scalar]):
-    """A 1-D array that grows at its end in amortised constant time, with some spare room behind."""
-
-    def __init__(self, dtype: type[Scalar]) -> None:
-        self._data: NDArray[Scalar] = np.zeros(64, dtype=dtype)
-        self._n = 0
-
-    def __len__(self) -> int:
-        return self._n
-
-    @property
-    def view(self) -> NDArray[Scalar]:
-        """The entries present; a view, to be read again after an extension."""
-        return self._data[: self._n]
-
-    @property
-    def padded(self) -> NDArray[Scalar]:
-        """The same with at least PADDING readable entries behind."""
-        return self._data
-
-    def extend(self, values: ArrayLike) -> None:
-        """Appends entries."""
-        added = np.asarray(values, dtype=self._data.dtype).ravel()
-        n = self._n + len(added)
-        if n + PADDING > len(self._data):
-            grown = np.zeros(2 * n + PADDING, dtype=self._data.dtype)
-            grown[: self._n] = self._data[: self._n]
-            self._data = grown
-        self._data[self._n : n] = added
-        self._n = n
-
-    def cut(self, n: int) -> None:
-        """Keeps the first n entries."""
-        self._n = min(n, self._n)
+    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.problem.manifolds import Manifold
 
 
 @dataclass(frozen=True)
@@ -119,32 +35,46 @@ class State:
 class UnknownTable:
     """Blocks of unknowns by number (id), columnar: ids are positions in the columns, in order of addition.
 
-    The unknowns of a block are consecutive in `values`. Those of a rotation or a direction are small
-    displacements around the context (current matrix, current vector) and are zero between two steps.
+    The unknowns of a block are consecutive in `values`. Those of a curved kind (rotations, directions) are
+    small displacements around its context (current matrix, current vector) and are zero between two steps.
+
+    Attributes:
+        names: name of each block.
+        manifolds: kinds of blocks, those that every system knows first.
+        owner: which thread works on the system.
     """
 
     def __init__(self) -> None:
         self.names: list[str] = []
         self.owner = Owner()
-        self._ids: dict[Kind, dict[str, int]] = {kind: {} for kind in Kind}
-        self._kind = Column(np.int64)
-        self._start = Column(np.int64)
-        self._size = Column(np.int64)
-        self._context_start = Column(np.int64)
-        self._family = Column(np.int64)
+        self.manifolds: list[Manifold] = list(MANIFOLDS)
+        self._ids: list[dict[str, int]] = [{} for _ in MANIFOLDS]
+        self._kind = GrowingArray(np.int64)
+        self._start = GrowingArray(np.int64)
+        self._size = GrowingArray(np.int64)
+        self._context_start = GrowingArray(np.int64)
+        self._family = GrowingArray(np.int64)
         self._components: list[tuple[str, ...]] = []
-        self._values = Column(np.float64)
-        self._context = Column(np.float64)
-        self._frozen = Column(np.bool_)
-        self._eliminated = Column(np.bool_)
+        self._values = GrowingArray(np.float64)
+        self._context = GrowingArray(np.float64)
+        self._frozen = GrowingArray(np.bool_)
+        self._eliminated = GrowingArray(np.bool_)
 
     def __len__(self) -> int:
         return len(self.names)
 
-    @property
-    def kind(self) -> IntArray:
-        """(n_blocks,) kind of each block."""
-        return self._kind.view
+    def manifold(self, block: int) -> Manifold:
+        """The kind of a block."""
+        return self.manifolds[int(self._kind.view[block])]
+
+    def each(self, question: Callable[[Manifold], Any]) -> Array:
+        """(n_blocks,) what the kind of each block answers."""
+        return np.array([question(manifold) for manifold in self.manifolds])[self._kind.view]
+
+    def of_manifolds(self) -> Iterator[tuple[Manifold, IntArray]]:
+        """Each kind with its blocks."""
+        for number, manifold in enumerate(self.manifolds):
+            yield manifold, np.flatnonzero(self._kind.view == number)
 
     @property
     def start(self) -> IntArray:
@@ -193,34 +123,45 @@ class UnknownTable:
 
     def add(
         self,
-        kind: Kind,
+        manifold: Manifold,
         names: Sequence[str],
         values: FloatArray,
-        context: FloatArray | None = None,
-        components: tuple[str, ...] | None = None,
+        components: tuple[str, ...] = (),
+        what: str = "add_blocks",
     ) -> IntArray:
-        """Adds blocks of one kind: `values` (n, size), `context` (n, context size); returns their ids."""
+        """Adds blocks of one kind with their values (n, ...) and the names of their components; their ids."""
         self.owner.check()
+        kind = self._kind_of(manifold)
         self._refuse_repeated(kind, names)
+        unknowns, context = manifold.split(manifold.checked(values, names, what))
         before = self._lengths()
         try:
-            return self._extended(kind, names, values, context, components)
+            return self._extended(kind, names, unknowns, context, components or manifold.components)
         except BaseException:  # interrupted: no column is longer than another
             self._cut(before)
             raise
 
+    def _kind_of(self, manifold: Manifold) -> int:
+        """The number of a kind, which is added when it is new."""
+        if manifold not in self.manifolds:
+            if any(manifold.label.upper() == known.label.upper() for known in self.manifolds):
+                raise InputError(f"another kind of unknown is called {manifold.label!r} already")
+            self._ids.append({})
+            self.manifolds.append(manifold)
+        return self.manifolds.index(manifold)
+
     def _extended(
         self,
-        kind: Kind,
+        kind: int,
         names: Sequence[str],
         values: FloatArray,
-        context: FloatArray | None,
-        components: tuple[str, ...] | None,
+        context: FloatArray,
+        components: tuple[str, ...],
     ) -> IntArray:
-        first, n, size = len(self), len(names), values.shape[1]
+        first, (n, size), width = len(self), values.shape, context.shape[1]
         self._ids[kind].update(zip(names, range(first, first + n), strict=True))
         self.names.extend(names)
-        self._components.append(COMPONENTS[kind] if components is None else components)
+        self._components.append(components)
         self._kind.extend(np.full(n, kind))
         self._size.extend(np.full(n, size))
         self._family.extend(np.full(n, len(self._components) - 1))
@@ -228,13 +169,11 @@ class UnknownTable:
         self._values.extend(values)
         self._frozen.extend(np.zeros(n * size, dtype=bool))
         self._eliminated.extend(np.zeros(n, dtype=bool))
-        width = 0 if context is None else context.shape[1]
         self._context_start.extend((len(self._context) if width else 0) + width * np.arange(n))
-        if context is not None:
-            self._context.extend(context)
+        self._context.extend(context)
         return np.arange(first, first + n)
 
-    def _columns(self) -> tuple[Column[Any], ...]:
+    def _columns(self) -> tuple[GrowingArray[Any], ...]:
         return (
             self._kind,
             self._start,
@@ -253,27 +192,36 @@ class UnknownTable:
     def _cut(self, lengths: tuple[int, ...]) -> None:
         """Takes away what was added since the table had these lengths."""
         n, families, *others = lengths
-        for known in self._ids.values():
+        for known in self._ids:
             for name in [name for name, block in known.items() if block >= n]:
                 del known[name]
         del self.names[n:], self._components[families:]
         for column, length in zip(self._columns(), others, strict=True):
             column.cut(length)
 
-    def _refuse_repeated(self, kind: Kind, names: Sequence[str]) -> None:
+    def _refuse_repeated(self, kind: int, names: Sequence[str]) -> None:
         known = self._ids[kind]
         if len(set(names)) != len(names) or not known.keys().isdisjoint(names):
             counts = Counter(names)
             repeated = next(name for name in names if name in known or counts[name] > 1)
-            raise InputError(f"the {kind.label} {repeated!r} is there twice: give each one its own name")
+            label = self.manifolds[kind].label
+            raise InputError(f"the {label} {repeated!r} is there twice: give each one its own name")
 
-    def find(self, names: Sequence[str], kind: Kind) -> IntArray:
-        """Ids of blocks of one kind by name."""
-        known = self._ids[kind]
+    def find(self, names: Sequence[str], label: str) -> IntArray:
+        """Ids of blocks of one kind by name; the kind by its label, in any case."""
+        kind = self._kind_called(label)
+        what, known = self.manifolds[kind].label, self._ids[kind]
         try:
-            return np.array([known[name] for name in texts(names, f"names of {kind.label}")], dtype=np.int64)
+            return np.array([known[name] for name in texts(names, f"names of {what}")], dtype=np.int64)
         except KeyError as error:
-            raise InputError(f"no {kind.label} is called {error.args[0]!r}") from None
+            raise InputError(f"no {what} is called {error.args[0]!r}") from None
+
+    def _kind_called(self, label: str) -> int:
+        labels = [manifold.label for manifold in self.manifolds]
+        upper = [known.upper() for known in labels]
+        if not isinstance(label, str) or label.upper() not in upper:
+            raise InputError(f"no kind of unknown is called {label!r}; there are {', '.join(labels)}")
+        return upper.index(label.upper())
 
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
@@ -288,20 +236,22 @@ class UnknownTable:
             )
         return array
 
-    def uniform(self, ids: ArrayLike, what: str) -> tuple[IntArray, Kind, int]:
+    def uniform(self, ids: ArrayLike, what: str) -> tuple[IntArray, Manifold, int]:
         """Ids that must all be of one kind and size, with this kind and size."""
         array = self.checked(ids, what)
         if not array.size:
             raise InputError(f"{what}: no block ids")
-        kind, size = self.kind[array], self.size[array]
+        kind, size = self._kind.view[array], self.size[array]
         wrong = np.flatnonzero((kind != kind[0]) | (size != size[0]))
         if wrong.size:
-            one, other = self.names[array[0]], self.names[array[wrong[0]]]
             raise InputError(
-                f"{what}: {one!r} ({Kind(kind[0]).label}, {size[0]}) and {other!r} "
-                f"({Kind(kind[wrong[0]]).label}, {size[wrong[0]]}) are not alike; treat them in two calls"
+                f"{what}: {self._described(array[0])} and {self._described(array[wrong[0]])} are not alike; "
+                "treat them in two calls"
             )
-        return array, Kind(kind[0]), int(size[0])
+        return array, self.manifold(array[0]), int(size[0])
+
+    def _described(self, block: int) -> str:
+        return f"{self.names[block]!r} ({self.manifold(block).label}, {self.size[block]})"
 
     def scalars(self, ids: ArrayLike, what: str = "ids") -> IntArray:
         """(n, size) positions in `values` of the unknowns of blocks that are alike."""
@@ -348,30 +298,24 @@ class UnknownTable:
 
     def read(self, ids: ArrayLike, state: State | None = None) -> FloatArray:
         """Current values: (n, size) for points, vectors, scalars; (n, 3, 3) rotations; (n, 3) directions."""
-        array, kind, _ = self.uniform(ids, "values")
+        array, manifold, _ = self.uniform(ids, "values")
         values = self.values if state is None else state.values
         context = self._context.view if state is None else state.context
-        if kind is Kind.ROTATION:
-            return np.asarray(context[self.context_start[array][:, None] + np.arange(9)].reshape(-1, 3, 3))
-        if kind is Kind.DIRECTION:
-            return np.asarray(context[self.context_start[array][:, None] + np.arange(3)])
-        return np.asarray(values[self.scalars(array)])
+        return manifold.joined(values[self.scalars(array)], context[self._context_places(array, manifold)])
 
     def write(self, ids: ArrayLike, new: ArrayLike) -> None:
         """Gives blocks that are alike new values, in the shape that `read` returns."""
         self.owner.check()
-        array, kind, size = self.uniform(ids, "set_values")
-        shape = {Kind.ROTATION: (3, 3), Kind.DIRECTION: (3,)}.get(kind, (size,))
-        given = finite(new, (len(array), *shape), "set_values")
-        if kind is Kind.ROTATION:
-            self._write_context(array, rotation_context(checked_rotations(given, "set_values")))
-        elif kind is Kind.DIRECTION:
-            self._write_context(array, direction_context(given))
-        else:
-            self.values[self.scalars(array)] = given
+        array, manifold, size = self.uniform(ids, "set_values")
+        given = finite(new, (len(array), *manifold.shape(size)), "set_values")
+        names = [self.names[block] for block in array]
+        unknowns, context = manifold.split(manifold.checked(given, names, "set_values"))
+        self.values[self.scalars(array)] = unknowns
+        self._context.view[self._context_places(array, manifold)] = context
 
-    def _write_context(self, ids: IntArray, context: FloatArray) -> None:
-        self._context.view[self.context_start[ids][:, None] + np.arange(context.shape[1])] = context
+    def _context_places(self, ids: IntArray, manifold: Manifold) -> IntArray:
+        """(n, context size) positions of the context of blocks of one kind."""
+        return np.asarray(self.context_start[ids][:, None] + np.arange(manifold.context_size))
 
     def state(self) -> State:
         """A copy of values and context."""
@@ -385,25 +329,19 @@ class UnknownTable:
     def move(self, step: FloatArray) -> None:
         """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
         values = self.values + step
-        for kind in (Kind.ROTATION, Kind.DIRECTION):
-            ids = np.flatnonzero(self.kind == kind)
-            if ids.size:
-                self._absorb(ids, kind, values)
+        for manifold, ids in self.of_manifolds():
+            if ids.size and not manifold.is_flat:
+                self._absorb(ids, manifold, values)
         self.values[:] = values
 
-    def _absorb(self, ids: IntArray, kind: Kind, values: FloatArray) -> None:
+    def _absorb(self, ids: IntArray, manifold: Manifold, values: FloatArray) -> None:
         scalars = self.scalars(ids)
         small = values[scalars]
         moved = np.any(small != 0.0, axis=1)
-        ids, small = ids[moved], small[moved]
         values[scalars] = 0.0
-        if not ids.size:
-            return
-        if kind is Kind.ROTATION:
-            self._write_context(ids, rotation_context(turned(self.read(ids), small)))
-        else:
-            context = self._context.view[self.context_start[ids][:, None] + np.arange(9)]
-            self._write_context(ids, moved_directions(context, small))
+        if moved.any():
+            places = self._context_places(ids[moved], manifold)
+            self._context.view[places] = manifold.moved(self._context.view[places], small[moved])
 
 
 def _component(known: tuple[str, ...], component: str | int, size: int, what: str) -> int:

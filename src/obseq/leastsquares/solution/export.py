@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.geometry import logarithm
-from obseq.leastsquares.problem.unknowns import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -35,10 +33,10 @@ def unknown_columns(
     """
     n = len(state.values)
     values = np.array(state.values)
-    rotations = np.flatnonzero((table.kind == Kind.ROTATION) & (table.start < n))
-    if rotations.size:
-        places = table.start[rotations][:, None] + np.arange(3)
-        values[places] = logarithm(table.read(rotations, state))
+    for manifold, ids in table.of_manifolds():
+        there = ids[table.start[ids] < n]
+        if there.size and not manifold.is_flat:
+            values[table.scalars(there)] = manifold.coordinates(table.read(there, state))
     return {
         "name": list(table.component_names(np.arange(n))),
         "value": values,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.unknowns import Kind
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 
 if TYPE_CHECKING:
@@ -241,7 +240,9 @@ def _crossed(result: LeastSquaresResult, a: IntArray, b: IntArray, a_priori: boo
 
 def _names_of_points(result: LeastSquaresResult, ids: ArrayLike) -> tuple[str, ...]:
     table = result.table
-    array, kind, _ = table.uniform(ids, "ellipses")
-    if kind not in (Kind.POINT2, Kind.POINT3):
-        raise InputError(f"{table.names[array[0]]!r} is a {kind.label}, not a point: it has no error ellipse")
+    array, manifold, _ = table.uniform(ids, "ellipses")
+    if not manifold.is_point:
+        raise InputError(
+            f"{table.names[array[0]]!r} is a {manifold.label}, not a point: it has no error ellipse"
+        )
     return tuple(table.names[block] for block in array)

@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
 from obseq.leastsquares.problem.batches import padded_length
-from obseq.leastsquares.problem.unknowns import PADDING
+from obseq.leastsquares.problem.growing import PADDING
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
