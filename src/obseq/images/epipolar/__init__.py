@@ -16,20 +16,21 @@ if TYPE_CHECKING:
     )
     from obseq.images.epipolar.page import residual_page
     from obseq.images.epipolar.residual import EpipolarResiduals, epipolar_residuals
-    from obseq.images.epipolar.satellites import RationalSensor
+    from obseq.images.epipolar.satellites import CorrectedSensor, RationalSensor
     from obseq.images.epipolar.sensors import OrientedCamera, Pinhole, Sensor
 
 _HOMES = {
     "field": ("Fit", "Polynomial", "exponents", "fit", "fit_field", "percentiles", "robust_weights"),
     "clouds": ("fit_cloud", "percentile_text", "reduced", "residual_cloud"),
     "page": ("residual_page",),
-    "satellites": ("RationalSensor",),
+    "satellites": ("CorrectedSensor", "RationalSensor"),
     "residual": ("EpipolarResiduals", "epipolar_residuals"),
     "sensors": ("OrientedCamera", "Pinhole", "Sensor"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "CorrectedSensor",
     "EpipolarResiduals",
     "Fit",
     "OrientedCamera",
