@@ -98,6 +98,22 @@ def test_an_observation_left_out_leaves_the_marginal_covariance():
     assert result.n_observations == 30
 
 
+def test_a_loss_gives_each_cluster_one_weight():
+    system, ids, batch, *_ = vectors(clusters(), loss=Huber(1.0))
+    rows = batch.observations
+    width = rows.shape[1] - 3
+    rows[:3, width:] += 0.5  # one cluster of three vectors is grossly wrong
+    batch.observations = rows
+    system.solve()
+    weights = batch.robust_weights().reshape(4, 3)
+    assert np.ptp(weights, axis=1).max() == 0.0
+    assert weights[0, 0] < 0.5
+    plain, same_ids, other, *_ = vectors(clusters())
+    other.observations = rows
+    other.sigmas = 1.0 / np.sqrt(weights.ravel())
+    np.testing.assert_allclose(system.values(ids), plain.solve().values(same_ids), atol=1e-4)
+
+
 def test_factors_scale_the_covariance():
     system, _, batch, *_ = vectors(clusters())
     before = system.solve().cost
@@ -126,8 +142,6 @@ def test_covariances_that_do_not_fit(covariance, message):
 
 
 def test_what_does_not_go_together():
-    with pytest.raises(InputError, match="no loss"):
-        vectors(clusters(), loss=Huber())
     with pytest.raises(InputError, match="either sigmas or covariances"):
         vectors(clusters(), sigmas=1.0)
     system, ids, *_ = vectors(clusters())

@@ -15,7 +15,7 @@ from obseq.record import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
 
-IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma")
+IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames")
 
 MORE = """
 The observations are read from OBS files, the points from COR files: known points with their
@@ -42,7 +42,7 @@ class Request:
         reading: Keyword arguments of `Network.read`.
         solving: Keyword arguments of `Network.adjust`.
         outputs: Where the results go.
-        project: What to read instead of observations and points.
+        project: Files of another program, to read instead of observations and points.
     """
 
     observations: Sequence[Path]
@@ -50,7 +50,7 @@ class Request:
     reading: dict[str, Any]
     solving: dict[str, Any]
     outputs: Outputs
-    project: Path | None = None
+    project: Sequence[Path] = ()
 
 
 def register(commands: Commands) -> None:
@@ -59,15 +59,18 @@ def register(commands: Commands) -> None:
     files = command.add_argument_group("files")
     files.add_argument(
         "project",
-        nargs="?",
+        nargs="*",
         type=Path,
         metavar="PROJECT",
-        help="a project of another program: Comp3D (.comp)",
+        help="files of another program: a Comp3D project (.comp)",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
     files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
     files.add_argument(
         "--outside", action="store_true", help="let a project read files outside of its own folder"
+    )
+    files.add_argument(
+        "--geoid", type=Path, metavar="FILE", help="geoid heights and deflections, for files that need them"
     )
     files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
     files.add_argument(
@@ -160,12 +163,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> dict[str, Any]:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "refraction", "encoding"}
+    accepted = {"frame", "refraction", "encoding", "ignore"}
     given = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
     if given:
         listed = ", ".join("--" + name.replace("_", "-") for name in given)
-        raise InputError(f"{arguments.project}: a project says itself what {listed} would say; leave it out")
-    return reading | {"outside": arguments.outside}
+        raise InputError(
+            f"{arguments.project[0]}: a project says itself what {listed} would say; leave it out"
+        )
+    return reading | _given({"outside": arguments.outside, "geoid": arguments.geoid})
 
 
 def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -195,7 +200,7 @@ def adjust(request: Request) -> int:
 
 def _inputs(request: Request) -> list[Path]:
     """The files that no output may replace."""
-    return [*request.observations, *request.points, *([request.project] if request.project else [])]
+    return [*request.observations, *request.points, *request.project]
 
 
 def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:

@@ -35,9 +35,11 @@ from obseq.survey.adjustment.notes import notes
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
+from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
 from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.initial_values import InitialValues, initial_values
@@ -156,31 +158,44 @@ class Network:
         return cls._assembled(points, book, frame, points_crs, refraction, watch)
 
     @classmethod
-    @expecting(path=PATH, frame=TEXT | NOTHING, encoding=TEXT, outside=TRUTH)
+    @expecting(
+        paths=PATHS,
+        frame=TEXT | NOTHING,
+        encoding=TEXT,
+        outside=TRUTH,
+        geoid=PATH | NOTHING,
+        ignore=WORDS,
+    )
     def read_project(
         cls,
-        path: str | Path,
+        paths: str | Path | Sequence[str | Path],
         frame: str | None = None,
         refraction: float | None = None,
         encoding: str = "utf-8",
         *,
         outside: bool = False,
+        geoid: str | Path | None = None,
+        ignore: Collection[str] = (),
     ) -> Network:
-        """Reads what a file of another program describes: a Comp3D project (`.comp`).
+        """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
         Args:
-            path: The file.
+            paths: The file, or the files that belong together.
             frame: Definition of the computation frame, in place of the one of the project.
             refraction: Coefficient of zenith angles, in place of the one of the project.
             encoding: Encoding of names in the files.
             outside: Whether files outside the folder of the project may be read.
+            geoid: Geoid heights and deflections, for files with heights above the geoid.
+            ignore: What is to be passed over, as for `read`; "frames": reference frames and epochs of single
+                observations that are not those of the network.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         watch = Stopwatch()
         with watch.phase("read"):
-            project = read_project(path, encoding, outside)
+            chosen = Reading(encoding, outside, Path(geoid) if geoid else None, checked_ignore(ignore))
+            project = read_project(paths, chosen)
         coefficient = project.refraction if refraction is None else refraction
         definition = frame or project.frame
         return cls._assembled(

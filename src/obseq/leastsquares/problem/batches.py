@@ -203,8 +203,6 @@ class Batch:
             new = named_loss(new)
         if new is not None and (isinstance(new, type) or not callable(getattr(new, "weights", None))):
             raise InputError(f"{self.name}: a loss is wanted, such as Huber(), not {new!r}")
-        if new is not None and self.clusters is not None:
-            raise InputError(f"{self.name}: no loss for observations that are correlated with one another")
         self._loss = new
         self._weigh()
 
@@ -235,10 +233,17 @@ class Batch:
         self.weights = weights
 
     def reweight(self, residuals: FloatArray) -> None:
-        """Sets the weights that the loss gives to residuals (n, n_residuals)."""
-        if self._loss is not None:
-            norm = np.linalg.norm(residuals / self._sigmas, axis=1)
-            self._weigh(np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None])
+        """Sets the weights that the loss gives to residuals (n, n_residuals).
+
+        Observations that are correlated with one another have one weight, for the root mean square.
+        """
+        if self._loss is None:
+            return
+        norm = np.linalg.norm(residuals / self._sigmas, axis=1)
+        if self.clusters is not None:
+            of_residuals = self.clusters.norms((residuals / self._sigmas).ravel())
+            norm = of_residuals.reshape(residuals.shape)[:, 0]
+        self._weigh(np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None])
 
     def correlate(self, covariances: ArrayLike) -> None:
         """Gives the residuals of each observation a full covariance, (m, m) or (n, m, m), in their units.
@@ -277,9 +282,9 @@ class Batch:
         Their sigmas are 1 then, factors of the whitened residuals.
 
         Raises:
-            InputError: it does not fit, or there are other covariances or a loss.
+            InputError: it does not fit, or there are other covariances.
         """
-        if self.roots.size or self._loss is not None:
+        if self.roots.size:
             raise InputError(f"{self.name}: covariance across observations goes with nothing else")
         self.clusters = Clusters(covariance, self.n * self.shape.n_residuals, f"{self.name}, covariance")
         self.sigmas = np.ones((self.n, self.shape.n_residuals))
@@ -292,6 +297,12 @@ class Batch:
         from scipy.sparse import csr_array, diags_array
 
         return csr_array(diags_array(self.weights[:, : self.n].T.ravel()) @ self._whitening)
+
+    def cluster_roots(self, members: IntArray) -> FloatArray:
+        """(k, m, m) parts of the whitening matrix that belong to the residuals (k, m) of clusters."""
+        matrix, (count, m) = self.whitening_matrix(), members.shape
+        rows, columns = np.broadcast_arrays(members[:, :, None], members[:, None, :])
+        return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(count, m, m)
 
     @property
     def tile_weights(self) -> FloatArray:

@@ -93,6 +93,22 @@ class FinalState:
         products = (rows @ inverse).multiply(rows).sum(axis=1)
         return np.asarray(products).reshape(batch.n, -1)
 
+    def cluster_cofactors(self, rows: csr_array, members: IntArray) -> FloatArray:
+        """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size."""
+        pattern, count = self.equations.pattern, members.shape[1]
+        keys = pattern.columns() * pattern.n + pattern.indices
+        result = np.empty((len(members), count, count))
+        for k, cluster in enumerate(members):
+            entries = [slice(rows.indptr[row], rows.indptr[row + 1]) for row in cluster]
+            columns = np.unique(np.concatenate([rows.indices[part] for part in entries]))
+            dense = np.zeros((count, len(columns)))
+            for line, part in zip(dense, entries, strict=True):
+                line[np.searchsorted(columns, rows.indices[part])] = rows.data[part]
+            low = np.minimum.outer(columns, columns).astype(np.int64)
+            places = np.searchsorted(keys, low * pattern.n + np.maximum.outer(columns, columns))
+            result[k] = dense @ self.cofactors.values[places] @ dense.T
+        return result
+
     def prior_leverages(self, prior: Prior) -> FloatArray:
         """(n_scalars,) the same for the equations of a prior; 0 where the unknown is frozen."""
         return np.asarray(self.cofactors.variances()[prior.scalars] * np.square(prior.weights))

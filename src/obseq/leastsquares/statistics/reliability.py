@@ -312,19 +312,14 @@ def _of_clusters(state: FinalState, batch: Batch, residuals: FloatArray) -> Numb
     """The numbers of observations that are correlated with one another: a cluster is as one observation."""
     if batch.clusters is None:
         raise InputError(f"{batch.name}: its observations are not correlated with one another")
-    rows, roots, m = state.cluster_rows(batch), batch.whitening_matrix(), batch.shape.n_residuals
+    rows, m = state.cluster_rows(batch), batch.shape.n_residuals
     found = [np.full(residuals.size, np.nan) for _ in fields(Numbers)]
     found[1] = np.zeros(residuals.size, dtype=bool)
-    for members in batch.clusters.members:
-        kept = members[batch.active[members // m]]
-        if not len(kept):
-            continue
-        inside = np.asarray(rows[kept].toarray())
-        root = np.asarray(roots[kept][:, kept].toarray())
-        leverages = (inside @ state.solve(np.ascontiguousarray(inside.T)))[None]
-        numbers = correlated_numbers(residuals.ravel()[kept][None], root[None], leverages, np.ones(1))
+    for members in batch.clusters.alike(np.repeat(batch.active, m)):
+        roots, leverages = batch.cluster_roots(members), state.cluster_cofactors(rows, members)
+        numbers = correlated_numbers(residuals.ravel()[members], roots, leverages, np.ones(len(members)))
         for column, entry in zip(found, fields(Numbers), strict=True):
-            column[kept] = getattr(numbers, entry.name)[0]
+            column[members] = getattr(numbers, entry.name)
     return Numbers(*(column.reshape(residuals.shape) for column in found))
 
 

@@ -108,10 +108,11 @@ def _numbers(columns: list[FloatArray]) -> ReliabilityNumbers:
 
 
 def _known(whole: Reliability) -> ReliabilityNumbers | None:
-    for part in whole.observations:
-        if part.source.group == GROUP:
-            return _numbers([numbers(part, name) for name in NAMES])
-    return None
+    """The numbers of the known coordinates: of those with a sigma, then of those with a covariance."""
+    parts = [part for part in whole.observations if part.source.group == GROUP]
+    if not parts:
+        return None
+    return _numbers([np.concatenate([numbers(part, name) for part in parts]) for name in NAMES])
 
 
 def _levels(whole: Reliability) -> ReliabilityRecord:

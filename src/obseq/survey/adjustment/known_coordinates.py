@@ -83,7 +83,7 @@ class KnownCoordinates:
         self._held_rows, self._held_components = self._freeze(system)
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
-        self._whitened = self._add_whitened(system)
+        self._together = self._add_together(system)
 
     def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
         """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
@@ -99,6 +99,18 @@ class KnownCoordinates:
 
     def _add_soft(self, system: LeastSquares) -> Batch | None:
         rows, components = self._rows, self._components
+        return self._added(system, rows, components, self._sigmas[rows, components])
+
+    def _add_together(self, system: LeastSquares) -> Batch | None:
+        """Coordinates that are correlated with one another."""
+        batch = self._added(system, *self._correlated, np.ones(len(self._correlated[0])))
+        if batch is not None and self._points.covariance is not None:
+            batch.correlate_all([self._points.covariance.matrix])
+        return batch
+
+    def _added(
+        self, system: LeastSquares, rows: IntArray, components: IntArray, sigmas: FloatArray
+    ) -> Batch | None:
         if not rows.size:
             return None
         equations = self._linearised(system, rows, components)
@@ -106,7 +118,7 @@ class KnownCoordinates:
             [self._ids[rows]],
             [equations[:, :3]],
             equations[:, 3],
-            self._sigmas[rows, components],
+            sigmas,
             labels=Labels(self._points, rows, components),
             group=GROUP,
             is_constraint=True,
@@ -119,18 +131,6 @@ class KnownCoordinates:
         equations = self._linearised(system, rows, components)
         labels = Labels(self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
-
-    def _add_whitened(self, system: LeastSquares) -> Batch | None:
-        """Correlated coordinates, as rows that their covariance makes independent, linearised once."""
-        covariance, (rows, components) = self._points.covariance, self._correlated
-        if covariance is None or not rows.size:
-            return None
-        equations = self._linearised(system, rows, components)
-        roots = np.linalg.cholesky(np.linalg.inv(covariance.matrix)).T
-        places = [np.full(len(rows), self._ids[row]) for row in rows]
-        coefficients = [roots[:, k, None] * equations[k, :3] for k in range(len(rows))]
-        values = roots @ equations[:, 3]
-        return system.add_linear(places, coefficients, values, 1.0, group=GROUP, is_constraint=True)
 
     def _linearised(self, system: LeastSquares, rows: IntArray, components: IntArray) -> FloatArray:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
@@ -150,6 +150,8 @@ class KnownCoordinates:
         self._linearised_at = here
         if self._soft is not None:
             self._soft.observations = self._linearised(system, self._rows, self._components)
+        if self._together is not None:
+            self._together.observations = self._linearised(system, *self._correlated)
         if self._hard is not None:
             self._hard.observations = self._linearised(system, self._held_rows, self._held_components)
 

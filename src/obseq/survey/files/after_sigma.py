@@ -23,6 +23,7 @@ IGNORABLE = {
     "relative-sigmas": "relative sigmas of OBS lines",
     "heights": "heights of instrument and target in OBS lines",
     "deflections": "deflections of the vertical in COR lines",
+    "frames": "reference frames and epochs of single observations",
 }
 """What may be left out on demand: what the user says, and what it is."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,13 @@ from obseq.survey.files.comp3d_observations import read_observations
 from obseq.survey.files.cor import PointColumns
 from obseq.survey.files.includes import Folder
 from obseq.survey.files.levelled_points import levelled_points
+from obseq.survey.files.project import Project, Reading
 from obseq.survey.files.text import parse_number
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import Points
 
 UNITS = (1.0, math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0)
 """Radians in one unit of angles, by `files_unit`: radian, gon, degree, arc second."""
@@ -46,40 +47,18 @@ SILENT = frozenset(
 """Keys that change nothing here, or nothing when they are missing."""
 
 
-@dataclass(frozen=True, eq=False)
-class Project:
-    """What a project file of another program describes.
-
-    Attributes:
-        points: The points, in their own system.
-        book: The observations.
-        frame: Definition of the computation frame.
-        points_crs: Definition of the system of the points.
-        refraction: Coefficient of zenith angles.
-        max_iterations: The iterations end at this number.
-    """
-
-    points: Points
-    book: FieldBook
-    frame: str
-    points_crs: str
-    refraction: float
-    max_iterations: int
-
-
-def read_comp3d(path: str | Path, encoding: str = "utf-8", outside: bool = False) -> Project:
+def read_comp3d(path: str | Path, reading: Reading) -> Project:
     """Reads a Comp3D project; nothing is written.
 
     Args:
         path: The `.comp` file.
-        encoding: Of the point names.
-        outside: Whether files outside the folder of the project may be read.
+        reading: How to read it.
 
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
     config, told = _settings(Path(path))
-    folder = Folder(Path(path).parent, encoding, outside)
+    folder = Folder(Path(path).parent, reading.encoding, reading.outside)
     points, ignored = _points(folder, config)
     unit = UNITS[config["files_unit"]]
     book = read_observations(folder, config["root_OBS_file"], unit, ignored)

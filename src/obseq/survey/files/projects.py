@@ -1,4 +1,4 @@
-"""Project files of other programs, by what they are called."""
+"""Files of other programs, by what they are called and what they hold."""
 
 from __future__ import annotations
 
@@ -7,23 +7,42 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.survey.files.comp3d import read_comp3d
+from obseq.survey.files.project import Reading, only_one
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Sequence
 
-    from obseq.survey.files.comp3d import Project
+    from obseq.survey.files.project import Project, Reader
 
-READERS: dict[str, Callable[[str | Path, str, bool], Project]] = {".comp": read_comp3d}
+READERS: dict[str, Reader] = {".comp": lambda paths, reading: read_comp3d(only_one(paths), reading)}
 """Who reads the files with each suffix."""
+DEFAULTS = Reading()
 
 
-def read_project(path: str | Path, encoding: str = "utf-8", outside: bool = False) -> Project:
-    """Reads what a file of another program describes.
+def read_project(paths: str | Path | Sequence[str | Path], reading: Reading = DEFAULTS) -> Project:
+    """Reads what files of another program describe.
+
+    Args:
+        paths: The file, or the files that belong together.
+        reading: How to read them.
 
     Raises:
-        InputError: nobody reads such files, or something in it is wrong.
+        InputError: nobody reads such files, or something in them is wrong.
     """
-    reader = READERS.get(Path(path).suffix.lower())
+    listed = [paths] if isinstance(paths, str | Path) else list(paths)
+    named = tuple(Path(path) for path in listed)
+    if not named:
+        raise InputError("read_project: name a file")
+    return reader_of(named[0])(named, reading)
+
+
+def reader_of(path: Path) -> Reader:
+    """Who reads a file.
+
+    Raises:
+        InputError: Nobody does.
+    """
+    reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: files that can be adjusted by themselves end in {', '.join(READERS)}")
-    return reader(path, encoding, outside)
+    return reader

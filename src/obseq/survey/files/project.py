@@ -1,0 +1,67 @@
+"""What a reader of the files of another program makes of them: a network, and how it is to be computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq import crs
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from obseq.survey.model import FieldBook, Points
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """What the files of another program describe.
+
+    Attributes:
+        points: The points, in their own system.
+        book: The observations.
+        frame: Definition of the computation frame; None for the one that the points ask for.
+        points_crs: Definition of the system of the points; None for the frame.
+        refraction: Coefficient of zenith angles.
+        max_iterations: The iterations end at this number; None for the usual one.
+    """
+
+    points: Points
+    book: FieldBook
+    frame: str | None = None
+    points_crs: str | None = None
+    refraction: float = crs.REFRACTION_COEFFICIENT
+    max_iterations: int | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How files are to be read.
+
+    Attributes:
+        encoding: Encoding of names in the files.
+        outside: Whether files outside the folder of the project may be read.
+        geoid: File of geoid heights and deflections, for heights above the geoid; None without.
+        ignore: What is to be left out or passed over, by name (`obseq.survey.files.after_sigma.IGNORABLE`).
+    """
+
+    encoding: str = "utf-8"
+    outside: bool = False
+    geoid: Path | None = None
+    ignore: frozenset[str] = frozenset()
+
+
+Reader = Callable[[tuple[Path, ...], Reading], Project]
+"""Reads the files that a user named together."""
+
+
+def only_one(paths: tuple[Path, ...]) -> Path:
+    """The path of a project that is one file.
+
+    Raises:
+        InputError: There are more.
+    """
+    if len(paths) > 1:
+        raise InputError(f"{paths[1]}: {paths[0]} is a project by itself; adjust one at a time")
+    return paths[0]
