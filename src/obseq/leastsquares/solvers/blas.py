@@ -1,9 +1,14 @@
-"""SciPy's compiled BLAS and LAPACK, called from numba by address."""
+"""SciPy's compiled BLAS and LAPACK, called by address.
+
+SciPy's own OpenBLAS is loaded as a library: importing `scipy.linalg` takes a hundred times as long. Where
+SciPy is built on another library (a distribution's, Apple's), the addresses are those of its Cython modules.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import importlib
+import importlib.util
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -28,20 +33,46 @@ ROUTINES = (
     (BLAS, "dgemm"),
     (BLAS, "dtrsv"),
     (BLAS, "dgemv"),
+    (LAPACK, "dpotrs"),
 )
 fortran = Instruction("obseq.leastsquares.solvers.fortran_calls", "fortran")
 lapack = Instruction("obseq.leastsquares.solvers.fortran_calls", "lapack")
 address_of = Instruction("obseq.leastsquares.solvers.fortran_calls", "address_of")
 
-POTRF, POTRI, TRSM, SYRK, SYMM, GEMM, TRSV, GEMV = range(len(ROUTINES))
+POTRF, POTRI, TRSM, SYRK, SYMM, GEMM, TRSV, GEMV, POTRS = range(len(ROUTINES))
 
 
 @lru_cache(maxsize=1)
 def routine_addresses() -> NDArray[np.int64]:
     """Addresses of the routines, in the order of `ROUTINES`; they differ from one process to the next."""
-    return np.array(
-        [_address(importlib.import_module(module), name) for module, name in ROUTINES], dtype=np.int64
-    )
+    library = _library()
+    if library is None:
+        found = [_address(importlib.import_module(module), name) for module, name in ROUTINES]
+    else:
+        entries = (getattr(library, f"scipy_{name}_") for _, name in ROUTINES)
+        found = [ctypes.cast(entry, ctypes.c_void_p).value or 0 for entry in entries]
+    return np.array(found, dtype=np.int64)
+
+
+def call_lapack(routine: int, *arguments: str | int | NDArray[np.float64]) -> int:
+    """Calls a LAPACK routine; its status.
+
+    Args:
+        routine: position in `ROUTINES`.
+        arguments: those of the routine without its status: letters, whole numbers, arrays by their first
+            entry, contiguous in one order or the other.
+    """
+    status, letters = ctypes.c_int(0), sum(isinstance(value, str) for value in arguments)
+    passed = [_by_reference(value) for value in arguments]
+    lengths = [ctypes.c_size_t(1)] * letters
+    ctypes.CFUNCTYPE(None)(int(routine_addresses()[routine]))(*passed, ctypes.byref(status), *lengths)
+    return status.value
+
+
+def _by_reference(value: str | int | NDArray[np.float64]) -> Any:
+    if isinstance(value, np.ndarray):
+        return ctypes.c_void_p(value.ctypes.data)
+    return ctypes.byref(ctypes.c_char(value.encode()) if isinstance(value, str) else ctypes.c_int(value))
 
 
 def _address(module: Any, name: str) -> int:
@@ -58,17 +89,24 @@ def _address(module: Any, name: str) -> int:
 
 
 @lru_cache(maxsize=1)
+def _library() -> ctypes.CDLL | None:
+    """SciPy's own OpenBLAS, in which integers have 32 bits; None if it has another BLAS."""
+    spec = importlib.util.find_spec("scipy")
+    for folder in map(Path, (spec and spec.submodule_search_locations) or ()):
+        for place in (folder.parent / "scipy.libs", folder / ".dylibs", folder / ".libs"):
+            for library in sorted(place.glob("libscipy_openblas*")):
+                loaded = ctypes.CDLL(str(library))
+                if hasattr(loaded, "scipy_openblas_set_num_threads") and hasattr(loaded, "scipy_dpotrs_"):
+                    return loaded
+    return None
+
+
 def _thread_functions() -> tuple[Callable[[], int], Callable[[int], None]] | None:
     """What gets and sets the number of threads of SciPy's own OpenBLAS; None if it has another BLAS."""
-    import scipy
-
-    folder = Path(scipy.__file__).parent
-    for place in (folder.parent / "scipy.libs", folder / ".dylibs", folder / ".libs"):
-        for library in sorted(place.glob("libscipy_openblas*")):
-            loaded = ctypes.CDLL(str(library))
-            if hasattr(loaded, "scipy_openblas_set_num_threads"):
-                return loaded.scipy_openblas_get_num_threads, loaded.scipy_openblas_set_num_threads
-    return None
+    library = _library()
+    if library is None:
+        return None
+    return library.scipy_openblas_get_num_threads, library.scipy_openblas_set_num_threads
 
 
 @contextmanager

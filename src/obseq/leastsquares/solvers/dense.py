@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.solvers.base import BaseSolver
+from obseq.leastsquares.solvers.blas import POTRF, POTRI, POTRS, call_lapack
 from obseq.leastsquares.solvers.dense_loops import factor_columns, invert_small, solve_columns
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
@@ -38,11 +39,10 @@ class DenseCholesky(BaseSolver):
             n, pivots = self._pattern.n, diagonal.copy()
             factor_columns(self._columns, 0, n, n, n, pivots, 0, tolerance)
             return defect_of(pivots, tolerance)
-        from scipy.linalg.lapack import dpotrf
-
-        self._lower, info = dpotrf(self._lower, lower=True, clean=False, overwrite_a=True)
+        n = self._pattern.n
+        status = call_lapack(POTRF, "L", n, self._columns, n)
         pivots = relative_pivots(np.square(np.diagonal(self._lower)), diagonal)
-        if info != 0 or not np.all(pivots > tolerance):
+        if status != 0 or not np.all(pivots > tolerance):
             self._fill(values)
             pivots = factor_replacing(self._lower, tolerance)
         return defect_of(pivots, tolerance)
@@ -52,23 +52,22 @@ class DenseCholesky(BaseSolver):
         self._lower[self._entries] = values
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
+        n, x = self._pattern.n, np.array(rhs.reshape(len(rhs), -1).T, order="C")
         if self._is_small:
-            x = np.array(rhs.reshape(len(rhs), -1).T, order="C")
-            solve_columns(self._columns, self._pattern.n, x)
-            return x.T.reshape(rhs.shape)
-        from scipy.linalg.lapack import dpotrs
-
-        return np.asarray(dpotrs(self._lower, rhs, lower=True)[0])
+            solve_columns(self._columns, n, x)
+        else:
+            call_lapack(POTRS, "L", n, len(x), self._columns, n, x, n)
+        return x.T.reshape(rhs.shape)
 
     def _selected_inverse(self) -> FloatArray:
+        n = self._pattern.n
         if self._is_small:
-            n, inverse = self._pattern.n, np.zeros_like(self._columns)
+            inverse = np.zeros_like(self._columns)
             invert_small(self._columns, 0, n, n, inverse, 0, np.empty(n))
-            return np.asarray(inverse.reshape(n, n).T[self._entries])
-        from scipy.linalg.lapack import dpotri
-
-        inverse, _ = dpotri(self._lower, lower=True)
-        return np.asarray(inverse[self._entries])
+        else:
+            inverse = self._columns.copy()
+            call_lapack(POTRI, "L", n, inverse, n)
+        return np.asarray(inverse.reshape(n, n).T[self._entries])
 
     @property
     def statistics(self) -> SolverStatistics:

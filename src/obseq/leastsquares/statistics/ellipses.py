@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 
 if TYPE_CHECKING:
@@ -186,13 +187,13 @@ def confidence_factor(level: float | None, dimension: int, redundancy: int | Non
     From the chi-square distribution when the sigmas are taken as given (`redundancy` None), else from
     Fisher's, since the variance factor is then itself an estimate.
     """
-    from scipy.special import fdtri, gammaincinv
-
     if level is None:
         return 1.0
     checked_probability(level, "level")
     if redundancy is None:
-        return float(np.sqrt(2.0 * gammaincinv(dimension / 2.0, level)))
+        return float(np.sqrt(chi_square_limit(dimension, below=level)))
+    from scipy.special import fdtri
+
     return float(np.sqrt(dimension * fdtri(dimension, redundancy, level)))
 
 

@@ -12,6 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.statistics.distributions import (
+    bisected,
+    chi_square_limit,
+    chi_square_tails,
+    normal_below,
+    normal_limit,
+    normal_outside,
+    tau_outside,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -75,31 +84,25 @@ def global_test(result: LeastSquaresResult, level: float = 0.05, two_sided: bool
     Raises:
         InputError: redundancy 0: nothing is left to test.
     """
-    from scipy.special import gammainc, gammaincc, gammainccinv, gammaincinv
-
     checked_probability(level, "level")
     f, statistic = result.redundancy, result.cost
     if f <= 0:
         raise InputError("redundancy 0: the residuals vanish whatever the sigmas, nothing can be tested")
-    below, above = float(gammainc(f / 2, statistic / 2)), float(gammaincc(f / 2, statistic / 2))
+    below, above = chi_square_tails(statistic, f)
     if not two_sided:
-        return GlobalTest(statistic, f, level, 0.0, 2.0 * float(gammainccinv(f / 2, level)), above)
-    lower, upper = (2.0 * float(inverse(f / 2, level / 2)) for inverse in (gammaincinv, gammainccinv))
+        return GlobalTest(statistic, f, level, 0.0, chi_square_limit(f, above=level), above)
+    lower, upper = chi_square_limit(f, below=level / 2), chi_square_limit(f, above=level / 2)
     return GlobalTest(statistic, f, level, lower, upper, min(1.0, 2.0 * min(below, above)))
 
 
 def normal_p_values(w: ArrayLike) -> FloatArray:
     """Probability that a standard normal variable exceeds |w|, on either side."""
-    from scipy.special import ndtr
-
-    return np.asarray(2.0 * ndtr(-np.abs(w)))
+    return normal_outside(w)
 
 
 def normal_critical(level: float) -> float:
     """Limit that the absolute value of a standard normal variable exceeds with probability `level`."""
-    from scipy.special import ndtri
-
-    return float(-ndtri(checked_probability(level, "level") / 2.0))
+    return normal_limit(checked_probability(level, "level") / 2.0)
 
 
 def tau_p_values(tau: ArrayLike, redundancy: int) -> FloatArray:
@@ -120,12 +123,10 @@ def tau_p_values(tau: ArrayLike, redundancy: int) -> FloatArray:
 
 def tau_critical(level: float, redundancy: int) -> float:
     """Limit that |tau| exceeds with probability `level`; infinite with redundancy 1."""
-    from scipy.special import betaincinv
-
     checked_probability(level, "level")
     if redundancy <= 1:
         return float("inf")
-    return float(np.sqrt(redundancy * (1.0 - betaincinv((redundancy - 1) / 2.0, 0.5, level))))
+    return bisected(lambda tau: tau_outside(tau, redundancy) > level, 0.0, float(np.sqrt(redundancy)))
 
 
 def single_level(level: float, n_tests: int) -> float:
@@ -144,17 +145,14 @@ def non_centrality(level: float, power: float) -> float:
 
     Baarda's delta_0: 4.13 for a level of 0.001 and a power of 0.80.
     """
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
-
     limit = normal_critical(level)
     if not level < checked_probability(power, "power"):
         raise InputError(f"the power of a test ({power}) must exceed its level ({level})")
 
-    def gap(shift: float) -> float:
-        return float(ndtr(shift - limit) + ndtr(-shift - limit)) - power
+    def is_too_small(shift: float) -> bool:
+        return normal_below(shift - limit) + normal_below(-shift - limit) < power
 
-    return float(brentq(gap, 0.0, limit + 10.0, xtol=1e-14))
+    return bisected(is_too_small, 0.0, limit + 10.0)
 
 
 def checked_probability(value: float, what: str) -> float:
