@@ -34,8 +34,10 @@ from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
 from obseq.formulas.special_topography import AxisLink, AxisPlane, AxisRadius, TopoDHParam, TopoDistHz0
 from obseq.formulas.topography import (
+    TopoAngle,
     TopoDH,
     TopoDist,
+    TopoDistHz,
     TopoDistOff,
     TopoDX,
     TopoDXOff,
@@ -66,6 +68,8 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDXOff(),
     TopoDYOff(),
     TopoDZOff(),
+    TopoDistHz(),
+    TopoAngle(),
     TopoDistHz0(),
     TopoDHParam(),
     AxisRadius(),

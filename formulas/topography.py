@@ -215,6 +215,49 @@ class TopoDZOff(Formula):
         return TopoDZ().residual(station, target + offset, dz=dz)
 
 
+class TopoDistHz(Formula):
+    """Horizontal distance between two points, in the horizon of the first.
+
+    Residual: `|u x (P_to - P_from)| - val`, with `u` the upward vertical of the first point. Undefined where
+    the two points are on one vertical.
+    """
+
+    source = "Definition"
+    typical = {"origin": (0.0, 10.0), "target": (0.0, 10.0), "up": (0.5, 0.2), "val": (10.0, 5.0)}
+
+    def residual(
+        self, origin: From, target: Target, *, up: Annotated[Point3, "u"], distance: MeasuredLength
+    ) -> Scalar:
+        """The distance computed, minus the distance observed (m)."""
+        sight = (target - origin).with_names("sight")
+        return norm(up.cross(sight)) - distance
+
+
+class TopoAngle(Formula):
+    """Horizontal angle at a point, clockwise from a backsight to a foresight.
+
+    Residual: `atan2(E_to, N_to) - atan2(E_back, N_back) - val` brought to (-pi, pi], with east and north of
+    both in the horizon of the point. Undefined where one of them is on the vertical of the point.
+    """
+
+    source = "Definition"
+    typical = {"station": (0.0, 10.0), "backsight": (0.0, 10.0), "target": (0.0, 10.0)}
+
+    def residual(
+        self,
+        station: Annotated[Point3, "P_at"],
+        backsight: Annotated[Point3, "P_back"],
+        target: Target,
+        *,
+        vertical: Annotated[Matrix3, "ENU"],
+        angle: MeasuredAngle,
+    ) -> Scalar:
+        """The angle computed, minus the angle observed (rad)."""
+        back = let("back", vertical @ (backsight - station))
+        ahead = let("ahead", vertical @ (target - station))
+        return angle_difference(atan2(ahead.x, ahead.y) - atan2(back.x, back.y), angle)
+
+
 class TopoDH(Formula):
     """Difference of ellipsoidal heights between two points given in a Euclidean frame.
 

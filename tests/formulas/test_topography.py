@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from obseq.formulas.topography import (
+    TopoAngle,
     TopoDH,
     TopoDist,
+    TopoDistHz,
     TopoDistOff,
     TopoDX,
     TopoDXOff,
@@ -173,3 +175,22 @@ def test_an_offset_moves_the_target(formula, moved, rest):
 def test_an_offset_moves_the_end_of_a_distance():
     (value,) = TopoDistOff().evaluate((1, 1, 1, 4, 5, 10), [0.0, 0.0, 3.0, 12.5])
     assert value == pytest.approx(0.5, abs=1e-15)
+
+
+def test_horizontal_distance_leaves_out_what_is_along_the_vertical():
+    # 3 m east, 4 m north, 12 m up: 5 m in the horizon. With the vertical along x, 4 and 12 remain.
+    ends = (100.0, 200.0, 10.0, 103.0, 204.0, 22.0)
+    (flat,) = TopoDistHz().evaluate(ends, (0.0, 0.0, 1.0, 4.9))
+    assert flat == pytest.approx(0.1, abs=1e-13)
+    (tilted,) = TopoDistHz().evaluate(ends, (1.0, 0.0, 0.0, 0.0))
+    assert tilted == pytest.approx(math.hypot(4, 12), abs=1e-13)
+
+
+def test_angle_counts_clockwise_from_the_backsight():
+    # Back to the north, ahead 3 m east and 4 m north; the other way round it is the rest of the turn.
+    station, north, ahead = (100.0, 200.0, 10.0), (100.0, 250.0, 0.0), (103.0, 204.0, 50.0)
+    angle = math.atan2(3, 4)
+    (forth,) = TopoAngle().evaluate((*station, *north, *ahead), (*IDENTITY, 0.0))
+    assert forth == pytest.approx(angle, abs=1e-15)
+    (back,) = TopoAngle().evaluate((*station, *ahead, *north), (*IDENTITY, 2 * math.pi - angle - 0.1))
+    assert back == pytest.approx(0.1, abs=1e-14)

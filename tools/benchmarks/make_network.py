@@ -147,6 +147,7 @@ def measured(names: list[str], true: FloatArray, pairs: IntArray, random: np.ran
         groups=np.full(n, -1, np.int32),
         file_indices=np.zeros(n, np.int32),
         lines=np.arange(1, n + 1, dtype=np.int32),
+        backsights=np.full(n, -1, np.int32),
     )
     plumb = np.full(len(origins), Orientation.VERT, np.int8)
     set_ups = Stations(origins.astype(np.int32), plumb, starts, members)

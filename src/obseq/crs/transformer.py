@@ -17,7 +17,8 @@ from obseq.crs.unreferenced import UnreferencedSystem
 class Transformer:
     """Converts points from `source` to `target` through geocentric WGS 84 coordinates, as MMVII does.
 
-    Equal systems convert by identity, which is the only conversion of a Local system.
+    Equal systems convert by identity. A Local system converts to itself, and to the same plane with other
+    axes (`Local*sw`).
 
     Raises:
         CrsError: if one of two different systems is Local, or one is an RTL without origin.
@@ -35,7 +36,7 @@ class Transformer:
     def __post_init__(self) -> None:
         for name, system in (("source", self.source), ("target", self.target)):
             require("Transformer", name, system, instance(CoordinateSystem))
-            if isinstance(system, UnreferencedSystem) and not (system.is_complete and self.is_identity):
+            if isinstance(system, UnreferencedSystem) and self.turn is None:
                 system.refuse()
 
     @property
@@ -43,11 +44,21 @@ class Transformer:
         """Whether the two systems are equal."""
         return self.source == self.target
 
+    @property
+    def turn(self) -> FloatArray | None:
+        """(3, 3) that makes coordinates of one of two Local systems those of the other; None elsewhere."""
+        source, target = self.source, self.target
+        if isinstance(source, UnreferencedSystem) and source.is_complete:
+            return source.turn_to(target)
+        return None
+
     @expecting(points=ARRAY, names=TEXTS | NOTHING)
     def forward(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """Coordinates in `target` of points (n, 3) of `source`; a new array."""
         if self.is_identity:
             return np.array(as_points(points))
+        if self.turn is not None:
+            return as_points(points) @ self.turn.T
         return self.target.from_geocentric(self.source.to_geocentric(points, names), names)
 
     def inverse(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:

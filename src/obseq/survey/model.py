@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,8 @@ class Points:
         file_indices: (n,) int32 index in `files`; -1 for a point that only observations name.
         lines: (n,) int32 line in that file, from 1; 0 for a point that only observations name.
         covariance: what replaces the sigmas of some known coordinates; None for nothing.
+        datum: (n, 3) true for free components that carry the datum of a free network: the sum of squares of
+            their changes from the coordinates of the file is least; None for none.
     """
 
     names: tuple[str, ...]
@@ -78,9 +80,15 @@ class Points:
     file_indices: IntArray
     lines: IntArray
     covariance: CoordinateCovariance | None = None
+    datum: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def in_datum(self) -> BoolArray:
+        """(n, 3) true for the components that carry the datum."""
+        return np.zeros((len(self), 3), np.bool_) if self.datum is None else self.datum
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -113,6 +121,7 @@ class Points:
             infos=tuple(self.infos[row] for row in rows.tolist()),
             file_indices=self.file_indices[rows],
             lines=self.lines[rows],
+            datum=None if self.datum is None else self.datum[rows],
         )
 
     def place(self, row: int) -> str:
@@ -173,9 +182,16 @@ def merge_points(parts: Sequence[Points]) -> Points:
         file_indices=np.concatenate([np.zeros(0, np.int32), *indices]).astype(np.int32),
         lines=np.concatenate([np.zeros(0, np.int32)] + [part.lines for part in parts]),
         covariance=next((part.covariance for part in parts if part.covariance), None),
+        datum=_merged_datum(parts),
     )
     _require_unique(merged)
     return merged
+
+
+def _merged_datum(parts: Sequence[Points]) -> BoolArray | None:
+    if all(part.datum is None for part in parts):
+        return None
+    return np.concatenate([part.in_datum for part in parts])
 
 
 def _require_unique(points: Points) -> None:
@@ -208,6 +224,7 @@ class Observations:
         groups: (n,) int32 group of the observation, which has unknowns of its own; -1 for none.
         file_indices: (n,) int32 index in the field book's `files`.
         lines: (n,) int32 line in that file, from 1.
+        backsights: (n,) int32 rows of `point_names` of the third point of angles; -1 for all others.
     """
 
     types: npt.NDArray[np.int16]
@@ -223,9 +240,23 @@ class Observations:
     groups: IntArray
     file_indices: IntArray
     lines: IntArray
+    backsights: IntArray
 
     def __len__(self) -> int:
         return len(self.types)
+
+    def naming(self, points: BoolArray) -> BoolArray:
+        """(k,) whether each observation names one of some points (a mask over `point_names`)."""
+        third = np.append(points, np.False_)[self.backsights]
+        return np.asarray(points[self.from_points] | points[self.to_points] | third)
+
+    def counts(self, chosen: BoolArray, n: int) -> IntArray:
+        """(n,) how many chosen observations (a mask) name each of the first n points."""
+        others = chosen & (self.to_points != self.from_points)
+        ends = (self.from_points[chosen], self.to_points[others])
+        third = self.backsights[chosen & (self.backsights >= 0)]
+        named = np.concatenate([*ends, third])
+        return np.bincount(named, minlength=n)[:n].astype(np.int32)
 
     @property
     def n_inactive(self) -> int:
@@ -271,26 +302,21 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class VectorCovariances:
-    """Covariances of vectors, whose components are consecutive observations.
+class Cluster:
+    """Observations that are correlated with one another; their sigmas do not count.
 
     Attributes:
-        first: (k,) int64 rows of the first components.
-        matrices: (k, 3, 3) m^2.
+        rows: (k,) int64 rows of the field book, ascending, of kinds of one family.
+        covariance: (k, k) in squares of m and rad, symmetric and positive definite.
     """
 
-    first: npt.NDArray[np.int64]
-    matrices: FloatArray
+    rows: npt.NDArray[np.int64]
+    covariance: FloatArray
 
-    @classmethod
-    def of(cls, vectors: Sequence[tuple[int, FloatArray]] = ()) -> VectorCovariances:
-        """Covariances of vectors given as (first row, matrix)."""
-        rows = np.array([row for row, _ in vectors], np.int64)
-        return cls(rows, np.array([matrix for _, matrix in vectors], np.float64).reshape(-1, 3, 3))
-
-    def at(self, rows: npt.NDArray[np.int64]) -> FloatArray:
-        """(n, 3, 3) covariances of the vectors whose first components are these rows."""
-        return np.asarray(self.matrices[np.searchsorted(self.first, rows)])
+    def among(self, chosen: BoolArray) -> Cluster:
+        """What is left of it when only some observations (a mask of the field book) count."""
+        kept = chosen[self.rows]
+        return Cluster(self.rows[kept], self.covariance[np.ix_(kept, kept)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +329,7 @@ class FieldBook:
         stations: the station sets; each has at least one active observation.
         files: names of the files read.
         groups: the groups of observations that share unknowns.
-        vectors: the covariances of observed vectors.
+        clusters: observations that are correlated with one another; none stands in two of them.
         warnings: things that were read and not used, one sentence each.
     """
 
@@ -312,7 +338,7 @@ class FieldBook:
     stations: Stations
     files: tuple[str, ...]
     groups: tuple[Group, ...] = ()
-    vectors: VectorCovariances = field(default_factory=VectorCovariances.of)
+    clusters: tuple[Cluster, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def place(self, row: int) -> str:
@@ -326,11 +352,12 @@ class FieldBook:
         return replace(self, observations=observations)
 
     def label(self, row: int) -> str:
-        """`Hz S1 -> T4 (survey.obs:37)`, for messages."""
-        kind = BY_CODE[int(self.observations.types[row])].name
-        origin = self.point_names[self.observations.from_points[row]]
-        target = self.point_names[self.observations.to_points[row]]
-        return f"{kind} {origin} -> {target} ({self.place(row)})"
+        """`Hz S1 -> T4 (survey.obs:37)`, for messages; an angle has its backsight first."""
+        rows = self.observations
+        kind = BY_CODE[int(rows.types[row])].name
+        ends = (rows.backsights[row], rows.from_points[row], rows.to_points[row])
+        names = dict.fromkeys(self.point_names[end] for end in ends if end >= 0)
+        return f"{kind} {' -> '.join(names)} ({self.place(row)})"
 
 
 def group_by_station(stations: IntArray, n_stations: int) -> tuple[IntArray, IntArray]:
@@ -392,6 +419,7 @@ def _quoted_by_active(book: FieldBook) -> list[bool]:
     used = np.zeros(len(book.point_names), np.bool_)
     used[observations.from_points[observations.active]] = True
     used[observations.to_points[observations.active]] = True
+    used[observations.backsights[observations.active & (observations.backsights >= 0)]] = True
     return [bool(flag) for flag in used]
 
 
@@ -400,6 +428,9 @@ def _renumbered(book: FieldBook, numbers: IntArray, names: tuple[str, ...]) -> F
         book.observations,
         from_points=numbers[book.observations.from_points],
         to_points=numbers[book.observations.to_points],
+        backsights=np.where(
+            book.observations.backsights < 0, np.int32(-1), numbers[book.observations.backsights]
+        ),
     )
     stations = replace(book.stations, origins=numbers[book.stations.origins])
     return replace(book, point_names=names, observations=observations, stations=stations)

@@ -216,9 +216,11 @@ class Network:
         with watch.phase("coordinate systems"):
             computation, given = frame_of(frame, points_crs, points)
             placed = points.has_coordinates
-            coordinates = np.full_like(points.coordinates, np.nan)
+            system = PointSystem(computation, given)
+            # of a point without plan, the height means something in a plane only
+            coordinates = system.parts(points.coordinates)
             names = [points.names[row] for row in np.flatnonzero(placed)]
-            coordinates[placed] = PointSystem(computation, given).placed(points.coordinates[placed], names)
+            coordinates[placed] = system.placed(points.coordinates[placed], names)
         points, book = join(replace(points, coordinates=coordinates), book)
         return cls(points, book, Frame(computation, refraction), given, watch.seconds)
 
@@ -281,7 +283,7 @@ class Network:
 
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
-            check_datum(self.points)
+            check_datum(self.points, self.book)
             start = Determined(self.points, self.book, self._initial_values())
             if strict:
                 start.initial.require_complete()

@@ -74,7 +74,8 @@ def correlated_numbers(
     variance = _forms(roots, residual_cofactors(leverages, weights))
     left_out = np.einsum("nki,nkj,nj->ni", roots, roots, residuals) / known
     effect = weights[:, None] * np.sqrt(np.clip(_forms(roots, leverages), 0.0, None))
-    return Numbers(np.asarray(redundancy), controlled, left_out, np.sqrt(variance) / known, effect)
+    deviation = np.sqrt(np.clip(variance, 0.0, None)) / known
+    return Numbers(np.asarray(redundancy), controlled, left_out, deviation, effect)
 
 
 def residual_cofactors(leverages: FloatArray, weights: FloatArray) -> FloatArray:

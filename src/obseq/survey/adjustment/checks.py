@@ -9,7 +9,8 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import station_names
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.kinds.coordinates import POINT_X
+from obseq.survey.kinds.registry import FAMILIES, IS_ANGLE, codes
 
 if TYPE_CHECKING:
     from obseq.errors import SingularSystemError
@@ -25,9 +26,10 @@ SHORTEST_HORIZONTAL = 1e-5
 """Horizontal distance (m) below which a direction means nothing: 1 um turns it by 0.1 rad."""
 
 
-def check_datum(points: Points) -> None:
-    """Raises InputError when no coordinate of any point is known."""
-    if points.is_free.all():
+def check_datum(points: Points, book: FieldBook) -> None:
+    """Raises InputError when no coordinate of any point is known, or observed, or carries a datum."""
+    observed = np.isin(book.observations.types, codes(*FAMILIES[POINT_X.group])) & book.observations.active
+    if points.is_free.all() and not points.in_datum.any() and not observed.any():
         raise InputError(
             "no point is known: nothing fixes the position of the network. Give at least one point of the "
             "point file as known (flag 1) with its sigma"
@@ -37,9 +39,7 @@ def check_datum(points: Points) -> None:
 def check_counts(points: Points, book: FieldBook) -> None:
     """Raises InputError naming the points that have fewer observations than free coordinates."""
     observations, n = book.observations, len(points)
-    count = np.zeros(n, np.int64)
-    for ends in (observations.from_points, observations.to_points):
-        count += np.bincount(ends[observations.active], minlength=n)[:n]
+    count = observations.counts(observations.active, n)
     lacking = np.flatnonzero(count < points.is_free.sum(axis=1))
     if lacking.size:
         listed = ", ".join(f"{points.names[row]} ({count[row]})" for row in lacking[:LISTED])

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
-from obseq.survey.adjustment.vectors import Vectors
-from obseq.survey.kinds.registry import IS_ANGLE, KINDS
+from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import Cluster, FieldBook, Points
 
 
 WITH_OFFSETS = "Off"
@@ -58,8 +58,8 @@ class Equations:
         system: The least-squares system.
         points: Block of every point.
         stations: Block of the rotation of every station.
-        batches: Rows of the field book and batch of every kind of observation present. The rows of a vector
-            are those of its components; its residuals, in sigmas, are combinations of theirs.
+        batches: Rows of the field book and batch of every family of kinds present, those of observations
+            that are correlated with others apart.
         known: The equations of known coordinates.
     """
 
@@ -102,8 +102,8 @@ class Equations:
         shared_unknowns = SharedUnknowns(self.system, book)
         self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, shared_unknowns)
         shared_unknowns.add(self._site, initial.coordinates)
-        self._vectors: Vectors | None = None
         self.batches = self._add_observations(initial.coordinates)
+        self._set_datum(points, point_system)
 
     def _blocks_of_points(
         self, points: Points, coordinates: FloatArray, shared: Mapping[str, int]
@@ -121,72 +121,101 @@ class Equations:
         rotations[grid] = _along_grid(self._verticals[grid])
         return np.asarray(rotations)
 
-    def _add_observations(self, coordinates: FloatArray) -> dict[ObservationKind, tuple[IntArray, Batch]]:
-        observations = self._book.observations
-        batches = {}
-        for kind in KINDS:
-            rows = np.flatnonzero((observations.types == kind.code) & observations.active)
-            if rows.size and kind.size:
-                batch = self._added(kind, rows, coordinates)
-                batches[kind] = (rows if kind.size == 1 else _components(rows, kind.size), batch)
+    def _set_datum(self, points: Points, point_system: PointSystem) -> None:
+        """Puts a free network on the components that are to carry its datum."""
+        chosen = np.zeros((len(points), 3), np.bool_)
+        chosen[:, point_system.components] = points.in_datum & points.is_free
+        rows = np.flatnonzero(chosen.any(axis=1))
+        if rows.size:
+            self.system.set_datum(self.points[rows], chosen[rows])
+
+    def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
+        observations, batches = self._book.observations, {}
+        families = self._families()
+        for family, clusters in self._clusters().items():
+            rows = np.concatenate([cluster.rows for cluster in clusters])
+            families[rows] = ""
+            covariance = [cluster.covariance for cluster in clusters]
+            batches[family, True] = rows, self._added(rows, coordinates, covariance)
+        for family in FAMILIES:
+            rows = np.flatnonzero((families == family) & observations.active)
+            if rows.size:
+                batches[family, False] = rows, self._added(rows, coordinates)
         return batches
 
-    def _added(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
-        if kind.size > 1:
-            return self._add_vectors(kind, rows, coordinates)
-        add = self._linear if kind.is_linear(self._site) else self._observed
-        return add(kind, rows, coordinates)
+    def _families(self) -> npt.NDArray[np.str_]:
+        """(n,) family of each observation."""
+        of_code = np.full(len(IS_ANGLE), "", f"U{max(map(len, FAMILIES))}")
+        for code, kind in BY_CODE.items():
+            of_code[code] = kind.group
+        return of_code[self._book.observations.types]
 
-    def _add_vectors(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
-        """Vectors as whitened linear rows."""
-        self._vectors = Vectors.of(self._book, rows)
-        rotation, _ = self._site.to_geocentric(rows)
-        values = self._vectors.values(self._site, self._plumb, self._book, coordinates)
-        coefficients, right = self._vectors.equations(rotation, values)
-        ends = [np.repeat(blocks, kind.size) for blocks in self._site.ends(rows)]
-        labels = Labels(self._book, self._vectors.components.ravel())
-        return self.system.add_linear(
-            ends, [-coefficients, coefficients], right, 1.0, labels=labels, group=kind.name
-        )
+    def _clusters(self) -> dict[str, list[Cluster]]:
+        """What is active of the clusters, by the family of their kinds."""
+        observations = self._book.observations
+        found: dict[str, list[Cluster]] = {}
+        for cluster in self._book.clusters:
+            rest = cluster.among(observations.active)
+            if rest.rows.size:
+                family = BY_CODE[int(observations.types[rest.rows[0]])].group
+                found.setdefault(family, []).append(rest)
+        return found
 
-    def _observed(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
-        """Observations of a formula."""
-        return self.system.add(
-            kind.formula + (WITH_OFFSETS if self._has_offsets(kind, rows) else ""),
-            kind.blocks(self._site, rows),
-            self._measured(kind, rows, coordinates),
-            self.sigmas(rows, coordinates),
-            labels=Labels(self._book, rows),
-            group=kind.name,
-        )
+    def _added(
+        self, rows: IntArray, coordinates: FloatArray, covariance: list[FloatArray] | None = None
+    ) -> Batch:
+        """Observations of one family, in the system."""
+        kind = BY_CODE[int(self._book.observations.types[rows[0]])]
+        measured, blocks = self._measured(rows, coordinates), self._blocks(rows)
+        sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
+        labels = Labels(self._book, rows)
+        if kind.is_linear(self._site):
+            ids, count = list(blocks.values()), len(blocks)
+            parts = np.split(measured[:, :-1], count, axis=1)
+            batch = self.system.add_linear(
+                ids, parts, measured[:, -1], sigmas, labels=labels, group=kind.group
+            )
+        else:
+            formula = kind.formula + (WITH_OFFSETS if self._has_offsets(rows) else "")
+            batch = self.system.add(formula, blocks, measured, sigmas, labels=labels, group=kind.group)
+        if covariance:
+            batch.correlate_all(covariance)
+        return batch
 
-    def _linear(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> Batch:
-        """Observations as linear rows: what precedes the value are the coefficients of the blocks."""
-        measured = self._measured(kind, rows, coordinates)
-        blocks = list(kind.blocks(self._site, rows).values())
-        coefficients = np.split(measured[:, :-1], len(blocks), axis=1)
-        return self.system.add_linear(
-            blocks,
-            coefficients,
-            measured[:, -1],
-            self.sigmas(rows, coordinates),
-            labels=Labels(self._book, rows),
-            group=kind.name,
-        )
+    def _kinds(self, rows: IntArray) -> Iterator[tuple[ObservationKind, IntArray]]:
+        """The kinds of some observations, each with the positions of its own."""
+        types = self._book.observations.types[rows]
+        for code in np.unique(types).tolist():
+            yield BY_CODE[code], np.flatnonzero(types == code)
 
-    def _has_offsets(self, kind: ObservationKind, rows: IntArray) -> bool:
+    def _blocks(self, rows: IntArray) -> dict[str, IntArray]:
+        """The unknowns of the equations of one family, by the names of the formula."""
+        blocks: dict[str, IntArray] = {}
+        for kind, chosen in self._kinds(rows):
+            for name, ids in kind.blocks(self._site, rows[chosen]).items():
+                blocks.setdefault(name, np.zeros(len(rows), np.int64))[chosen] = ids
+        return blocks
+
+    def _has_offsets(self, rows: IntArray) -> bool:
         observations = self._book.observations
         heights = (observations.from_heights[rows], observations.to_heights[rows])
+        kind = BY_CODE[int(observations.types[rows[0]])]
         return kind.takes_heights and any(column.any() for column in heights)
 
-    def _measured(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def _measured(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, m) what the equation takes besides blocks: offsets if any, its context, the value last."""
-        site = self._site
-        values = kind.values(site, rows, coordinates).reshape(len(rows), -1)
-        columns = [kind.context(site, rows, coordinates), values]
-        if self._has_offsets(kind, rows):
-            columns.insert(0, self._plumb.offsets(self._book, rows, coordinates))
-        return np.hstack(columns)
+        parts = [(chosen, self._taken(kind, rows[chosen], coordinates)) for kind, chosen in self._kinds(rows)]
+        measured = np.empty((len(rows), parts[0][1].shape[1]))
+        for chosen, part in parts:
+            measured[chosen] = part
+        if self._has_offsets(rows):
+            measured = np.hstack([self._plumb.offsets(self._book, rows, coordinates), measured])
+        return measured
+
+    def _taken(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, m) context and value of observations of one kind."""
+        values = kind.values(self._site, rows, coordinates).reshape(len(rows), -1)
+        return np.hstack([kind.context(self._site, rows, coordinates), values])
 
     def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) sigmas of observations, with their relative parts at the distances between points there."""
@@ -210,28 +239,22 @@ class Equations:
             rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
             system.set_values(self.stations, rotations)
             self._verticals = verticals
-        for kind, (rows, batch) in self.batches.items():
-            if kind.size > 1:
-                continue
-            if kind.depends_on_place or self._has_offsets(kind, rows) or self._plumb.is_deflected:
-                batch.observations = self._measured(kind, rows, coordinates)
-            if self._book.observations.relative_sigmas[rows].any():
+        for (_family, is_correlated), (rows, batch) in self.batches.items():
+            moves = any(kind.depends_on_place for kind, _ in self._kinds(rows))
+            if moves or self._has_offsets(rows) or self._plumb.is_deflected:
+                batch.observations = self._measured(rows, coordinates)
+            if not is_correlated and self._book.observations.relative_sigmas[rows].any():
                 batch.sigmas = self.sigmas(rows, coordinates)
 
     def fitted(self, solution: LeastSquaresResult) -> tuple[FloatArray, FloatArray]:
         """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""
         residuals = np.full(len(self._book.observations), np.nan)
         sigmas = self._book.observations.sigmas.copy()
-        for kind, (rows, batch) in self.batches.items():
+        for rows, batch in self.batches.values():
             found = solution.residuals(batch)
-            if kind.size > 1 and self._vectors is not None:
-                components = self._vectors.components
-                residuals[components], sigmas[components] = (
-                    self._vectors.residuals(found),
-                    self._vectors.sigmas,
-                )
-            else:
-                residuals[rows], sigmas[rows] = kind.residuals(found)[:, 0], batch.sigmas[:, 0]
+            sigmas[rows] = sigmas_of(batch)
+            for kind, chosen in self._kinds(rows):
+                residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0]
         return residuals, sigmas
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
@@ -244,9 +267,11 @@ class Equations:
         return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
 
 
-def _components(rows: IntArray, size: int) -> IntArray:
-    """(size n,) rows of all components of vectors, from those of the first ones."""
-    return np.asarray((rows[:, None] + np.arange(size)).ravel())
+def sigmas_of(batch: Batch) -> FloatArray:
+    """(n,) standard deviations of observations with one residual each, correlated or not."""
+    if batch.clusters is not None:
+        return np.sqrt(batch.clusters.variances())
+    return np.asarray(batch.sigmas[:, 0])
 
 
 def station_names(points: Points, book: FieldBook) -> list[str]:

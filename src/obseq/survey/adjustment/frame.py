@@ -131,8 +131,8 @@ def frame_of(
     given = crs.parse(points_crs) if points_crs else None
     if definition is None:
         if given is None or given.kind in (crs.Kind.LOCAL, crs.Kind.LOCAL_TANGENT):
-            frame = given or crs.parse("Local")
-            return (frame, frame) if frame.is_complete else frame_of("RTL", None, points)
+            frame = _frame_like(given)
+            return (frame, given or frame) if frame.is_complete else frame_of("RTL", None, points)
         known = points.has_coordinates & ~points.is_free.all(axis=1)
         chosen = points.coordinates[known if known.any() else points.has_coordinates]
         return crs.complete_rtl(_together(chosen), given), given
@@ -144,6 +144,15 @@ def frame_of(
     if not points.has_coordinates.any():
         raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
     return crs.complete_rtl(_together(points.coordinates[points.has_coordinates]), given), given
+
+
+def _frame_like(given: crs.CoordinateSystem | None) -> crs.CoordinateSystem:
+    """The frame of points in a Local or RTL system or in none: that system; a plane has x to the east."""
+    plane = crs.parse("Local")
+    if given is None:
+        return plane
+    is_plane = isinstance(given, crs.UnreferencedSystem) and given.turn_to(plane) is not None
+    return plane if is_plane else given
 
 
 def _together(coordinates: FloatArray) -> FloatArray:

@@ -89,11 +89,11 @@ class KnownCoordinates:
         """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
         held = self._points.is_held
         whole = np.asarray(held.all(axis=1))
-        along = np.tile(whole[:, None], 3) | self._system.is_frame
+        along = np.tile(whole[:, None], 3) | self._system.is_along_frame
         for component in range(3):
             frozen = self._ids[held[:, component] & along[:, component]]
             if frozen.size:
-                system.freeze(frozen, (component,))
+                system.freeze(frozen, (int(self._system.components[component]),))
         rows, components = np.nonzero(held & ~along)
         return rows, components
 
@@ -145,7 +145,7 @@ class KnownCoordinates:
     def follow(self, system: LeastSquares) -> None:
         """Linearises at the current positions; along axes of the frame nothing changes."""
         here = system.values(self._ids)
-        if self._system.is_frame or np.abs(here - self._linearised_at).max(initial=0.0) < SAME_PLACE:
+        if self._system.is_along_frame or np.abs(here - self._linearised_at).max(initial=0.0) < SAME_PLACE:
             return
         self._linearised_at = here
         if self._soft is not None:

@@ -12,7 +12,7 @@ from obseq import crs
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
 
 
 STEP = 10.0
@@ -35,9 +35,21 @@ class PointSystem:
     system: crs.CoordinateSystem
 
     @property
-    def is_frame(self) -> bool:
-        """Whether the points are given in the computation frame."""
-        return self.frame == self.system
+    def turn(self) -> FloatArray | None:
+        """(3, 3) signed permutation from coordinates of the frame to those of the system, if there is one."""
+        if self.frame == self.system:
+            return np.eye(3)
+        return crs.Transformer(self.frame, self.system).turn
+
+    @property
+    def is_along_frame(self) -> bool:
+        """Whether its axes are those of the computation frame, in whatever order and sense."""
+        return self.turn is not None
+
+    @property
+    def components(self) -> IntArray:
+        """(3,) component of the frame that each of its coordinates is, where it is along the frame."""
+        return np.asarray(np.abs(np.eye(3) if self.turn is None else self.turn).argmax(axis=1))
 
     def coordinates(self, points: FloatArray, names: Sequence[str] | None = None) -> FloatArray:
         """(n, 3) coordinates in the system, in its units, of points (n, 3) of the frame."""
@@ -47,6 +59,17 @@ class PointSystem:
         """(n, 3) points of the frame of coordinates (n, 3) of the system."""
         return crs.Transformer(self.system, self.frame).forward(coordinates, names)
 
+    def parts(self, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) points of the frame, component by component, where it has the same axes; else NaN.
+
+        Args:
+            coordinates: (n, 3) in the system, NaN for what is not known.
+        """
+        found = np.full_like(coordinates, np.nan)
+        if self.turn is not None:
+            found[:, self.components] = coordinates * self.turn.sum(axis=1)
+        return found
+
     def axes(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives of the coordinates at points (n, 3) of the frame, and what one unit of them is.
 
@@ -54,8 +77,9 @@ class PointSystem:
             (n, 3, 3), by rows, of the coordinates in metres with respect to the frame; (n, 3) metres in
             one unit of each coordinate (along the parallel and the meridian for longitude and latitude).
         """
-        if self.is_frame or not len(points):
-            return np.broadcast_to(np.eye(3), (len(points), 3, 3)), np.ones((len(points), 3))
+        if self.turn is not None or not len(points):
+            turn = np.eye(3) if self.turn is None else self.turn
+            return np.broadcast_to(turn, (len(points), 3, 3)), np.ones((len(points), 3))
         differences = [
             self.differences(self.coordinates(points + step), self.coordinates(points - step))
             for step in STEP * np.eye(3)

@@ -157,7 +157,7 @@ def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any
     is_large = system.n_unknowns > EXACT_LIMIT
     return variance_components(
         system,
-        group_components(system, [batch.group for _, batch in equations.batches.values()]),
+        group_components(system, list(dict.fromkeys(batch.group for _, batch in equations.batches.values()))),
         method=Method.REDUNDANCY if is_large else Method.LS_VCE,
         solve_options=solving,
     )

@@ -61,6 +61,18 @@ class NetworkSite:
         observations = self.book.observations
         return self.points[observations.from_points[rows]], self.points[observations.to_points[rows]]
 
+    def backsights(self, rows: IntArray) -> IntArray:
+        """Blocks (n,) of the third points of angles."""
+        return self.points[self.book.observations.backsights[rows]]
+
+    def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
+        return self.plumb.axes(self.book.observations.from_points[rows].astype(np.int64), coordinates)
+
+    def offsets(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) offsets of the targets above their points minus those of the instruments (m)."""
+        return self.plumb.offsets(self.book, rows, coordinates)
+
     def stations(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the rotations of the stations."""
         return self.rotations[self.book.observations.stations[rows]]

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.survey.model import (
+    Cluster,
     FieldBook,
     Group,
     Observations,
     Orientation,
     Stations,
-    VectorCovariances,
     group_by_station,
 )
 
@@ -38,6 +38,7 @@ class Measure(NamedTuple):
         to_height: Height of the target.
         station: Its station; -1 for none.
         group: Its group; -1 for none.
+        backsight: Row of the third point, of an angle; -1 for none.
     """
 
     kind: ObservationKind
@@ -51,6 +52,7 @@ class Measure(NamedTuple):
     to_height: float = 0.0
     station: int = -1
     group: int = -1
+    backsight: int = -1
 
 
 class Columns:
@@ -61,7 +63,7 @@ class Columns:
         self.files: list[str] = []
         self.warnings: list[str] = []
         self.groups: list[Group] = []
-        self._vectors: list[tuple[int, FloatArray]] = []
+        self._clusters: list[Cluster] = []
         self._integers = {name: array("i") for name in _INTEGERS}
         self._numbers = {name: array("d") for name in _NUMBERS}
         self._active = array("b")
@@ -96,8 +98,9 @@ class Columns:
 
     def append(self, measure: Measure, file: int, index: int) -> None:
         """Adds an observation, read in line `index` (from 0) of a file."""
-        integers = (measure.kind.code, measure.origin, measure.target, measure.station, measure.group, file)
-        for column, integer in zip(self._integers.values(), (*integers, index + 1), strict=True):
+        ends = (measure.origin, measure.target, measure.backsight)
+        integers = (measure.kind.code, *ends, measure.station, measure.group, file, index + 1)
+        for column, integer in zip(self._integers.values(), integers, strict=True):
             column.append(integer)
         numbers = (
             measure.value,
@@ -110,13 +113,9 @@ class Columns:
             values.append(number)
         self._active.append(measure.is_active)
 
-    def append_vector(
-        self, measures: tuple[Measure, ...], covariance: FloatArray, file: int, index: int
-    ) -> None:
-        """Adds the components of a vector, with their covariance (m, m)."""
-        self._vectors.append((len(self), covariance))
-        for measure in measures:
-            self.append(measure, file, index)
+    def correlate(self, rows: list[int], covariance: FloatArray) -> None:
+        """Gives observations that have been added a covariance (k, k), in the order of their rows."""
+        self._clusters.append(Cluster(np.array(rows, np.int64), covariance))
 
     def field_book(self) -> FieldBook:
         """Everything read; stations without an active observation are dropped."""
@@ -146,6 +145,7 @@ class Columns:
                 groups=integers["groups"],
                 file_indices=integers["file_indices"],
                 lines=integers["lines"],
+                backsights=integers["backsights"],
             ),
             stations=Stations(
                 origins=np.array(self._origins, np.int32)[kept],
@@ -155,10 +155,19 @@ class Columns:
             ),
             files=tuple(self.files),
             groups=tuple(self.groups),
-            vectors=VectorCovariances.of(self._vectors),
+            clusters=tuple(self._clusters),
             warnings=tuple(self.warnings),
         )
 
 
-_INTEGERS = ("types", "from_points", "to_points", "stations", "groups", "file_indices", "lines")
+_INTEGERS = (
+    "types",
+    "from_points",
+    "to_points",
+    "backsights",
+    "stations",
+    "groups",
+    "file_indices",
+    "lines",
+)
 _NUMBERS = ("values", "sigmas", "relative_sigmas", "from_heights", "to_heights")

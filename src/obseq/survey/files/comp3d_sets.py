@@ -203,7 +203,10 @@ class SetReader:
             Measure(kind, chosen.origin, target, value, sigma, is_active, 0.0, chosen.height, height)
             for kind, value, sigma in zip((VECTOR, VECTOR_Y, VECTOR_Z), values[:3], sigmas, strict=True)
         )
-        self._columns.append_vector(measures, covariance, chosen.number, index)
+        first = len(self._columns)
+        for measure in measures:
+            self._columns.append(measure, chosen.number, index)
+        self._columns.correlate([first, first + 1, first + 2], covariance)
 
 
 def _cartesian(

@@ -152,7 +152,7 @@ def nearest_sights(book: FieldBook, coordinates: FloatArray, rows: Rows) -> Floa
     shortest = np.full(len(book.point_names), np.inf)
     active = np.flatnonzero(observations.active)
     start, end = observations.from_points[active], observations.to_points[active]
-    inside = (start < n) & (end < n)
+    inside = (start < n) & (end < n) & (start != end)
     start, end = start[inside], end[inside]
     lengths = np.linalg.norm(coordinates[end] - coordinates[start], axis=1)
     lengths = np.where(np.isfinite(lengths), lengths, np.inf)

@@ -109,12 +109,18 @@ def initial_values(
     orientations = automatic_fix(book)
     if vertical is None:
         _refuse_plumb_stations(book, orientations)
-    graph = build_graph(book, len(points), orientations)
-    free = points.is_free.any(axis=1) & points.has_coordinates
+    graph = build_graph(book, len(points), orientations, is_level=_is_level(points))
+    free = points.is_free.any(axis=1) & points.has_coordinates & ~points.in_datum.any(axis=1)
     if recompute_free:
         return _computed(points, book, graph, vertical, points.is_free.all(axis=1) & free)
     approximations = Approximations(book, orientations, vertical)
     return _checked(points, graph, approximations, free)
+
+
+def _is_level(points: Points) -> bool:
+    """Whether the heights are all given, and the same: a plane network."""
+    heights = points.coordinates[:, 2]
+    return len(points) > 0 and bool(points.is_held[:, 2].all() and (heights == heights[0]).all())
 
 
 def _checked(points: Points, graph: Graph, approximations: Approximations, free: BoolArray) -> InitialValues:
@@ -141,13 +147,14 @@ def _computed(
     points: Points, book: FieldBook, graph: Graph, vertical: Vertical | None, hidden: BoolArray
 ) -> InitialValues:
     """Initial values without the coordinates of hidden points, as far as the observations place these."""
-    state = State(points.names, len(book.stations), vertical)
+    state = State(points.names, len(graph.origins), vertical)
     hints = _take_given(state, points, hidden)
+    _take_parts(state, points)
     state.origins = graph.origins
     engine = Engine(state, graph, hints)
     _work(engine, state, graph)
     reasons = explain_points(state, graph, engine.choices, book) + explain_stations(state, graph, book)
-    return _result(state, graph, tuple(reasons))
+    return _result(state, graph, len(book.stations), tuple(reasons))
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -175,6 +182,18 @@ def _take_given(state: State, points: Points, hidden: BoolArray) -> dict[int, Sp
     return hints
 
 
+def _take_parts(state: State, points: Points) -> None:
+    """Points of which the file gives the plan or the height only."""
+    given, heights = points.coordinates, points.coordinates[:, 2]
+    has_plan = np.isfinite(given[:, :2]).all(axis=1)
+    middle = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
+    for row in np.flatnonzero(has_plan & np.isnan(heights)).tolist():
+        x, y = given[row, :2].tolist()
+        state.positions[row], state.point_steps[row] = (x, y, middle), _GIVEN
+    rows = np.flatnonzero(~has_plan & np.isfinite(heights)).tolist()
+    state.given_heights = {row: float(heights[row]) for row in rows}
+
+
 def _take(state: State, row: int, position: Space, spread: float) -> None:
     state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
     state.spreads[row] = spread
@@ -182,7 +201,8 @@ def _take(state: State, row: int, position: Space, spread: float) -> None:
 
 def _work(engine: Engine, state: State, graph: Graph) -> None:
     """Everything that the observations place, then hints where they place nothing, and so on."""
-    engine.start([point for point, position in enumerate(state.positions) if position is not None])
+    located = [point for point, position in enumerate(state.positions) if position is not None]
+    engine.start(sorted(located, key=lambda point: not state.has_height[point]))
     frames = LocalFrames(state, graph)
     _place_all(engine, frames)
     left = [p for p in engine.hints if state.positions[p] is None and not engine.is_ambiguous(p)]
@@ -204,8 +224,8 @@ def _place_all(engine: Engine, frames: LocalFrames) -> None:
             break
 
 
-def _result(state: State, graph: Graph, unplaced: tuple[Unplaced, ...]) -> InitialValues:
-    n, m = len(state.names), len(graph.origins)
+def _result(state: State, graph: Graph, n_stations: int, unplaced: tuple[Unplaced, ...]) -> InitialValues:
+    n, m = len(state.names), n_stations
     coordinates, rotations, g0 = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan), np.full(m, np.nan)
     for point in range(n):
         if state.is_placed(point):
@@ -215,7 +235,7 @@ def _result(state: State, graph: Graph, unplaced: tuple[Unplaced, ...]) -> Initi
         g0[plumb] = [state.g0[s] for s in plumb]
         vertical = np.array([state.vertical_of(graph.origins[s]) for s in plumb])
         rotations[plumb] = plumb_rotation(vertical, g0[plumb])
-    for station, rotation in enumerate(state.rotations):
+    for station, rotation in enumerate(state.rotations[:m]):
         origin = state.verticals[graph.origins[station]]
         if rotation is not None and origin is not None:
             rotations[station], g0[station] = rotation, g0_of(rotation, origin)
@@ -223,9 +243,9 @@ def _result(state: State, graph: Graph, unplaced: tuple[Unplaced, ...]) -> Initi
         coordinates,
         rotations,
         g0,
-        np.array(graph.orientations, np.int8),
+        np.array(graph.orientations[:m], np.int8),
         tuple(step if state.is_placed(p) else None for p, step in enumerate(state.point_steps)),
-        tuple(state.station_steps),
+        tuple(state.station_steps[:m]),
         unplaced,
         np.array(state.spreads, np.float64),
     )

@@ -73,6 +73,8 @@ class State:
     Expected errors decide what is used first: `spreads[p]` of a position (m), `noises[p]` of a position
     relative to the station `parents[p]` that placed it, `azimuth_spreads[k]` of the zero of a station (rad).
 
+    `given_heights[p]` is the height that the file gives of a point without horizontal position.
+
     `positions[p]` is set once the horizontal position is known (on the plumb line of p, at a provisional
     height while `has_height[p]` is false). `heights[p]` is a height above the reference point, along mean
     plumb lines: differences of it are differences of ellipsoidal height to about 1e-6.
@@ -96,6 +98,7 @@ class State:
         self.parents: list[int | None] = [None] * n
         self.azimuth_spreads: list[float] = [0.0] * n_stations
         self.origins: Sequence[int] = ()
+        self.given_heights: dict[int, float] = {}
 
     def is_placed(self, point: int) -> bool:
         """True when the three coordinates are known and its vertical has been computed."""
@@ -158,6 +161,11 @@ class State:
         up, other = vertical[2], self.vertical_of(self.reference)[2]
         offset = minus(position, self.known(self.reference))
         return sum((u + v) / 2.0 * d for u, v, d in zip(up, other, offset, strict=True))
+
+    @property
+    def reference_height(self) -> float:
+        """Height (z) of the reference point, of a plane."""
+        return 0.0 if self.reference is None else self.known(self.reference)[2]
 
     def relative_spread(self, a: int, b: int, distance: float) -> float:
         """Expected error (m) of b relative to a; small when one station placed both."""

@@ -100,7 +100,7 @@ def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, Boo
 def _still_active(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> BoolArray:
     rows = given.book.observations
     padded = np.append(bad_points, np.zeros(len(given.book.point_names) - len(bad_points), np.bool_))
-    touched = padded[rows.from_points] | padded[rows.to_points]
+    touched = rows.naming(padded)
     if len(bad_stations):
         touched |= (rows.stations >= 0) & bad_stations[rows.stations]
     return np.asarray(rows.active & ~touched)
@@ -110,9 +110,7 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     """Points that have fewer observations left than free coordinates."""
     rows, n = given.book.observations, len(given.points)
     active = _still_active(given, bad_points, bad_stations)
-    count = np.zeros(n, np.int64)
-    for ends in (rows.from_points, rows.to_points):
-        count += np.bincount(ends[active], minlength=n)[:n]
+    count = rows.counts(active, n)
     free = given.points.is_free.sum(axis=1)
     return [
         Unplaced(f"point {given.points.names[row]}", _too_few(int(count[row]), int(free[row])), row)
@@ -156,7 +154,7 @@ def _stands_alone(given: Determined, item: Unplaced, bad_points: BoolArray) -> b
 def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
     rows = given.book.observations
     if item.station is None:
-        mine = (rows.from_points == item.point) | (rows.to_points == item.point)
+        mine = rows.naming(np.arange(len(given.book.point_names)) == item.point)
     else:
         mine = rows.stations == item.station
     lost = np.flatnonzero(mine & rows.active & ~active)
@@ -213,6 +211,7 @@ def _book_without(
             rows,
             from_points=numbers[rows.from_points],
             to_points=numbers[rows.to_points],
+            backsights=np.where(rows.backsights < 0, np.int32(-1), numbers[rows.backsights]),
             active=active,
             stations=of_rows,
         ),

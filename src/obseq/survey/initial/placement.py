@@ -256,7 +256,7 @@ class Engine:
                 self._touch(target)
         for number in graph.sights_to[point]:
             self._touch(graph.sights[number].origin)
-        for other, _, _ in graph.distances[point]:
+        for other, _, _ in (*graph.distances[point], *graph.flats[point]):
             self._touch(other)
 
     def _spread_height(self, point: int) -> None:

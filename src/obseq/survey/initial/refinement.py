@@ -139,7 +139,7 @@ def _relative_misfit(
     """Size of a misfit over what its sigma and the expected errors of both points explain."""
     distance = distance_to(state, c, refined.position)
     size = abs(scaled_misfit(state, c, refined.position, vertical, g0s.get(c.station, 0.0)))
-    sigma = max(sigmas[row] for row in c.rows) / (1.0 if c.kind in ANGLES else distance)
+    sigma = c.sigma(sigmas) / (1.0 if c.kind in ANGLES else distance)
     moved = math.hypot(refined.spread, state.spreads[c.other]) / distance
     return size / math.hypot(sigma, moved)
 
@@ -155,7 +155,7 @@ def _expected_misfits(
         other = state.positions[c.other]
         away = 0.0 if other is None else math.hypot(*minus(other, state.known(best)))
         moved = 0.0 if c.other == best else state.relative_spread(best, c.other, away)
-        sigma = max(sigmas[row] for row in c.rows)
+        sigma = c.sigma(sigmas)
         if c.kind in ANGLES:
             expected.append(math.hypot(sigma, moved / distance_to(state, c, position)))
         else:

@@ -21,6 +21,10 @@ _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a constraint speaks against a position."""
 
 
+_SIGMA_OF_GIVEN = 1e-4
+"""Sigma (m) of a height that the file gives."""
+
+
 class Kind(enum.IntEnum):
     """What is constrained; `..._AT` was measured at the point, the others at the known point."""
 
@@ -51,7 +55,7 @@ class Constraint:
     """One constraint between the point looked for and a known point `other`.
 
     `value` is in metres or radians; for LEVEL it is the height of the point. Readings (READING_AT) of one
-    `station` share one unknown G0, unless `g0` is known.
+    `station` share one unknown G0, unless `g0` is known. A height that the file gives has no `rows`.
     """
 
     kind: Kind
@@ -60,6 +64,10 @@ class Constraint:
     rows: tuple[int, ...]
     station: int = -1
     g0: float | None = None
+
+    def sigma(self, sigmas: Sequence[float]) -> float:
+        """The largest of the sigmas (m, rad) of its observations."""
+        return max((sigmas[row] for row in self.rows), default=_SIGMA_OF_GIVEN)
 
 
 def collect(
@@ -88,6 +96,12 @@ def collect(
     for other, distance, row in graph.distances[point]:
         if state.is_placed(other):
             found.append(Constraint(Kind.DISTANCE, other, distance, (row,)))
+    for other, distance, row in graph.flats[point]:
+        if state.verticals[other] is not None:
+            found.append(Constraint(Kind.HORIZONTAL, other, distance, (row,)))
+    known = state.given_heights.get(point)
+    if known is not None and state.reference is not None:
+        found.append(Constraint(Kind.LEVEL, state.reference, known - state.reference_height, ()))
     for other, difference, row in graph.height_differences[point]:
         height = state.heights[other]
         if height is not None:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
+_OF_SIGHTS = frozenset((Start.HZ, Start.ZENITH, Start.DX, Start.DY, Start.DZ))
 Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""
 
@@ -112,6 +113,7 @@ class Graph:
         stations_at: of each point, its stations.
         distances: of each point, (other point, distance, row), one per pair.
         height_differences: of each point, (other point, height above it, row).
+        flats: of each point, (other point, horizontal distance, row), one per pair.
     """
 
     orientations: list[Orientation]
@@ -125,10 +127,23 @@ class Graph:
     stations_at: list[list[int]] = field(default_factory=list)
     distances: list[list[tuple[int, float, int]]] = field(default_factory=list)
     height_differences: list[list[tuple[int, float, int]]] = field(default_factory=list)
+    flats: list[list[tuple[int, float, int]]] = field(default_factory=list)
 
 
-def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8]) -> Graph:
-    """The graph of a field book whose rows are rows of `n_points` points."""
+def build_graph(
+    book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8], *, is_level: bool = False
+) -> Graph:
+    """The graph of a field book whose rows are rows of `n_points` points.
+
+    The angles at a point from one backsight become a plumb station with the reading 0 there; such stations
+    come after those of the field book.
+
+    Args:
+        book: the field book.
+        n_points: number of points.
+        orientations: of its stations.
+        is_level: whether all points have the same height: every sight is level then.
+    """
     graph = Graph(
         orientations=[Orientation(value) for value in orientations.tolist()],
         origins=book.stations.origins.tolist(),
@@ -139,10 +154,11 @@ def build_graph(book: FieldBook, n_points: int, orientations: npt.NDArray[np.int
         stations_at=[[] for _ in range(n_points)],
         distances=[[] for _ in range(n_points)],
         height_differences=[[] for _ in range(n_points)],
+        flats=[[] for _ in range(n_points)],
     )
     for station, origin in enumerate(graph.origins):
         graph.stations_at[origin].append(station)
-    _collect(graph, book)
+    _collect(graph, book, is_level=is_level)
     return graph
 
 
@@ -150,11 +166,11 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _collect(graph: Graph, book: FieldBook) -> None:
+def _collect(graph: Graph, book: FieldBook, *, is_level: bool) -> None:
     """Fills the graph from the columns, kind by kind."""
     observations = book.observations
     usable = np.flatnonzero(observations.active)
-    of_sights = [kind.code for kind in KINDS if kind.start not in (Start.NOTHING, Start.DISTANCE, Start.RISE)]
+    of_sights = [kind.code for kind in KINDS if kind.start in _OF_SIGHTS]
     _add_sights(graph, book, usable[np.isin(observations.types[usable], of_sights)])
     distances: dict[tuple[int, int], Measure] = {}
     for kind in KINDS:
@@ -162,13 +178,19 @@ def _collect(graph: Graph, book: FieldBook) -> None:
         if not len(rows) or kind.start is Start.NOTHING:
             continue
         measured = _start_values(book, kind, rows)
-        if kind.start is Start.DISTANCE:
-            _add_distances(graph, measured, distances)
+        if kind.start is Start.DISTANCE or (kind.start is Start.FLAT and is_level):
+            _add_distances(graph, measured, distances, graph.distances)
+        elif kind.start is Start.FLAT:
+            _add_distances(graph, measured, {}, graph.flats)
+        elif kind.start is Start.ANGLE:
+            _add_angles(graph, measured, observations.backsights[rows].tolist())
         elif kind.start is Start.RISE:
             _add_rises(graph, measured)
         else:
             _add_measures(graph, book, kind, measured)
     for sight in graph.sights:
+        if is_level and sight.zenith is None and sight.hz is not None:
+            sight.zenith = math.pi / 2.0, sight.hz[1]
         sight.distance = distances.get(_pair(sight.origin, sight.target))
         sight.complete(graph.sigmas)
 
@@ -196,12 +218,8 @@ def _add_sights(graph: Graph, book: FieldBook, rows: Rows) -> None:
     observations = book.observations
     columns = (observations.stations[rows], observations.to_points[rows], observations.from_points[rows])
     for station, target, origin in zip(*(column.tolist() for column in columns), strict=True):
-        key = station, target
-        if key not in graph.sight_of:
-            number = graph.sight_of[key] = len(graph.sights)
-            graph.sights.append(Sight(station, origin, target))
-            graph.sights_from[station].append(number)
-            graph.sights_to[target].append(number)
+        if (station, target) not in graph.sight_of:
+            _add_sight(graph, station, target, origin)
 
 
 def _add_measures(
@@ -222,14 +240,40 @@ def _add_measures(
 
 
 def _add_distances(
-    graph: Graph, measured: list[tuple[int, int, int, float]], first: dict[tuple[int, int], Measure]
+    graph: Graph,
+    measured: list[tuple[int, int, int, float]],
+    first: dict[tuple[int, int], Measure],
+    of_points: list[list[tuple[int, float, int]]],
 ) -> None:
     for row, origin, target, value in measured:
         pair = _pair(origin, target)
         if pair not in first:
             first[pair] = value, row
-            graph.distances[origin].append((target, value, row))
-            graph.distances[target].append((origin, value, row))
+            of_points[origin].append((target, value, row))
+            of_points[target].append((origin, value, row))
+
+
+def _add_angles(graph: Graph, measured: list[tuple[int, int, int, float]], backsights: list[int]) -> None:
+    """Stations of their own: the backsight reads 0, the others their angles."""
+    stations: dict[tuple[int, int], int] = {}
+    for (row, origin, target, value), backsight in zip(measured, backsights, strict=True):
+        station = stations.get((origin, backsight))
+        if station is None:
+            station = stations[origin, backsight] = len(graph.origins)
+            graph.origins.append(origin)
+            graph.orientations.append(Orientation.VERT)
+            graph.stations_at[origin].append(station)
+            graph.sights_from.append([])
+            _add_sight(graph, station, target=backsight, origin=origin, hz=(0.0, row))
+        if (station, target) not in graph.sight_of:
+            _add_sight(graph, station, target=target, origin=origin, hz=(value, row))
+
+
+def _add_sight(graph: Graph, station: int, target: int, origin: int, hz: Measure | None = None) -> None:
+    number = graph.sight_of[station, target] = len(graph.sights)
+    graph.sights.append(Sight(station, origin, target, hz))
+    graph.sights_from[station].append(number)
+    graph.sights_to[target].append(number)
 
 
 def _add_rises(graph: Graph, measured: list[tuple[int, int, int, float]]) -> None:

@@ -92,6 +92,8 @@ def _neighbours(graph: Graph, point: int) -> Iterable[int]:
         yield other
     for other, _, _ in graph.height_differences[point]:
         yield other
+    for other, _, _ in graph.flats[point]:
+        yield other
 
 
 def _reason(state: State, graph: Graph, choice: Choice | None, linked: set[int], point: int) -> str:
@@ -167,7 +169,7 @@ def _advice(constraints: list[Constraint]) -> str:
 def explain_stations(state: State, graph: Graph, book: FieldBook) -> list[Unplaced]:
     """The stations without orientation, except those whose origin is already listed."""
     found = []
-    for station, origin in enumerate(graph.origins):
+    for station, origin in enumerate(graph.origins[: len(book.stations)]):
         if state.station_steps[station] is None and state.is_placed(origin):
             place = book.place(int(book.stations.observations(station)[0]))
             what = f"station {state.names[origin]} ({place})"

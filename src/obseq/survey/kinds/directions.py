@@ -31,6 +31,25 @@ class ZenithAngle(ObservationKind):
         return True
 
 
+@dataclass(frozen=True)
+class HorizontalAngle(ObservationKind):
+    """An angle at the first point, clockwise from the backsight to the last point."""
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """The three points."""
+        stations, targets = site.ends(rows)
+        return {"station": stations, "backsight": site.backsights(rows), "target": targets}
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """East, north and up at the first point."""
+        return site.verticals(rows, coordinates).reshape(-1, 9)
+
+    @property
+    def depends_on_place(self) -> bool:
+        """The vertical does."""
+        return True
+
+
 HZ = ObservationKind(
     "Hz",
     5,
@@ -50,5 +69,15 @@ AZIM = ObservationKind(
     needs_station=True,
     orients=1,
     start=Start.HZ,
+)
+ANGLE = HorizontalAngle(
+    "Angle",
+    111,
+    "horizontal angle from a backsight, clockwise",
+    "TopoAngle",
+    is_angle=True,
+    start=Start.ANGLE,
+    takes_heights=False,
+    is_line=False,
 )
 ZEN = ZenithAngle("Zen", 6, "zenith angle", "TopoZen", is_angle=True, needs_station=True, start=Start.ZENITH)

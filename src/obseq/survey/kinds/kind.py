@@ -18,12 +18,15 @@ FULL_TURN = 2.0 * math.pi * (1.0 + 1e-12)
 class Start(enum.Enum):
     """What an observation gives to initial values.
 
-    `HZ` to `DZ` are measures of a sight in the axes of its station; the others join two points.
+    `HZ` to `DZ` are measures of a sight in the axes of its station; the others join two points, or three
+    (`ANGLE`). `FLAT` is a horizontal distance.
     """
 
     NOTHING = ""
     DISTANCE = "distance"
+    FLAT = "flat"
     RISE = "rise"
+    ANGLE = "angle"
     HZ = "hz"
     ZENITH = "zenith"
     DX = "dx"
@@ -59,8 +62,17 @@ class Site(Protocol):
     def ends(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Blocks (n,) of the two points."""
 
+    def backsights(self, rows: IntArray) -> IntArray:
+        """Blocks (n,) of the third points of angles."""
+
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
+
+    def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
+
+    def offsets(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) offsets of the targets above their points minus those of the instruments (m)."""
 
     def stations(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the rotations of the stations."""
@@ -95,7 +107,7 @@ class ObservationKind:
         needs_station: Whether it is read on an instrument, whose axes are an unknown or given rotation.
         orients: Whether it turns a station about its vertical (0: no, 1: yes, -1: unless its value is 0).
         start: What it gives to initial values.
-        size: Number of components: the rows of a vector follow each other, the first one leads.
+        family: Kinds of one family have one equation, and may be correlated; its own name when empty.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
     """
@@ -108,9 +120,14 @@ class ObservationKind:
     needs_station: bool = False
     orients: int = 0
     start: Start = Start.NOTHING
-    size: int = 1
+    family: str = ""
     takes_heights: bool = True
     is_line: bool = True
+
+    @property
+    def group(self) -> str:
+        """Its family: what its observations are put together by."""
+        return self.family or self.name
 
     @property
     def unit(self) -> str:

@@ -35,6 +35,20 @@ class ReducedDistance(Distance):
 
 
 @dataclass(frozen=True)
+class HorizontalDistance(Distance):
+    """A horizontal distance in the horizon of its first point."""
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """The upward vertical of the first point."""
+        return site.verticals(rows, coordinates)[:, 2]
+
+    @property
+    def depends_on_place(self) -> bool:
+        """The vertical does."""
+        return True
+
+
+@dataclass(frozen=True)
 class HeightDifference(ObservationKind):
     """A height difference: along the vertical of the ellipsoid, or of z in a plane frame."""
 
@@ -65,4 +79,7 @@ DH = HeightDifference(
 )
 DIST_HZ0 = ReducedDistance(
     "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", takes_heights=False
+)
+DIST_HZ = HorizontalDistance(
+    "DistHz", 101, "horizontal distance", "TopoDistHz", start=Start.FLAT, takes_heights=False
 )

@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
-from obseq.survey.kinds.directions import AZIM, HZ, ZEN
+from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
+from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
-from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ0
+from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
 from obseq.survey.kinds.polar import ALPHA, BETA
-from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
+from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
@@ -22,10 +23,13 @@ KINDS: tuple[ObservationKind, ...] = (
     *(DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ),
     *(DIST_HZ0, ALPHA, BETA, VECTOR, VECTOR_Y, VECTOR_Z, EQUAL_DH, EQUAL_DIST),
     *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
+    *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
 )
 
 BY_CODE = {kind.code: kind for kind in KINDS}
 BY_NAME = {kind.name: kind for kind in KINDS}
+FAMILIES = {kind.group: tuple(other for other in KINDS if other.group == kind.group) for kind in KINDS}
+"""The kinds of each family."""
 IS_ANGLE: npt.NDArray[np.bool_] = np.zeros(256, np.bool_)
 """Of each code, whether it is an angle."""
 IS_ANGLE[[kind.code for kind in KINDS if kind.is_angle]] = True

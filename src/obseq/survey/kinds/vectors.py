@@ -1,4 +1,4 @@
-"""Vectors between two points in geocentric axes, such as GNSS baselines, with their full covariance."""
+"""Vectors between two points, along geocentric axes (GNSS baselines) or along those of the frame."""
 
 from __future__ import annotations
 
@@ -15,30 +15,72 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class GeocentricVector(ObservationKind):
-    """A vector in geocentric axes: its first component stands for the three."""
+class VectorComponent(ObservationKind):
+    """One component of a vector; components are correlated by clusters.
+
+    Attributes:
+        axis: 0, 1 or 2.
+    """
+
+    axis: int = 0
 
     def is_linear(self, site: Site) -> bool:
         """The frame only turns it."""
         return True
 
+    def direction(self, site: Site, rows: IntArray) -> FloatArray:
+        """(3,) its axis, in the frame."""
+        return np.asarray(np.eye(3)[self.axis])
+
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """Coefficients of both ends for each component: minus and plus the rotation to geocentric axes."""
-        rotation, _ = site.to_geocentric(rows)
-        return np.tile(np.hstack([-rotation, rotation]), (len(rows), 1, 1))
+        """Coefficients of both ends: minus and plus the axis."""
+        axis = self.direction(site, rows)
+        return np.tile(np.hstack([-axis, axis]), (len(rows), 1))
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Between the points themselves: without heights of instrument and target."""
+        return np.asarray(site.measured(rows) - site.offsets(rows, coordinates) @ self.direction(site, rows))
 
 
 @dataclass(frozen=True)
-class FollowingComponent(ObservationKind):
-    """The second or third component of a vector, whose equation is that of the first."""
+class GeocentricComponent(VectorComponent):
+    """One component of a vector along geocentric axes."""
+
+    def direction(self, site: Site, rows: IntArray) -> FloatArray:
+        """(3,) the geocentric axis, in the frame."""
+        rotation, _ = site.to_geocentric(rows)
+        return np.asarray(rotation[self.axis])
 
 
-VECTOR = GeocentricVector(
-    "VX", 107, "geocentric X of a vector", "TopoSubFrame", size=3, takes_heights=False, is_line=False
-)
-VECTOR_Y = FollowingComponent(
-    "VY", 108, "geocentric Y of a vector", "TopoSubFrame", size=0, takes_heights=False, is_line=False
-)
-VECTOR_Z = FollowingComponent(
-    "VZ", 109, "geocentric Z of a vector", "TopoSubFrame", size=0, takes_heights=False, is_line=False
-)
+def _geocentric(axis: int) -> GeocentricComponent:
+    name = "XYZ"[axis]
+    words = f"geocentric {name} of a vector"
+    return GeocentricComponent(
+        f"V{name}",
+        107 + axis,
+        words,
+        "TopoSubFrame",
+        family="Vector",
+        takes_heights=False,
+        is_line=False,
+        axis=axis,
+    )
+
+
+def _of_frame(axis: int) -> VectorComponent:
+    name = "XYZ"[axis]
+    words = f"{name.lower()} of a vector, along the axes of the frame"
+    return VectorComponent(
+        f"L{name}",
+        131 + axis,
+        words,
+        "TopoSubFrame",
+        family="LocalVector",
+        takes_heights=False,
+        is_line=False,
+        axis=axis,
+    )
+
+
+VECTOR, VECTOR_Y, VECTOR_Z = map(_geocentric, range(3))
+LOCAL_X, LOCAL_Y, LOCAL_Z = map(_of_frame, range(3))

@@ -14,6 +14,7 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
+from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def estimate(model: Model, points: Points, book: FieldBook, stages: Stages = WHO
 
 def _settle(equations: Equations, stages: Stages) -> None:
     """Moves the unknowns to the robust solution, as far as the iterations go."""
-    batches = [batch for _, batch in equations.batches.values()]
+    batches = [batch for _, batch in equations.batches.values() if batch.clusters is None]
 
     def before(system: LeastSquares, iteration: int) -> None:
         if iteration % _FOLLOW == 0:
@@ -150,7 +151,7 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
     ratios = np.zeros(len(book.observations))
     for rows, batch in equations.batches.values():
         misfits[rows] = equations.system.residuals(batch)[:, 0]
-        ratios[rows] = np.abs(misfits[rows]) / batch.sigmas[:, 0]
+        ratios[rows] = np.abs(misfits[rows]) / sigmas_of(batch)
     return Estimate(points, book, coordinates, rotations, misfits, ratios, _scale(ratios, equations.system))
 
 

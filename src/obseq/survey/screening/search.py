@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from obseq.errors import InputError, ObseqError
+from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
@@ -83,7 +84,7 @@ def is_doubtful(start: Determined, equations: Equations) -> bool:
         if BY_CODE[int(observations.types[rows[0]])].is_angle:
             lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
             moved = moved / np.maximum(lengths, 1e-3)
-        if (misfits > GROSS * np.hypot(batch.sigmas[:, 0], moved)).any():
+        if (misfits > GROSS * np.hypot(sigmas_of(batch), moved)).any():
             return True
     return False
 
