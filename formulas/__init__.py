@@ -5,6 +5,7 @@ from obseq.packages import GENERATOR, require
 require("obseq.formulas", "gencode", *GENERATOR)
 
 from obseq.formulas import radiometry
+from obseq.formulas.backward import BACKWARD
 from obseq.formulas.base import Formula
 from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
@@ -102,6 +103,7 @@ REGISTRY: tuple[Formula, ...] = (
     *DISTORTIONS,
     *CENTRAL_PROJECTIONS,
     *COLINEARITIES,
+    *BACKWARD,
     *SENSORS,
     *BUNDLES,
 )

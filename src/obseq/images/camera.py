@@ -8,6 +8,9 @@ Any member of the catalogue can be the projection (`Stenope` is the pinhole) and
 (`(radial, decentric, general)`). The parameters and their order are those of the colinearity equation, which
 is MMVII's: `F`, `PPx`, `PPy`, then `K1`, ..., `p1`, `p2`, ..., `b1`, `b2`, ... A parameter is a coefficient
 of the dimensionless coordinates: a coefficient per pixel^2 times F^2 is the K1 of here.
+
+In a backward camera (DBAT, PhotoModeler, Australis) the distortion goes the other way, from q' to q: it
+corrects what was measured (see `obseq.formulas.backward`).
 """
 
 from __future__ import annotations
@@ -56,6 +59,7 @@ class Camera:
         projection: `Stenope`, `FE_EquiDist`, `FE_EquiSolid`, `StereroGraphik`, `OrthoGraphik` or
             `EquiRect` (MMVII's names).
         fraser: False for MMVII's other choice of the terms of degree 1 (`a`, `b`).
+        backward: True when the distortion corrects the measured point, instead of moving the computed one.
 
     Example:
         >>> camera = Camera("D5600", 6000, 4000, focal=6153.0, degree=(3, 1, 1), distortion={"K1": -0.1})
@@ -72,6 +76,7 @@ class Camera:
     distortion: ArrayLike | Mapping[str, float] = field(default_factory=dict)
     projection: str = "Stenope"
     fraser: bool = True
+    backward: bool = False
 
     def __post_init__(self) -> None:
         point = np.array(self.principal_point, dtype=np.float64).reshape(-1)
@@ -125,7 +130,7 @@ class Camera:
     @property
     def _model(self) -> str:
         radial, decentric, general = self.degree
-        name = f"Dist_Rad{radial}_Dec{decentric}_XY{general}"
+        name = f"{'Backward' if self.backward else 'Dist'}_Rad{radial}_Dec{decentric}_XY{general}"
         return name if self.fraser else f"{name}_D1aXbX"
 
     @property
@@ -193,7 +198,7 @@ class Camera:
         """Pixels (n, 2) of points of the camera frame (n, 3), and their derivatives (n, 2, 3)."""
         rays = np.asarray(points, dtype=np.float64)
         plane, first = self._direct.values_and_jacobian(rays, np.zeros((len(rays), 0)))
-        distorted, second = self._distort.values_and_jacobian(plane, self._rows(len(rays)))
+        distorted, second = self._distorted_with_jacobian(plane)
         return self.principal_point + self.focal * distorted, self.focal * (second @ first)
 
     def directions(self, pixels: ArrayLike) -> FloatArray:
@@ -206,16 +211,32 @@ class Camera:
         return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
     def distorted(self, plane: ArrayLike) -> FloatArray:
-        """Distorted coordinates (n, 2) of dimensionless ones (n, 2)."""
+        """Distorted coordinates (n, 2) of dimensionless ones (n, 2); NaN where there are none."""
         q = np.asarray(plane, dtype=np.float64)
-        return self._distort.values(q, self._rows(len(q)))
+        return self._inverted(q) if self.backward else self._mapped(q)
 
     def undistorted(self, distorted: ArrayLike) -> FloatArray:
-        """Dimensionless coordinates (n, 2) that the distortion takes to those given; NaN where none does.
+        """Dimensionless coordinates (n, 2) that the distortion takes to those given; NaN where none does."""
+        q = np.asarray(distorted, dtype=np.float64)
+        return self._mapped(q) if self.backward else self._inverted(q)
+
+    def _distorted_with_jacobian(self, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distorted coordinates (n, 2), and their derivatives (n, 2, 2)."""
+        if not self.backward:
+            return self._distort.values_and_jacobian(plane, self._rows(len(plane)))
+        distorted = self._inverted(plane)
+        _, jacobian = self._distort.values_and_jacobian(distorted, self._rows(len(plane)))
+        return distorted, np.asarray(np.linalg.inv(jacobian))
+
+    def _mapped(self, q: FloatArray) -> FloatArray:
+        """What the polynomials of the distortion make of points (n, 2)."""
+        return self._distort.values(q, self._rows(len(q)))
+
+    def _inverted(self, goal: FloatArray) -> FloatArray:
+        """Points (n, 2) that the polynomials of the distortion take to those given; NaN where none.
 
         Newton's iterations with the exact derivative, a step being halved until it improves.
         """
-        goal = np.asarray(distorted, dtype=np.float64)
         q = goal.copy()
         if not self.coefficients.any():
             return q
@@ -236,7 +257,7 @@ class Camera:
         before = np.sum((values - goal) ** 2, axis=1)
         share = np.ones(len(q))
         for _ in range(10):
-            after = np.sum((self.distorted(q + share[:, None] * step) - goal) ** 2, axis=1)
+            after = np.sum((self._mapped(q + share[:, None] * step) - goal) ** 2, axis=1)
             worse = after > before
             if not worse.any():
                 break

@@ -62,7 +62,16 @@ def read_calibration(path: str | Path) -> Camera:
 
 
 def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
-    """The file of a calibration."""
+    """The file of a calibration.
+
+    Raises:
+        InputError: the distortion is of a kind that these files do not have.
+    """
+    if camera.backward:
+        raise InputError(
+            f"camera {camera.name}: its distortion corrects the measured point, which no calibration file of "
+            "MMVII says; adjust with the other kind (backward=False) to write one"
+        )
     values = dict(zip(camera.coefficient_names, map(float, camera.coefficients), strict=True))
     parts: dict[str, dict[str, Tree]] = {"Radial": {}, "Decentric": {}, "Polynomial": {}}
     for key, value in values.items():

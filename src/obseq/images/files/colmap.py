@@ -159,15 +159,19 @@ def write_colmap(solution: BundleSolution, folder: str | Path) -> None:
 def _camera_line(number: int, camera: Camera) -> str:
     given = dict(zip(camera.coefficient_names, camera.coefficients, strict=True))
     others = [name for name, value in given.items() if value and name not in ("K1", "K2", "p1", "p2")]
-    if camera.projection != "Stenope" or others:
+    if camera.projection != "Stenope" or camera.backward or others:
         raise InputError(
-            f"camera {camera.name}: COLMAP has no place for {', '.join(others) or camera.projection}"
+            f"camera {camera.name}: COLMAP has no place for {', '.join(others) or _kind(camera)}"
         )
     x, y = camera.principal_point
     k1, k2, p1, p2 = (given.get(name, 0.0) for name in ("K1", "K2", "p1", "p2"))
     values = (camera.focal, camera.focal, x, y, k1, k2, p2, p1)
     text = " ".join(f"{value:.17g}" for value in values)
     return f"{number} OPENCV {camera.width} {camera.height} {text}\n"
+
+
+def _kind(camera: Camera) -> str:
+    return "distortion that corrects the measured point" if camera.backward else camera.projection
 
 
 def _image_lines(solution: BundleSolution, number: dict[str, int]) -> Iterator[str]:
