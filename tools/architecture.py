@@ -28,7 +28,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "leastsquares": ("kernels", "compilation", "geometry"),
     "survey": ("leastsquares", "kernels", "geometry", "crs"),
     "images": ("leastsquares", "kernels", "geometry", "crs", "survey"),
-    "project": ("images", "geometry", "crs"),
+    "project": ("images", "survey", "geometry", "crs"),
     "cli": (
         "report",
         "survey",

@@ -6,7 +6,14 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.images import ControlPoints
-from obseq.project import points_text, read_block, read_control_points, read_orientation, system_text
+from obseq.project import (
+    points_text,
+    read_block,
+    read_calibration,
+    read_control_points,
+    read_orientation,
+    system_text,
+)
 
 
 @pytest.fixture
@@ -47,6 +54,23 @@ def test_poses_from_nothing_but_measures(panel, capsys):
     theirs, _ = read_orientation(panel / "MMVII-PhgrProj/Ori/Resec", found.images)
     np.testing.assert_allclose(found.centres, theirs.centres, rtol=0.0, atol=1e-8)
     assert list(cameras) == ["CalibIntr_CamNIKON_D5600_Add043_Foc24"]
+
+
+def test_poses_and_calibrations_from_control_points_alone(panel, capsys):
+    code = main("resection-11p 043_00(0.|1.|25).* Fil Fil Alone --size 2000 1333 --degree 3 1 1".split())
+    out = capsys.readouterr().out
+    assert code == 1
+    assert "left out: image 043_0025_Scaled.tif: its 34 control points are in a plane" in out
+    found, cameras = read_orientation(panel / "MMVII-PhgrProj/Ori/Alone")
+    assert len(found) == len(cameras) == 8
+    assert found.cameras[0] == f"Calib-PerspCentral-{found.images[0]}"
+    theirs, _ = read_orientation(panel / "MMVII-PhgrProj/Ori/Resec", found.images)
+    np.testing.assert_allclose(found.centres, theirs.centres, atol=3.0)
+    folder = panel / "MMVII-PhgrProj/Ori/Alone"
+    shared = read_calibration(folder / "CalibIntr_CamNIKON_D5600_Add043_Foc24000.xml")
+    each = [camera.parameters for camera in cameras.values()]
+    np.testing.assert_allclose(shared.parameters, np.median(each, axis=0), rtol=1e-14)
+    assert shared.focal == pytest.approx(2095.47, abs=1.5)
 
 
 def test_the_rigid_block(panel, capsys, expected):

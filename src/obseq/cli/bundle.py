@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
-from obseq.cli.progress import Progress
+from obseq.cli.progress import Progress, described
 from obseq.cli.results import INCOMPLETE
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from obseq.images import BundleAdjustment, BundleSolution, Weighting
-    from obseq.leastsquares import Iteration
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -232,9 +231,4 @@ def _solved(block: BundleAdjustment, arguments: argparse.Namespace, progress: Pr
     if arguments.iterations:
         options["max_iterations"] = arguments.iterations
     block.initialise()
-    return block.solve(progress=lambda step: progress(_described(step)), **options)
-
-
-def _described(step: Iteration) -> str:
-    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
-    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
+    return block.solve(progress=lambda step: progress(described(step)), **options)

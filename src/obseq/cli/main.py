@@ -18,7 +18,9 @@ from obseq.cli import (
     epipolar,
     formulas,
     project,
+    project_imports,
     report,
+    topo_adjust,
     versions,
 )
 from obseq.cli.guard import guarded
@@ -48,7 +50,9 @@ def parser() -> argparse.ArgumentParser:
         report,
         aerial,
         epipolar,
+        project_imports,
         project,
+        topo_adjust,
         bundle_adjust,
         formulas,
         check_derivatives,

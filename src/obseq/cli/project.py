@@ -1,100 +1,69 @@
-"""Commands of MMVII on a project tree: `create-calib`, `resection`, `block-init`, `report-gcp` and others."""
+"""Commands of MMVII that compute on a project tree: `create-calib`, `resection`, `block-init` and others."""
 
 import argparse
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
-from obseq.cli.progress import Progress
-from obseq.printable import printable
-from obseq.writing import check_writable, write_all
+from obseq.cli.parsing import Commands, positive_integer, positive_number
+from obseq.cli.tree_command import Files, add_tree_command, ending_of
 
 if TYPE_CHECKING:
-    from obseq.images import Camera, ControlPoints, ImagePoints
+    from obseq.images import Camera, ControlPoints, ImagePoints, UncalibratedResection
     from obseq.project.layout import ProjectTree
-
-CHECK_FAILED = 1
-EXIT = "exit code: 0 done; 1 done, and an image or a point failed the check; 2 could not run"
-IMAGES = "a regular expression of image names, or a list (SetOfName file)"
-
-Files = dict[Path, "str | bytes"]
-Job = Callable[[argparse.Namespace, "ProjectTree"], tuple[str, Files, bool]]
+    from obseq.project.metadata import Rules
 
 
 def register(commands: Commands) -> None:
     """Add the commands to the parser."""
     purpose = "write initial calibrations of images from metadata (MMVII's OriCreateCalib)"
-    command = _add(commands, "create-calib", _create_calibrations, purpose, ("images", "measures", "out"))
+    command = add_tree_command(
+        commands, "create-calib", _create_calibrations, purpose, ("images", "measures", "out")
+    )
     command.add_argument("--degree", nargs=3, type=int, default=[3, 1, 1], metavar=("R", "D", "G"))
     command.add_argument("--projection", default="Stenope", metavar="NAME", help="Stenope, FE_EquiDist, ...")
     command.add_argument("--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of the images")
 
     purpose = "tell which images have control points enough, and well spread (OriPoseEstimCheckGCPDist)"
-    command = _add(
+    command = add_tree_command(
         commands, "check-gcp-distribution", _distribution, purpose, ("images", "points", "measures")
     )
     command.add_argument("--lists", metavar="PREFIX", help="write the lists of images that pass (SetOfName)")
 
     purpose = "find the poses of calibrated images from control points (OriPoseEstimSpaceResection)"
     needed = ("images", "points", "measures", "calibrations", "out")
-    command = _add(commands, "resection", _resection, purpose, needed)
+    command = add_tree_command(commands, "resection", _resection, purpose, needed)
     command.add_argument(
         "--triplets", type=positive_integer, default=500, metavar="N", help="tried at most (500)"
     )
     command.add_argument("--max-error", type=positive_number, default=20.0, metavar="PX", help="median (20)")
 
+    purpose = "find poses and calibrations from control points alone (OriPoseEstim11P)"
+    command = add_tree_command(
+        commands, "resection-11p", _uncalibrated, purpose, ("images", "points", "measures", "out")
+    )
+    command.add_argument(
+        "--size", nargs=2, type=positive_integer, required=True, metavar=("W", "H"), help="of the images"
+    )
+    command.add_argument(
+        "--degree", nargs=3, type=int, metavar=("R", "D", "G"), help="of the distortion (none: linear)"
+    )
+    command.add_argument(
+        "--freeze", metavar="PATTERN", help="parameters that stay as the linear map has them"
+    )
+    command.add_argument("--no-median", action="store_true", help="no shared calibrations")
+
     purpose = "find the relative poses of rigidly mounted cameras (BlockCamInit)"
-    command = _add(commands, "block-init", _block, purpose, ("orientation", "pattern", "out"))
+    command = add_tree_command(commands, "block-init", _block, purpose, ("orientation", "pattern", "out"))
     command.add_argument("--groups", nargs=2, type=positive_integer, default=[1, 2], metavar=("CAM", "EXP"))
     command.add_argument("--master", metavar="CAMERA", help="whose frame is that of the block")
     command.add_argument("--name", default="TheBloc", help="of the block (TheBloc)")
 
     purpose = "compare measures with the projections of control points (ReportGCP)"
-    _add(commands, "report-gcp", _report, purpose, ("images", "points", "measures", "orientation"))
+    add_tree_command(
+        commands, "report-gcp", _report, purpose, ("images", "points", "measures", "orientation")
+    )
 
     purpose = "convert the 3D points of a project to another coordinate system (GCPChSysCo)"
-    _add(commands, "change-sysco", _change_system, purpose, ("system", "points", "out"))
-
-
-WORDS = {
-    "images": IMAGES,
-    "measures": "folder of measures in images (ObjMesInstr, PointsMeasure)",
-    "points": "folder of 3D points (ObjCoordWorld, PointsMeasure)",
-    "calibrations": "folder of orientations with the calibrations",
-    "orientation": "folder of orientations (Ori)",
-    "pattern": "of image names, with a group for the camera and one for the exposure",
-    "system": "the new coordinate system",
-    "out": "folder that is written",
-}
-
-
-def _add(
-    commands: Commands, name: str, job: Job, purpose: str, positional: Sequence[str]
-) -> argparse.ArgumentParser:
-    command = add_command(commands, name, _run(job), purpose, "", EXIT)
-    for one in positional:
-        command.add_argument(one, metavar=one.upper(), help=WORDS[one])
-    command.add_argument(
-        "--project", type=Path, default=Path(), metavar="DIR", help="that holds MMVII-PhgrProj (here)"
-    )
-    command.add_argument("--metadata", default="Std", metavar="NAME", help="folder of metadata (Std)")
-    command.add_argument("--json-files", action="store_true", help="write JSON instead of XML")
-    return command
-
-
-def _run(job: Job) -> Callable[[argparse.Namespace], int]:
-    def run(arguments: argparse.Namespace) -> int:
-        from obseq.project.layout import ProjectTree
-
-        with Progress("computing"):
-            text, files, passed = job(arguments, ProjectTree.at(arguments.project))
-            check_writable(files)
-            write_all(files)
-        print(printable(text), end="")
-        return 0 if passed else CHECK_FAILED
-
-    return run
+    add_tree_command(commands, "change-sysco", _change_system, purpose, ("system", "points", "out"))
 
 
 def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
@@ -109,7 +78,7 @@ def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
             rules, image, size=size, degree=tuple(arguments.degree), projection=arguments.projection
         )
         cameras.setdefault(camera.name, camera)
-    folder, ending = tree.folder("Ori", arguments.out), _ending(arguments)
+    folder, ending = tree.folder("Ori", arguments.out), ending_of(arguments)
     files: Files = {
         folder / f"{name}{ending}": calibration_text(camera, as_json=arguments.json_files)
         for name, camera in cameras.items()
@@ -136,7 +105,7 @@ def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[s
     if arguments.lists:
         for word, passed in (("Resec", found.allows_resection), ("11Param", found.allows_eleven_parameters)):
             names = [name for name, good in zip(found.images, passed, strict=True) if good]
-            path = tree.root / f"{arguments.lists}_OK_{word}{_ending(arguments)}"
+            path = tree.root / f"{arguments.lists}_OK_{word}{ending_of(arguments)}"
             files[path] = names_text(names, as_json=arguments.json_files)
     return "".join(lines), files, bool(found.allows_resection.all())
 
@@ -161,7 +130,7 @@ def _resection(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str,
     by_name = {camera.name: camera for camera in cameras.values()}
     files: Files = dict(orientation_files(out, poses, by_name, as_json=arguments.json_files))
     definition = read_system(tree.points(arguments.points))
-    files[out / f"CurSysCo{_ending(arguments)}"] = system_text(definition, as_json=arguments.json_files)
+    files[out / f"CurSysCo{ending_of(arguments)}"] = system_text(definition, as_json=arguments.json_files)
     norms = np.sqrt((found.residuals**2).sum(axis=1))
     lines = []
     for k, image in enumerate(poses.images):
@@ -173,6 +142,81 @@ def _resection(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str,
     gross = np.flatnonzero(~found.is_used)
     lines += [f"gross: {found.measures.label(int(row))}: {norms[row]:.1f} px" for row in gross]
     return "\n".join(lines) + "\n", files, not gross.size
+
+
+def _uncalibrated(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from dataclasses import replace
+
+    from obseq.images import Poses
+    from obseq.project.cameras import IMAGE_CALIBRATION, orientation_files
+    from obseq.project.points import read_system, system_text
+
+    parts, lost = _resected(arguments, tree)
+    own = {image: f"{IMAGE_CALIBRATION}{image}" for image in parts}
+    cameras = {own[image]: replace(part.cameras[image], name=own[image]) for image, part in parts.items()}
+    motions = [part.poses[image] for image, part in parts.items()]
+    poses = Poses.of(
+        list(parts), [m.centre for m in motions], [m.rotation for m in motions], cameras=list(own.values())
+    )
+    lines = [
+        f"{image}: rms {part.rms[0]:.3f} px, F {part.cameras[image].focal:.3f} px"
+        for image, part in parts.items()
+    ]
+    lines += [f"left out: {reason}" for reason in lost]
+    if not arguments.no_median:
+        medians, spreads = _medians(tree.rules(arguments.metadata), parts)
+        cameras |= medians
+        lines += spreads
+    out, as_json = tree.folder("Ori", arguments.out), arguments.json_files
+    files: Files = dict(orientation_files(out, poses, cameras, as_json=as_json))
+    definition = read_system(tree.points(arguments.points))
+    files[out / f"CurSysCo{ending_of(arguments)}"] = system_text(definition, as_json=as_json)
+    return "\n".join(lines) + "\n", files, not lost
+
+
+def _resected(
+    arguments: argparse.Namespace, tree: "ProjectTree"
+) -> "tuple[dict[str, UncalibratedResection], list[str]]":
+    """The resection of each image, and why there is none of the others."""
+    from obseq.errors import InputError
+    from obseq.images import resect_uncalibrated
+
+    measures, control = _measured(arguments, tree)
+    degree = tuple(arguments.degree) if arguments.degree else None
+    parts: dict[str, UncalibratedResection] = {}
+    lost: list[str] = []
+    for image in measures.image_names:
+        try:
+            parts[image] = resect_uncalibrated(
+                measures.of_image(image), control, tuple(arguments.size), degree, arguments.freeze
+            )
+        except InputError as error:
+            lost.append(str(error))
+    if not parts:
+        raise InputError(f"none of the {len(lost)} images has control points enough; {lost[0]}")
+    return parts, lost
+
+
+def _medians(
+    rules: "Rules", parts: "dict[str, UncalibratedResection]"
+) -> "tuple[dict[str, Camera], list[str]]":
+    """Median calibrations of the images that metadata give one name, and how their parameters scatter."""
+    import numpy as np
+
+    from obseq.images import median_camera
+
+    groups: dict[str, list[Camera]] = {}
+    for image, part in parts.items():
+        groups.setdefault(rules.calibration_name(image), []).append(part.cameras[image])
+    medians = {name: median_camera(cameras, name) for name, cameras in groups.items()}
+    lines = []
+    for name, cameras in groups.items():
+        values = np.array([camera.parameters for camera in cameras])
+        spread = np.subtract(*np.percentile(values, (80, 20), axis=0))
+        rows = zip(medians[name].parameter_names, medians[name].parameters, spread, strict=True)
+        lines.append(f"{name}: median of {len(cameras)} images; percentile 80 minus 20 in brackets")
+        lines += [f"  {parameter} {value:.8g} ({width:.3g})" for parameter, value, width in rows]
+    return medians, lines
 
 
 def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
@@ -195,7 +239,7 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
     places = {name: block.places[name] for name in block.places}
     camera, exposure = arguments.groups
     written = BlockFile(block.name, block.master, arguments.pattern, camera, exposure, places, {})
-    path = tree.folder("RigBlock", arguments.out) / f"RigidBloc_{block.name}{_ending(arguments)}"
+    path = tree.folder("RigBlock", arguments.out) / f"RigidBloc_{block.name}{ending_of(arguments)}"
     return "\n".join(lines) + "\n", {path: block_text(written, as_json=arguments.json_files)}, passed
 
 
@@ -217,7 +261,7 @@ def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[
 
     folder = tree.points(arguments.points)
     control = converted(read_control_points(folder), read_system(folder), arguments.system)
-    out, ending = tree.folder("ObjCoordWorld", arguments.out), _ending(arguments)
+    out, ending = tree.folder("ObjCoordWorld", arguments.out), ending_of(arguments)
     as_json = arguments.json_files
     files: Files = {
         out / f"MesGCP-{arguments.out}{ending}": points_text(control, arguments.out, as_json=as_json),
@@ -232,7 +276,3 @@ def _measured(arguments: argparse.Namespace, tree: "ProjectTree") -> "tuple[Imag
     folder = tree.measures(arguments.measures)
     images = tree.images(arguments.images, folder)
     return read_image_measures(folder, images), read_control_points(tree.points(arguments.points))
-
-
-def _ending(arguments: argparse.Namespace) -> str:
-    return ".json" if arguments.json_files else ".xml"

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
         read_pose,
         write_orientation,
     )
+    from obseq.project.assembly import assembled
+    from obseq.project.bundle_options import BundleOptions, parse_options
+    from obseq.project.layout import ProjectTree
     from obseq.project.metadata import Rules, chosen, names_text, read_names, read_rules, rules_text
     from obseq.project.micmac_v1 import read_v1_orientation
     from obseq.project.points import (
@@ -24,9 +27,12 @@ if TYPE_CHECKING:
         system_text,
     )
     from obseq.project.tie_points import find_pairs, pairs_text, read_pairs, read_tracks
+    from obseq.project.topo import read_topo, topo_text
     from obseq.project.tree import read_tree, tree_text
 
 _HOMES = {
+    "assembly": ("assembled",),
+    "bundle_options": ("BundleOptions", "parse_options"),
     "blocks": ("BlockFile", "block_text", "read_block"),
     "cameras": (
         "calibration_text",
@@ -36,6 +42,7 @@ _HOMES = {
         "read_pose",
         "write_orientation",
     ),
+    "layout": ("ProjectTree",),
     "metadata": ("Rules", "chosen", "names_text", "read_names", "read_rules", "rules_text"),
     "micmac_v1": ("read_v1_orientation",),
     "points": (
@@ -47,13 +54,17 @@ _HOMES = {
         "system_text",
     ),
     "tie_points": ("find_pairs", "pairs_text", "read_pairs", "read_tracks"),
+    "topo": ("read_topo", "topo_text"),
     "tree": ("read_tree", "tree_text"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "BlockFile",
+    "BundleOptions",
+    "ProjectTree",
     "Rules",
+    "assembled",
     "block_text",
     "calibration_text",
     "chosen",
@@ -61,6 +72,7 @@ __all__ = [
     "measures_text",
     "names_text",
     "pairs_text",
+    "parse_options",
     "points_text",
     "pose_text",
     "read_block",
@@ -73,11 +85,13 @@ __all__ = [
     "read_pose",
     "read_rules",
     "read_system",
+    "read_topo",
     "read_tracks",
     "read_tree",
     "read_v1_orientation",
     "rules_text",
     "system_text",
+    "topo_text",
     "tree_text",
     "write_orientation",
 ]

@@ -19,8 +19,10 @@ Value: TypeAlias = "str | list[Value]"
 KNOWN = (
     "NbIter", "GCP3D", "GCP2D", "GCPDir", "GCPW", "AddGCPW", "GCPDirOut", "PPFzCal", "PPFreeCal", "SharedIP",
     "PatFzCenters", "PatFzOrient", "PoseVisc", "RefOri", "BRDirIn", "BRW", "BRW_Rat", "OutRigBlock",
-    "TopoDirIn", "TPDir", "TiePWeight", "DataDir",
+    "TopoDirIn", "TopoDirOut", "TPDir", "TiePWeight", "DataDir", "GCPFilter", "GCPFilterAdd",
 )  # fmt: skip
+TOPO = ("NbIter", "GCP3D", "GCPFilter", "GCPFilterAdd")
+"""Those of `TopoAdj`."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class BundleOptions:
         reference: folder, sigma of centres, sigma of rotations or None, pattern of images.
         rigid: sigmas of translations and of matrix entries (`BRW`).
         rigid_places: the same for the places in the block (`BRW_Rat`).
+        chosen_names: pattern of the names of 3D points; empty for all (`GCPFilter`).
+        chosen_information: pattern of their additional information (`GCPFilterAdd`).
     """
 
     iterations: int | None = None
@@ -70,11 +74,14 @@ class BundleOptions:
     rigid_places: tuple[float, float] | None = None
     rigid_out: str | None = None
     survey: str | None = None
+    survey_out: str | None = None
+    chosen_names: str = ""
+    chosen_information: str = ""
     ties: tuple[Set2D, ...] = field(default=())
 
 
-def parse_options(words: Sequence[str]) -> BundleOptions:
-    """The options of words `Name=value`.
+def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleOptions:
+    """The options of words `Name=value`, with names that are known.
 
     Raises:
         InputError: a name is not known, comes twice, or its value is not what it takes.
@@ -82,8 +89,8 @@ def parse_options(words: Sequence[str]) -> BundleOptions:
     given: dict[str, Value] = {}
     for word in words:
         name, equals, text = word.partition("=")
-        if not equals or name not in KNOWN:
-            raise InputError(f"{word!r} is no option; they are Name=value, with {', '.join(KNOWN)}")
+        if not equals or name not in known:
+            raise InputError(f"{word!r} is no option; they are Name=value, with {', '.join(known)}")
         if name in given:
             raise InputError(f"option {name} is given twice")
         given[name] = parse_value(text, name)
@@ -91,6 +98,8 @@ def parse_options(words: Sequence[str]) -> BundleOptions:
     rigid = _numbers(given, "BRW", 2)
     if rigid is None and {"BRDirIn", "BRW_Rat", "OutRigBlock"} & set(given):
         raise InputError("BRDirIn, BRW_Rat and OutRigBlock have no effect without BRW=[SigTr,SigRot]")
+    if {"TopoDirOut"} & set(given) and "TopoDirIn" not in given:
+        raise InputError("TopoDirOut has no effect without TopoDirIn")
     points, measures = _point_sets(given)
     return BundleOptions(
         iterations=_integer(given, "NbIter"),
@@ -110,6 +119,9 @@ def parse_options(words: Sequence[str]) -> BundleOptions:
         rigid_places=_numbers(given, "BRW_Rat", 2),
         rigid_out=_text(given, "OutRigBlock"),
         survey=_text(given, "TopoDirIn"),
+        survey_out=_text(given, "TopoDirOut"),
+        chosen_names=_text(given, "GCPFilter") or "",
+        chosen_information=_text(given, "GCPFilterAdd") or "",
         ties=_ties(given, folder),
     )
 

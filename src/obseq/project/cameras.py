@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 CALIBRATION, POSE = "InternalCalibration", "CameraPose"
 POSE_PREFIX = "Ori-PerspCentral-"
+IMAGE_CALIBRATION = "Calib-PerspCentral-"
+"""What the names of calibrations begin with that belong to one image."""
 NO_CALIBRATION = "NONE"
 ORTHONORMAL = 1e-6
 """How far the axes of a pose may be from orthonormal: files of fewer digits than usual still are."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.project.metadata import chosen, read_names, read_rules
-from obseq.project.points import MEASURES_PREFIX
-
-if TYPE_CHECKING:
-    from obseq.project.metadata import Rules
+from obseq.project.metadata import MODES, Rules, chosen, read_names, read_rules
+from obseq.project.points import MEASURES_PREFIX, read_definition
 
 TREE = "MMVII-PhgrProj"
+SYSTEMS = "SysCo"
 MEASURES, POINTS, OLD = "ObjMesInstr", "ObjCoordWorld", "PointsMeasure"
 ENDINGS = (".xml", ".json")
 
@@ -57,13 +54,33 @@ class ProjectTree:
         """A folder of 3D points that is there."""
         return self._existing(name, POINTS, OLD)
 
+    def topo(self, name: str) -> Path:
+        """A folder of survey observations that is there."""
+        return self._existing(name, "Topo")
+
     def rules(self, name: str = "Std") -> Rules:
         """The metadata rules of a folder."""
-        folder = self._existing(name, "MetaData")
+        path, rules = self.metadata(self._existing(name, "MetaData").name)
+        if not path.is_file():
+            raise InputError(f"{path.parent}: holds no metadata (CalcMTD.xml)")
+        return rules
+
+    def metadata(self, name: str) -> tuple[Path, Rules]:
+        """The file of the metadata rules of a folder, and the rules: none where there is no file yet."""
+        folder = self.folder("MetaData", name)
         for ending in ENDINGS:
             if (path := folder / f"CalcMTD{ending}").is_file():
-                return read_rules(path)
-        raise InputError(f"{folder}: holds no metadata (CalcMTD.xml)")
+                return path, read_rules(path)
+        path = folder / f"CalcMTD{ENDINGS[0]}"
+        return path, Rules(dict.fromkeys(MODES, ()), str(path))
+
+    def system(self, word: str) -> str:
+        """The definition of a coordinate system, which may be the name of a file of ``SysCo``."""
+        for ending in ENDINGS:
+            path = self.root / TREE / SYSTEMS / f"{word}{ending}"
+            if "/" not in word and path.is_file():
+                return read_definition(path)
+        return word
 
     def images(self, selection: str, measures: Path) -> list[str]:
         """Names of the images that have measures and are in a list, or match a pattern as a whole.
@@ -76,17 +93,21 @@ class ProjectTree:
             for path in measures.glob(f"{MEASURES_PREFIX}*")
             if path.suffix in ENDINGS
         )
-        listed = self.root / selection
-        if selection.endswith(ENDINGS) and listed.is_file():
-            names = read_names(listed)
+        names = self.listed(selection)
+        if names:
             missing = [name for name in names if name not in measured]
             if missing:
-                raise InputError(f"{listed}: {missing[0]} has no measures in {measures}")
+                raise InputError(f"{selection}: {missing[0]} has no measures in {measures}")
             return names
         found = chosen(measured, selection)
         if not found:
             raise InputError(f"{selection!r}: no image with measures in {measures} has such a name")
         return found
+
+    def listed(self, selection: str) -> list[str]:
+        """The names of a list in the folder of the project; none where the selection is no such file."""
+        path = self.root / selection
+        return read_names(path) if selection.endswith(ENDINGS) and path.is_file() else []
 
     def _existing(self, name: str, *kinds: str) -> Path:
         for kind in kinds:

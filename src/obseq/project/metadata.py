@@ -38,15 +38,19 @@ class Rules:
         Raises:
             InputError: an unknown mode, or a pattern that is no regular expression.
         """
-        if mode not in MODES:
-            raise InputError(f"{self.where}: unknown mode {mode!r}; modes are {', '.join(MODES)}")
-        for pattern, value in self.tries.get(mode, ()):
+        for pattern, value in self.rules(mode):
             match = whole_match(pattern, image, self.where)
             if match:
                 found = replaced(match, value)
                 if found != UNSET:
                     return found
         return None
+
+    def rules(self, mode: str) -> tuple[tuple[str, str], ...]:
+        """Patterns and values of a mode in the order they are tried."""
+        if mode not in MODES:
+            raise InputError(f"{self.where}: unknown mode {mode!r}; modes are {', '.join(MODES)}")
+        return self.tries.get(mode, ())
 
     def calibration_name(self, image: str) -> str:
         """``CalibIntr_Cam<model>[_Add<additional>]_Foc<1000 f>``, blanks of the model as underscores.
@@ -86,6 +90,27 @@ def read_rules(path: str | Path) -> Rules:
         rules = [Reader(one, f"{path}: {mode}") for one in fields.list("Tries")]
         tries[mode] = tuple((one.text("Pat"), one.text("Val")) for one in rules)
     return Rules(tries, str(path))
+
+
+def edited(rules: Rules, mode: str, pattern: str, value: str, rank: int) -> Rules:
+    """The rules with one more, or another one, in a mode (MMVII's `Modif`).
+
+    Args:
+        rules: as they are.
+        mode: what the rule gives.
+        pattern: of whole names of images.
+        value: with ``$1`` ... for the groups of the pattern; ``NONE`` leaves the choice to the next rule.
+        rank: 0 or more takes the place of the rule there, or comes last; -1 goes first; -2 is the only one.
+
+    Raises:
+        InputError: an unknown mode, or no regular expression.
+    """
+    whole_match(pattern, "", rules.where)
+    old, new = list(rules.rules(mode)), (pattern, value)
+    before = old[: max(rank, 0)]
+    after = [] if rank == -2 else old if rank == -1 else old[rank + 1 :]
+    changed = [*before, new, *after]
+    return Rules({**rules.tries, mode: tuple(changed)}, rules.where)
 
 
 def rules_text(rules: Rules, *, as_json: bool = False) -> str:

@@ -12,7 +12,7 @@ from obseq.images import ControlPoints, ImagePoints
 from obseq.project.tree import Reader, read_tree, tree_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from obseq.arrays import FloatArray
     from obseq.project.tree import Tree
@@ -89,27 +89,51 @@ def read_control_points(
     Raises:
         InputError: no file, a field that is wrong, a name given twice.
     """
-    place = _folder(folder)
-    files = _files(place, POINTS_PREFIX)
-    if not files:
-        raise InputError(f"{folder}: holds no points ({POINTS_PREFIX}*.xml or .json)")
     names, places, covariances = [], [], []
-    for path in files:
-        fields = Reader(read_tree(path), str(path)).fields(POINTS)
-        for one in _entries(fields, "Measures"):
-            name = one.text("Name")
-            if is_chosen(name, one.text("AdditionalInfo", "")):
-                names.append(name)
-                places.append(one.numbers("Pt", 3))
-                covariances.append(_covariance(one))
+    for one in _point_entries(folder):
+        name = one.text("Name")
+        if is_chosen(name, one.text("AdditionalInfo", "")):
+            names.append(name)
+            places.append(one.numbers("Pt", 3))
+            covariances.append(_covariance(one))
     return _control(names, np.array(places, dtype=np.float64).reshape(-1, 3), covariances)
 
 
-def points_text(points: ControlPoints, name: str, *, as_json: bool = False) -> str:
-    """The file of control points; free ones without variances, held ones with zeros."""
+def read_information(folder: str | Path) -> dict[str, str]:
+    """The additional information of the points of a folder, by their names."""
+    return {one.text("Name"): one.text("AdditionalInfo", "") for one in _point_entries(folder)}
+
+
+def _point_entries(folder: str | Path) -> Iterator[Reader]:
+    files = _files(_folder(folder), POINTS_PREFIX)
+    if not files:
+        raise InputError(f"{folder}: holds no points ({POINTS_PREFIX}*.xml or .json)")
+    for path in files:
+        yield from _entries(Reader(read_tree(path), str(path)).fields(POINTS), "Measures")
+
+
+def points_text(
+    points: ControlPoints, name: str, information: Mapping[str, str] | None = None, *, as_json: bool = False
+) -> str:
+    """The file of control points; free ones without variances, held ones with zeros.
+
+    Args:
+        points: what is written.
+        name: of the set.
+        information: additional information of points by name.
+        as_json: True for JSON.
+
+    Raises:
+        InputError: a point is known in some of its coordinates only.
+    """
+    words = information or {}
     entries: list[Tree] = []
     for one, place, covariance in zip(points.names, points.coordinates, points.covariances, strict=True):
-        entry: dict[str, Tree] = {"Name": one, "Pt": _floats(place), "AdditionalInfo": ""}
+        entry: dict[str, Tree] = {
+            "Name": one,
+            "Pt": _floats(place),
+            "AdditionalInfo": words.get(one, ""),
+        }
         if np.isfinite(covariance).all():
             entry["__Opt__Sigma2"] = tuple(float(covariance[index]) for index in _UPPER)
         elif not np.isinf(np.diag(covariance)).all():
@@ -122,8 +146,13 @@ def read_system(folder: str | Path) -> str:
     """The definition of the coordinate system of a folder; ``LocalNONE`` where it has none."""
     for ending in ENDINGS:
         if (path := Path(folder) / f"{SYSTEM_FILE}{ending}").is_file():
-            return Reader(read_tree(path), str(path)).fields(SYSTEM).text("Def")
+            return read_definition(path)
     return NO_SYSTEM
+
+
+def read_definition(path: str | Path) -> str:
+    """The definition of a coordinate system in a file (``SysCoData``)."""
+    return Reader(read_tree(path), str(path)).fields(SYSTEM).text("Def")
 
 
 def system_text(definition: str, *, as_json: bool = False) -> str:

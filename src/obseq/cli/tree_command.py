@@ -1,0 +1,71 @@
+"""What commands on a project tree share: their arguments, and that they compute first and write together."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.cli.parsing import Commands, add_command
+from obseq.cli.progress import Progress
+from obseq.printable import printable
+from obseq.writing import check_writable, write_all
+
+if TYPE_CHECKING:
+    from obseq.project.layout import ProjectTree
+
+CHECK_FAILED = 1
+EXIT = "exit code: 0 done; 1 done, and an image or a point failed the check; 2 could not run"
+IMAGES = "a regular expression of image names, or a list (SetOfName file)"
+
+Files = dict[Path, "str | bytes"]
+Job = Callable[[argparse.Namespace, "ProjectTree"], tuple[str, Files, bool]]
+"""What a command does: the text that is printed, the files that are written, whether all passed."""
+
+WORDS = {
+    "images": IMAGES,
+    "measures": "folder of measures in images (ObjMesInstr, PointsMeasure)",
+    "points": "folder of 3D points (ObjCoordWorld, PointsMeasure)",
+    "calibrations": "folder of orientations with the calibrations",
+    "orientation": "folder of orientations (Ori)",
+    "pattern": "of image names, with a group for the camera and one for the exposure",
+    "system": "the new coordinate system",
+    "out": "folder that is written",
+    "file": "what is imported",
+    "format": "fields of a line: N X Y Z, and A, Sx Sy Sz, Sxyz, ? (skip), Bla (the rest)",
+    "folder": "folder of metadata (MetaData)",
+    "mode": "what the rules give: Focalmm, FocalPix, PPPix, Aperture, ModelCam, NbPixel, AdditionalName",
+}
+
+
+def add_tree_command(
+    commands: Commands, name: str, job: Job, purpose: str, positional: Sequence[str]
+) -> argparse.ArgumentParser:
+    """Add a command on a project tree, with the positional arguments of `WORDS`."""
+    command = add_command(commands, name, _run(job), purpose, "", EXIT)
+    for one in positional:
+        command.add_argument(one, metavar=one.upper(), help=WORDS[one])
+    command.add_argument(
+        "--project", type=Path, default=Path(), metavar="DIR", help="that holds MMVII-PhgrProj (here)"
+    )
+    command.add_argument("--metadata", default="Std", metavar="NAME", help="folder of metadata (Std)")
+    command.add_argument("--json-files", action="store_true", help="write JSON instead of XML")
+    return command
+
+
+def ending_of(arguments: argparse.Namespace) -> str:
+    """Of the files that are written."""
+    return ".json" if arguments.json_files else ".xml"
+
+
+def _run(job: Job) -> Callable[[argparse.Namespace], int]:
+    def run(arguments: argparse.Namespace) -> int:
+        from obseq.project.layout import ProjectTree
+
+        with Progress("computing"):
+            text, files, passed = job(arguments, ProjectTree.at(arguments.project))
+            check_writable(files)
+            write_all(files)
+        print(printable(text), end="")
+        return 0 if passed else CHECK_FAILED
+
+    return run

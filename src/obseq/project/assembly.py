@@ -1,0 +1,191 @@
+"""The block that a project tree and the options of MMVII's `OriBundleAdj` describe."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighting
+from obseq.images.names import are_among
+from obseq.project.blocks import read_block
+from obseq.project.cameras import read_orientation
+from obseq.project.metadata import chosen
+from obseq.project.networks import control_of, network_of, survey_points
+from obseq.project.points import NO_SYSTEM, read_image_measures, read_system
+from obseq.project.tie_points import read_tracks
+from obseq.project.topo import read_topo
+from obseq.survey import make_points, merge_points, read_cor
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from obseq.images import ControlPoints, ImagePoints
+    from obseq.project.bundle_options import BundleOptions, Set2D
+    from obseq.project.layout import ProjectTree
+    from obseq.survey import FieldBook, Network, Points
+
+UNCODED = "NONE"
+"""Beginning of the names of targets without a code."""
+ENTRIES = 2.0**0.5
+"""Sigma of the entries of a rotation matrix over that of an angle."""
+
+
+def assembled(
+    tree: ProjectTree, selection: str, orientation: str, options: BundleOptions
+) -> BundleAdjustment:
+    """The block to adjust.
+
+    Args:
+        tree: the project.
+        selection: pattern of images, or the file of a list.
+        orientation: folder where poses and calibrations start.
+        options: what else there is.
+
+    Raises:
+        InputError: something is missing or does not fit; it is named.
+    """
+    if not options.measures and not options.ties:
+        raise InputError(
+            "not any measure in images: give GCP2D, GCPW or TiePWeight (topo-adjust takes survey alone)"
+        )
+    parts = [(part, _targets(tree, part, selection)) for part in options.measures]
+    parts += [(part, _tracks(tree, part, selection)) for part in options.ties]
+    images = list(dict.fromkeys(name for _, measures in parts for name in measures.image_names))
+    poses, cameras = read_orientation(tree.orientation(orientation), images)
+    control, definition = control_of(tree, options)
+    _require_one_system(tree, orientation, definition)
+    block = BundleAdjustment()
+    block.add_cameras(*cameras.values())
+    block.add_poses(poses)
+    measured = {name for _, measures in parts for name in measures.point_names}
+    _add_points(block, tree, options, control, measured, definition)
+    for part, measures in parts:
+        weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
+        block.add_measures(_coded(block, measures), weighting, part.folder)
+    _add_rules(block, tree, options)
+    if options.rigid is not None:
+        _add_rigid(block, tree, options)
+    return block
+
+
+def _require_one_system(tree: ProjectTree, orientation: str, definition: str) -> None:
+    """Poses and points must say the same of their system, where both say something."""
+    own = read_system(tree.orientation(orientation))
+    if NO_SYSTEM not in (own, definition) and own != definition:
+        raise InputError(
+            f"orientation {orientation} is in {own}, the 3D points are in {definition}: convert one of them "
+            "(change-sysco converts points)"
+        )
+
+
+def _targets(tree: ProjectTree, part: Set2D, selection: str) -> ImagePoints:
+    folder = tree.measures(part.folder)
+    return read_image_measures(folder, tree.images(selection, folder))
+
+
+def _tracks(tree: ProjectTree, part: Set2D, selection: str) -> ImagePoints:
+    folder = tree.folder("MulTieP", part.folder)
+    tracks = read_tracks(folder)
+    wanted = tree.listed(selection) or chosen(tracks.image_names, selection)
+    used = np.array([name in set(wanted) for name in tracks.image_names], dtype=bool)
+    if not used.any():
+        raise InputError(f"{selection!r}: no image with tie points in {folder} has such a name")
+    return tracks.rows(used[tracks.image])
+
+
+def _coded(block: BundleAdjustment, measures: ImagePoints) -> ImagePoints:
+    """The measures without targets that have no code, unless they are known points."""
+    known = are_among(measures.point_names, block.control.names)
+    coded = known | np.array([not name.startswith(UNCODED) for name in measures.point_names], dtype=bool)
+    return measures.rows(coded[measures.point])
+
+
+def _add_points(
+    block: BundleAdjustment,
+    tree: ProjectTree,
+    options: BundleOptions,
+    control: ControlPoints,
+    measured: set[str],
+    definition: str,
+) -> None:
+    """Control points; those that survey observations alone know are points of the survey network."""
+    if options.survey is None:
+        block.add_control_points(control)
+        return
+    folder = tree.topo(options.survey)
+    book = read_topo(folder)
+    alone = [name for name in control.names if name in set(book.point_names) - measured]
+    block.add_control_points(control.select([name for name in control.names if name not in set(alone)]))
+    block.add_survey(_network(folder, book, control, alone, definition))
+
+
+def _network(
+    folder: Path, book: FieldBook, control: ControlPoints, alone: list[str], definition: str
+) -> Network:
+    """The survey network: points of its own with what is known of them, those of the block as free ones."""
+    shared = [name for name in control.names if name in set(book.point_names) - set(alone)]
+    parts: list[Points] = [
+        survey_points(control.select(alone)),
+        make_points(shared, control.select(shared).coordinates),
+    ]
+    own = sorted(folder.glob("*.cor"))
+    if own:
+        parts.append(read_cor(own))
+    return network_of(merge_points(parts), book, definition)
+
+
+def _add_rules(block: BundleAdjustment, tree: ProjectTree, options: BundleOptions) -> None:
+    if options.frozen:
+        block.freeze_parameters(options.frozen)
+    for cameras, parameters, sigma in options.freed:
+        block.free_parameters(parameters, cameras)
+        if sigma is not None:
+            block.observe_parameters(parameters, sigma, cameras)
+    for cameras, parameters in options.shared:
+        block.share_parameters(parameters, cameras)
+    if options.fixed_centres:
+        block.freeze_centres(options.fixed_centres)
+    if options.fixed_rotations:
+        block.freeze_rotations(options.fixed_rotations)
+    if options.viscosity:
+        block.slow_poses(*options.viscosity)
+    if options.reference:
+        folder, shift, turn, pattern = options.reference
+        poses, _ = read_orientation(tree.orientation(folder))
+        used = [image for image in poses.images if re.fullmatch(pattern, image) and image in block.camera_of]
+        block.observe_poses(poses.select(used), shift, turn)
+
+
+def block_files(tree: ProjectTree, options: BundleOptions) -> list[Path]:
+    """The files of the rigid blocks that the options name."""
+    folder = tree.folder("RigBlock", options.rigid_folder or "Std")
+    paths = sorted(path for path in folder.glob("RigidBloc_*") if path.suffix in (".xml", ".json"))
+    if not paths:
+        raise InputError(f"{folder}: holds no rigid block (RigidBloc_*.xml)")
+    return paths
+
+
+def _add_rigid(block: BundleAdjustment, tree: ProjectTree, options: BundleOptions) -> None:
+    """Every block of the folder; MMVII's sigmas are of matrix entries."""
+    shift, turn = options.rigid or (1.0, 1.0)
+    places = options.rigid_places
+    for path in block_files(tree, options):
+        found = read_block(path)
+        exposures = Exposures.of(
+            list(block.camera_of), found.pattern, found.camera_group, found.exposure_group
+        )
+        poses = list(found.poses.values())
+        block.add_rigid_block(
+            RigidBlock(
+                found.name,
+                found.master,
+                exposures,
+                Poses.of(list(found.poses), [p.centre for p in poses], [p.rotation for p in poses]),
+                shift,
+                turn / ENTRIES,
+                place_sigmas=(places[0], places[1] / ENTRIES) if places else None,
+            )
+        )

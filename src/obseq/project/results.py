@@ -1,0 +1,112 @@
+"""An adjusted block as the files of a project: orientations, points, rigid blocks, survey observations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.images import ControlPoints
+from obseq.project.assembly import block_files
+from obseq.project.blocks import block_text, read_block
+from obseq.project.cameras import orientation_files
+from obseq.project.networks import adjusted_sets, control_of
+from obseq.project.points import NO_SYSTEM, read_system, system_text
+from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
+from obseq.survey import automatic_fix
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from obseq.images import BundleSolution
+    from obseq.images.adjustment.surveys import JoinedSurvey
+    from obseq.project.bundle_options import BundleOptions
+    from obseq.project.layout import ProjectTree
+
+    Files = dict[Path, str | bytes]
+
+
+@dataclass(frozen=True)
+class Results:
+    """Where the results of a block go.
+
+    Attributes:
+        tree: the project.
+        options: of the adjustment.
+        orientation: folder of orientations that it started from.
+        out: folder of orientations that is written.
+        as_json: True for JSON instead of XML.
+    """
+
+    tree: ProjectTree
+    options: BundleOptions
+    orientation: str
+    out: str
+    as_json: bool = False
+
+    @property
+    def _ending(self) -> str:
+        return ".json" if self.as_json else ".xml"
+
+    def files(self, solution: BundleSolution) -> Files:
+        """All files of a solution; they belong to one state."""
+        folder = self.tree.folder("Ori", self.out)
+        files: Files = dict(orientation_files(folder, solution.poses, solution.cameras, as_json=self.as_json))
+        definition = self._definition()
+        files[folder / f"CurSysCo{self._ending}"] = system_text(definition, as_json=self.as_json)
+        if any(part.out for part in self.options.points):
+            found = adjusted_points(solution)
+            files |= adjusted_sets(self.tree, self.options, found, definition, as_json=self.as_json)
+        return files | self._rigid(solution) | self._topo(solution)
+
+    def _definition(self) -> str:
+        """The system of the orientation, or that of the points where it has none."""
+        own = read_system(self.tree.orientation(self.orientation))
+        return own if own != NO_SYSTEM else control_of(self.tree, self.options)[1]
+
+    def _rigid(self, solution: BundleSolution) -> Files:
+        """The adjusted places of rigid blocks, where `OutRigBlock` asks for them."""
+        files: Files = {}
+        if not self.options.rigid_out:
+            return files
+        folder = self.tree.folder("RigBlock", self.options.rigid_out)
+        for path in block_files(self.tree, self.options):
+            found = read_block(path)
+            places = solution.rigid_places(found.name)
+            adjusted = replace(found, poses={name: places[name] for name in places})
+            files[folder / f"RigidBloc_{found.name}{self._ending}"] = block_text(
+                adjusted, as_json=self.as_json
+            )
+        return files
+
+    def _topo(self, solution: BundleSolution) -> Files:
+        if not self.options.survey_out:
+            return {}
+        folder = self.tree.folder("Topo", self.options.survey_out)
+        return {
+            folder / f"{OUTPUT}{self._ending}": topo_text(
+                _adjusted_topo(part, solution), as_json=self.as_json
+            )
+            for part in solution.surveys
+        }
+
+
+def _adjusted_topo(part: JoinedSurvey, solution: BundleSolution) -> AdjustedTopo:
+    book = part.network.book
+    rotations = part.equations.instrument_rotations(solution.result)
+    g0 = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
+    return AdjustedTopo(book, part.residuals(solution.result), automatic_fix(book), g0)
+
+
+def adjusted_points(solution: BundleSolution) -> ControlPoints:
+    """All points of a block, those of its survey networks too, with their covariances."""
+    names, places = list(solution.points), [solution.coordinates]
+    covariances = [solution.point_covariances]
+    for part in solution.surveys:
+        new = [row for row, name in enumerate(part.network.points.names) if name not in set(names)]
+        names += [part.network.points.names[row] for row in new]
+        places.append(part.coordinates(solution.result)[new])
+        found = solution.result.covariance(part.equations.points[new], not solution.is_a_posteriori)
+        covariances.append(found)
+    return ControlPoints(tuple(names), np.concatenate(places), np.concatenate(covariances))
