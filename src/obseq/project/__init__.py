@@ -4,7 +4,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from obseq.project.assembly import assembled
     from obseq.project.blocks import BlockFile, block_text, read_block
+    from obseq.project.bundle_options import BundleOptions, parse_options
     from obseq.project.cameras import (
         calibration_text,
         pose_text,
@@ -13,8 +15,6 @@ if TYPE_CHECKING:
         read_pose,
         write_orientation,
     )
-    from obseq.project.assembly import assembled
-    from obseq.project.bundle_options import BundleOptions, parse_options
     from obseq.project.layout import ProjectTree
     from obseq.project.metadata import Rules, chosen, names_text, read_names, read_rules, rules_text
     from obseq.project.micmac_v1 import read_v1_orientation
