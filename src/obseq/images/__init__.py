@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obseq.geometry import Pose
+    from obseq.images.adjustment.quality import BlunderSearch
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.block import Block
     from obseq.images.bundle import BundleAdjustment
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from obseq.images.weighting import Weighting
 
 _HOMES = {
+    "BlunderSearch": "images.adjustment.quality",
     "Block": "images.block",
     "BundleAdjustment": "images.bundle",
     "BundleSolution": "images.adjustment.solution",
@@ -62,6 +64,7 @@ _HOMES = {
 
 __all__ = [
     "Block",
+    "BlunderSearch",
     "BundleAdjustment",
     "BundleSolution",
     "Camera",

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
@@ -21,6 +22,7 @@ from obseq.leastsquares import LeastSquares
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from obseq.images.adjustment.quality import BlunderSearch
     from obseq.images.adjustment.start import Start
     from obseq.leastsquares import Iteration, LeastSquaresResult
 
@@ -56,6 +58,7 @@ class BundleAdjustment(Block):
         strategy: str = "levenberg-marquardt",
         threads: int = 1,
         progress: Callable[[Iteration], None] | None = None,
+        blunders: BlunderSearch | None = None,
     ) -> BundleSolution:
         """Adjusts the block; the block itself does not change.
 
@@ -70,6 +73,7 @@ class BundleAdjustment(Block):
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
+            blunders: how to look for wrong image points and leave them out; None for not at all.
 
         Raises:
             InputError: something in the block makes the adjustment impossible; it is named.
@@ -95,9 +99,14 @@ class BundleAdjustment(Block):
                 done = result.iterations
             else:
                 result, done = _solve_free(equations, datum, strategy, wanted, solving)
+                strategy = "gauss-newton"
+            found = None
+            if blunders is not None:
+                result, found = search_blunders(equations, blunders, {**solving, "strategy": strategy})
+                done += result.iterations
         except SingularSystemError as error:
             raise SingularSystemError(f"{error}\n{HINT}", error.unknowns) from None
-        return BundleSolution(self, start, equations, result, done, tuple(surveys))
+        return BundleSolution(self, start, equations, result, done, tuple(surveys), found)
 
     def initialise(self) -> tuple[str, ...]:
         """Finds poses for the images that have measures and none; returns their names.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.geometry import attitude_jacobian
+from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations
+    from obseq.images.adjustment.quality import BlundersFound, MeasureReliability
     from obseq.images.adjustment.start import LeftOut, Start
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
@@ -86,6 +88,7 @@ class BundleSolution:
         result: the solution of the system.
         iterations: all that led to it.
         surveys: the survey networks that share its points.
+        blunders: what the search for blunders left out; None when none was asked for.
     """
 
     block: Block
@@ -94,6 +97,7 @@ class BundleSolution:
     result: LeastSquaresResult
     iterations: tuple[Iteration, ...]
     surveys: tuple[JoinedSurvey, ...] = ()
+    blunders: BlundersFound | None = None
 
     # The state
 
@@ -128,7 +132,8 @@ class BundleSolution:
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
         """What took no part, and why."""
-        return self.start.left_out
+        rejected = () if self.blunders is None else self.blunders.rejected
+        return (*self.start.left_out, *(item.as_left_out() for item in rejected))
 
     @property
     def sigma0(self) -> float | None:
@@ -222,19 +227,37 @@ class BundleSolution:
 
     @cached_property
     def residuals(self) -> MeasureResiduals:
-        """Residuals of the image points."""
-        parts = self.equations.measures
-        sets = self.start.sets
+        """Residuals of the image points that took part."""
+        parts, sets = self.equations.measures, self.start.sets
+        active = [item.batch.active for item in parts]
+        rows = [item.rows[kept] for item, kept in zip(parts, active, strict=True)]
+        given = [sets[item.part] for item in parts]
         return MeasureResiduals(
-            np.concatenate([sets[item.part].image[item.rows] for item in parts]),
-            np.concatenate([sets[item.part].point[item.rows] for item in parts]),
-            np.concatenate([np.full(len(item.rows), item.part) for item in parts]),
-            np.concatenate([item.rows for item in parts]),
-            np.concatenate([sets[item.part].given.measures.xy[item.rows] for item in parts]),
-            np.concatenate([self.result.residuals(item.batch) for item in parts]),
-            np.concatenate([sets[item.part].given.measures.sigmas[item.rows] for item in parts]),
-            np.concatenate([item.batch.robust_weights() for item in parts]),
+            np.concatenate([part.image[row] for part, row in zip(given, rows, strict=True)]),
+            np.concatenate([part.point[row] for part, row in zip(given, rows, strict=True)]),
+            np.concatenate([np.full(len(row), item.part) for item, row in zip(parts, rows, strict=True)]),
+            np.concatenate(rows),
+            np.concatenate([part.given.measures.xy[row] for part, row in zip(given, rows, strict=True)]),
+            np.concatenate(
+                [self.result.residuals(item.batch)[kept] for item, kept in zip(parts, active, strict=True)]
+            ),
+            np.concatenate([part.given.measures.sigmas[row] for part, row in zip(given, rows, strict=True)]),
+            np.concatenate(
+                [item.batch.robust_weights()[kept] for item, kept in zip(parts, active, strict=True)]
+            ),
         )
+
+    def reliability(self, level: float = 0.001, power: float = 0.80) -> MeasureReliability:
+        """How the image points control each other: redundancy numbers, tests, detectable blunders.
+
+        Args:
+            level: of the test of one coordinate, behind the detectable blunders.
+            power: of that test.
+
+        Raises:
+            InputError: the solution is one without covariances.
+        """
+        return measure_reliability(self.equations, self.result, level, power)
 
     def control_residuals(self) -> tuple[tuple[str, ...], FloatArray]:
         """Names of the control points in the adjustment, and (n, 3) adjusted minus given."""

@@ -1,0 +1,173 @@
+"""How the image points of a block control each other, and which of them are blunders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.images.adjustment.start import LeftOut
+from obseq.leastsquares.statistics.reliability import reliability
+from obseq.leastsquares.statistics.snooping import SnoopingEnd, snoop
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.images.adjustment.equations import Equations
+    from obseq.leastsquares import LeastSquaresResult, Rejection
+    from obseq.leastsquares.statistics.reliability import Reliability
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureReliability:
+    """The quality of the image points of a solution, in the rows of its `residuals`; x, then y.
+
+    Attributes:
+        image_names: names of the images.
+        point_names: names of the points.
+        image: (n,) image of each measure.
+        point: (n,) point of each measure.
+        redundancy: (n, 2) redundancy numbers, from 0 (nothing controls it) to 1.
+        w: (n, 2) standardised residuals, the given sigmas being right; NaN where nothing controls.
+        tau: (n, 2) the same with the estimated sigma0.
+        detectable: (n, 2) smallest blunder that the test of w finds, pixels; infinite where nothing controls.
+        left_out: (n, 2) residual that the measure has against all the others, pixels; minus it is the
+            estimate of a blunder.
+        external: (n, 2) by how many of its standard deviations an undetected blunder of that size moves any
+            function of the unknowns, at most.
+        whole: the same of every equation of the system: control points, lengths, survey observations.
+    """
+
+    image_names: tuple[str, ...]
+    point_names: tuple[str, ...]
+    image: IntArray
+    point: IntArray
+    redundancy: FloatArray
+    w: FloatArray
+    tau: FloatArray
+    detectable: FloatArray
+    left_out: FloatArray
+    external: FloatArray
+    whole: Reliability
+
+    def label(self, row: int) -> str:
+        """What to call a measure: its image and its point."""
+        return f"image {self.image_names[self.image[row]]}, point {self.point_names[self.point[row]]}"
+
+    def worst(self, count: int = 10) -> IntArray:
+        """Rows of the measures with the largest standardised residuals, the worst first."""
+        sizes = np.nan_to_num(np.abs(self.w).max(axis=1), nan=0.0)
+        return np.argsort(-sizes, kind="stable")[:count]
+
+
+@dataclass(frozen=True)
+class BlunderSearch:
+    """How to look for wrong image points, one at a time: the worst is left out, and all is adjusted again.
+
+    Attributes:
+        level: probability of leaving out anything where nothing is wrong.
+        statistic: `w` where the given sigmas are trusted, `tau` where only their proportions are.
+        max_rejections: no more than this many are left out; None for no limit.
+    """
+
+    level: float = 0.05
+    statistic: str = "w"
+    max_rejections: int | None = None
+
+
+@dataclass(frozen=True)
+class BlundersFound:
+    """What the search for blunders did.
+
+    Attributes:
+        rejected: the image points that were left out, in the order of finding.
+        end: why the search ended.
+        suspects: names of measures that could not be told apart, or that the block cannot do without.
+    """
+
+    rejected: tuple[RejectedMeasure, ...]
+    end: SnoopingEnd
+    suspects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RejectedMeasure:
+    """An image point that the search for blunders left out.
+
+    Attributes:
+        image: name of the image.
+        point: name of the point.
+        axis: `x` or `y`: which coordinate failed the test.
+        statistic: standardised residual that failed.
+        p_value: probability of a larger one somewhere in the block without any blunder.
+        blunder: estimated error of that coordinate, pixels; too large when positive.
+    """
+
+    image: str
+    point: str
+    axis: str
+    statistic: float
+    p_value: float
+    blunder: float
+
+    def as_left_out(self) -> LeftOut:
+        """The same among what takes no part."""
+        reason = f"a blunder: its {self.axis} is off by {self.blunder:.3g} pixels (test {self.statistic:.3g})"
+        return LeftOut("measure", f"image {self.image}, point {self.point}", reason)
+
+
+def measure_reliability(
+    equations: Equations, result: LeastSquaresResult, level: float, power: float
+) -> MeasureReliability:
+    """The quality of the image points of a solution; see `BundleSolution.reliability`."""
+    whole, start = reliability(equations.system, result, level, power), equations.start
+    parts = [(item, whole.of(item.batch), item.batch.active) for item in equations.measures]
+    rows = [(start.sets[item.part], item.rows[active]) for item, _, active in parts]
+
+    def joined(name: str) -> FloatArray:
+        return np.concatenate([getattr(found, name)[active] for _, found, active in parts])
+
+    return MeasureReliability(
+        start.poses.images,
+        start.points,
+        np.concatenate([part.image[chosen] for part, chosen in rows]),
+        np.concatenate([part.point[chosen] for part, chosen in rows]),
+        joined("redundancy"),
+        joined("w"),
+        joined("tau"),
+        joined("detectable"),
+        joined("left_out_residuals"),
+        joined("external"),
+        whole,
+    )
+
+
+def search_blunders(
+    equations: Equations, search: BlunderSearch, solving: Mapping[str, Any]
+) -> tuple[LeastSquaresResult, BlundersFound]:
+    """Leaves out the image points that are blunders; the solution of the others, and what was left out."""
+    found = snoop(
+        equations.system,
+        search.level,
+        search.statistic,
+        batches=[item.batch for item in equations.measures],
+        max_rejections=search.max_rejections,
+        solve_options=solving,
+    )
+    rejected = tuple(_rejected(equations, rejection) for rejection in found.rejections)
+    return found.result, BlundersFound(rejected, found.end, found.suspects)
+
+
+def _rejected(equations: Equations, rejection: Rejection) -> RejectedMeasure:
+    item = next(item for item in equations.measures if item.batch is rejection.batch)
+    part, row = equations.start.sets[item.part], item.rows[rejection.row]
+    return RejectedMeasure(
+        equations.start.poses.images[part.image[row]],
+        equations.start.points[part.point[row]],
+        "xy"[rejection.component],
+        rejection.statistic,
+        rejection.p_value,
+        rejection.blunder,
+    )

@@ -1,0 +1,105 @@
+"""Reliability of image points, and the search for blunders among them."""
+
+import numpy as np
+import pytest
+import scenes
+
+from obseq.errors import InputError
+from obseq.images import BlunderSearch, ImagePoints
+from obseq.leastsquares import SnoopingEnd
+from obseq.leastsquares.statistics.final_state import final_state
+
+
+def _with_blunders(rows, size=15.0):
+    block, _, _ = scenes.block()
+    measures = block.sets.pop().measures
+    xy = measures.xy.copy()
+    xy[rows, 1] += size
+    names = [measures.label(row) for row in rows]
+    block.add_measures(
+        ImagePoints.packed(
+            measures.image_names,
+            measures.point_names,
+            measures.image,
+            measures.point,
+            xy,
+            measures.sigmas,
+        )
+    )
+    return block, names
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return scenes.block()[0].solve()
+
+
+def test_redundancy_numbers_sum_up_to_the_redundancy(clean):
+    quality = clean.reliability()
+    assert quality.whole.sum_of_redundancy_numbers == pytest.approx(clean.result.redundancy, abs=1e-6)
+    assert ((quality.redundancy > 0.0) & (quality.redundancy < 1.0)).all()
+    assert 0.6 < np.mean(np.abs(quality.w) < 1.0) < 0.76  # 68 %
+
+
+def test_the_numbers_are_those_of_the_dense_hat_matrix(clean):
+    """r = 1 - diagonal of A Q A', with the inverse of the whole normal matrix."""
+    equations = clean.equations
+    normal = equations.system.equations()
+    inverse = np.linalg.inv(normal.pattern.matrix(normal.assemble(viscous=False).values).toarray())
+    quality = clean.reliability()
+    rows = final_state(equations.system, clean.result).rows(equations.measures[0].batch, [3, 40])
+    for k, row in enumerate((3, 40)):
+        hat = np.einsum("mi,ij,mj->m", rows[k], inverse, rows[k])
+        np.testing.assert_allclose(quality.redundancy[row], 1.0 - hat, atol=1e-9)
+
+
+def test_leaving_a_measure_out_gives_the_residual_that_was_foretold(clean):
+    quality = clean.reliability()
+    row = int(quality.worst(1)[0])
+    effect = quality.whole.left_out(clean.equations.measures[0].batch, row)
+    block, _, _ = scenes.block()
+    measures = block.sets.pop().measures
+    found = clean.residuals
+    name = quality.label(row)
+    kept = np.array([measures.label(k) != name for k in range(len(measures))])
+    block.add_measures(measures.rows(kept))
+    without = block.solve()
+    k, image = without.points.index(clean.points[found.point[row]]), clean.poses.images[found.image[row]]
+    local = without.poses[image].to_local(without.coordinates[k][None])
+    pixel = without.cameras["c"].project(local)[0]
+    np.testing.assert_allclose(pixel - found.xy[row], effect.residuals, atol=0.02)
+
+
+def test_blunders_are_left_out_and_named(clean):
+    block, names = _with_blunders([5, 60, 130])
+    solution = block.solve(blunders=BlunderSearch())
+    assert {f"image {item.image}, point {item.point}" for item in solution.blunders.rejected} == set(names)
+    assert all(item.axis == "y" for item in solution.blunders.rejected)
+    assert all(item.blunder == pytest.approx(15.0, abs=3.0) for item in solution.blunders.rejected)
+    assert solution.blunders.end is SnoopingEnd.CLEAN
+    assert len(solution.residuals.row) == len(clean.residuals.row) - 3
+    assert [item.name for item in solution.left_out] == [
+        f"image {item.image}, point {item.point}" for item in solution.blunders.rejected
+    ]
+    assert "a blunder: its y is off by" in solution.left_out[0].reason
+    assert solution.by_image().counts.sum() == len(solution.residuals.row)
+
+
+def test_blunders_are_found_in_a_free_block_too():
+    block, names = _with_blunders([60])
+    free, _, _ = scenes.block(n_control=0)
+    free.sets[:] = block.sets
+    solution = free.solve(datum="centres", blunders=BlunderSearch(statistic="tau"))
+    assert [f"image {item.image}, point {item.point}" for item in solution.blunders.rejected] == names
+    assert solution.reliability().whole.redundancy == solution.result.redundancy
+
+
+def test_nothing_is_left_out_where_nothing_is_wrong():
+    solution = scenes.block()[0].solve(blunders=BlunderSearch(0.001))
+    assert solution.blunders.rejected == ()
+
+
+def test_reliability_takes_covariances(clean):
+    without = scenes.block()[0].solve(covariance=False)
+    with pytest.raises(InputError, match="covariance"):
+        without.reliability()
