@@ -53,8 +53,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "assembly": ("diagnosis", "loops", "problem", "solvers"),
         "solution": ("problem", "solvers"),
         "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
-        "analysis": ("iterations", "assembly", "diagnosis", "problem", "solvers"),
-        "system": ("analysis", "iterations", "solution", "assembly", "problem", "solvers"),
+        "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "solvers"),
+        "system": ("analysis", "iterations", "solution", "assembly", "problem"),
         "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
     },
     "survey": {

@@ -67,7 +67,7 @@ def test_a_settled_step_ends_on_the_datum():
     chosen = np.arange(24) < 10
     offset = np.random.default_rng(1).normal(size=24)
     solver, _ = solver_on(matrix, chosen, "dense", offset)
-    end = solver.settled(np.zeros(24)) + offset
+    end = solver.settle(np.zeros(24)) + offset
     turned = np.column_stack([-points[:, 1], points[:, 0]]).ravel()
     for movement in (np.tile([1.0, 0.0], 12), np.tile([0.0, 1.0], 12), turned):
         assert movement[chosen] @ end[chosen] == pytest.approx(0.0, abs=1e-9)

@@ -29,7 +29,7 @@ def test_a_levelling_network_without_datum(solver):
     system, *_ = levelled_square()
     other = LeastSquares(solver)
     other.add_scalars(["A", "B", "C", "D"], np.zeros(4))
-    batch = system._batches[0]
+    batch = system.batches[0]
     other.add_linear(list(batch.blocks), [[[-1.0]] * 5, [[1.0]] * 5], batch.observations[:, 2], 0.01)
     with pytest.raises(SingularSystemError, match=r"1 unknown.* undetermined") as error:
         other.solve()

@@ -158,7 +158,7 @@ def test_blocks_that_hang_together_are_one_group():
     values = []
     for eliminated in (False, True):
         system, points, rotations, lengths, batches = mixed_system(9)
-        system._batches.remove(batches.pop())
+        system.problem._batches.remove(batches.pop())
         system.add_prior(points, system.values(points), 0.5)
         system.add_prior(lengths, system.values(lengths), 0.5)
         if eliminated:

@@ -110,7 +110,7 @@ def test_numbering_and_solver_do_not_matter(solver):
 def test_splitting_a_batch_changes_nothing():
     system, ids, _, _, measured, (i, j) = trilateration()
     other, same, *_ = trilateration()
-    other._batches.clear()
+    other.problem._batches.clear()
     for part in np.array_split(np.arange(len(measured)), 7):
         other.add("Dist3D", {"p1": same[i[part]], "p2": same[j[part]]}, measured[part], 1e-3)
     first, second = system.solve(covariance="all"), other.solve(covariance="all")
@@ -248,7 +248,7 @@ def test_with_every_unknown_frozen_the_residuals_remain():
 def test_perfect_data_end_at_rounding():
     system, ids, _, points, *_ = trilateration(noise=1e-3)
     i, j = np.triu_indices(12, 1)
-    system._batches[0].observations = np.linalg.norm(points[i] - points[j], axis=1)
+    system.batches[0].observations = np.linalg.norm(points[i] - points[j], axis=1)
     result = system.solve(max_iterations=30)
     assert result.converged
     assert result.sigma0 < 1e-8
@@ -344,7 +344,7 @@ def test_sigma0_and_precisions_over_many_seeds():
         rng = np.random.default_rng(1000 + seed)
         i, j = np.triu_indices(7, 1)
         exact = np.linalg.norm(points[i] - points[j], axis=1)
-        system._batches[0].observations = exact + rng.normal(0.0, 1e-3, len(i))
+        system.batches[0].observations = exact + rng.normal(0.0, 1e-3, len(i))
         result = system.solve(covariance="all")
         squares.append(result.cost)
         precisions = result.precisions(ids, a_priori=True)
@@ -358,7 +358,7 @@ def test_sigma0_and_precisions_over_many_seeds():
 
 def test_mixed_formulas_converge_to_a_point_where_the_gradient_vanishes():
     system, points, _, lengths, batches = mixed_system(9)
-    system._batches.remove(batches.pop())
+    system.problem._batches.remove(batches.pop())
     system.add_prior(points, system.values(points), 0.5)
     system.add_prior(lengths, system.values(lengths), 0.5)
     for batch in batches[:-1]:

@@ -19,7 +19,7 @@ def tiny_shares(monkeypatch):
 
 
 def equations_of(system, n_threads, eliminated=None):
-    return NormalEquations(system.unknowns, system._batches, system._priors, eliminated, threads=n_threads)
+    return NormalEquations(system.unknowns, system.batches, system.priors, eliminated, threads=n_threads)
 
 
 def freeze_some(system, points, rotations):

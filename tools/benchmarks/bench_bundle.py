@@ -64,12 +64,13 @@ def run_ours(system: LeastSquares, start: Any, iterations: int) -> Run:
     """One run of ours from the start; equations and solver are there already."""
     from obseq.leastsquares.assembly.threads import blas_threads
     from obseq.leastsquares.iterations.gauss_newton import Options
-    from obseq.leastsquares.iterations.runs import runner
+    from obseq.leastsquares.iterations.runs import iterations_of
     from obseq.leastsquares.iterations.strategies import strategy_of
 
     system.unknowns.restore(start)
-    equations, solver = system.equations(reduced=True), system._analysed(reduced=True)
-    run = runner(strategy_of("levenberg-marquardt"), equations, solver, ())
+    analysis = system.analysis(reduced=True)
+    equations = analysis.equations
+    run = iterations_of(strategy_of("levenberg-marquardt"), equations, analysis.solver)
     begin = time.process_time()
     with blas_threads(1):
         done = run(Options(iterations, -1.0), 1, lambda _: None, lambda _: None).iterations

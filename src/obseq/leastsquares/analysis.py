@@ -14,14 +14,26 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.evaluation import used_blocks
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
 from obseq.leastsquares.diagnosis.singular import untouched_error
-from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
+from obseq.leastsquares.iterations.constrained_solver import ConstrainedSolver
+from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver
-from obseq.leastsquares.solvers import choose_solver
+from obseq.leastsquares.iterations.gauss_newton import Progress
+from obseq.leastsquares.iterations.newton import factor
+from obseq.leastsquares.iterations.runs import iterations_of
+from obseq.leastsquares.solution.cofactors import Cofactors
+from obseq.leastsquares.solution.result import Iteration, StopReason
+from obseq.leastsquares.solvers import checked_solver, choose_solver
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.definition import Definition
+    from obseq.leastsquares.iterations.arrival import Options
+    from obseq.leastsquares.iterations.constraints import Substitution
+    from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.problem import Problem
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver
 
@@ -30,7 +42,7 @@ class Analysis:
     """Normal equations of a system with some of its blocks eliminated, or none, and their solver.
 
     Args:
-        system: unknowns and equations.
+        problem: unknowns and equations.
         eliminated: (n_blocks,) blocks that do not enter the matrix.
         solver: name of the solver.
         threads: how many share the work.
@@ -40,26 +52,27 @@ class Analysis:
         SingularSystemError: no equation touches some unknowns that are not frozen.
     """
 
-    def __init__(self, system: Definition, eliminated: BoolArray, solver: str, threads: int) -> None:
-        self._state = _Structure(system)
-        self._state.refuse_untouched(system)
+    def __init__(self, problem: Problem, eliminated: BoolArray, solver: str, threads: int) -> None:
+        self._state = _Structure(problem)
+        self._state.refuse_untouched(problem)
+        self._problem = problem
         self._eliminated = eliminated.copy()
-        _refuse_clusters(system, eliminated)
+        _refuse_clusters(problem, eliminated)
         self._solver_name = solver
         self._threads = threads
         self.equations = NormalEquations(
-            system.unknowns,
-            system.batches,
-            system.priors,
+            problem.unknowns,
+            problem.batches,
+            problem.priors,
             eliminated,
-            system.constraints,
-            system.viscosities,
+            problem.constraints,
+            problem.viscosities,
             threads,
         )
 
-    def fits(self, system: Definition, eliminated: BoolArray) -> bool:
-        """Whether the system is what it was, its values, weights and measurements apart."""
-        return np.array_equal(eliminated, self._eliminated) and self._state == _Structure(system)
+    def fits(self, eliminated: BoolArray) -> bool:
+        """Whether the problem is what it was, its values, weights and measurements apart."""
+        return np.array_equal(eliminated, self._eliminated) and self._state == _Structure(self._problem)
 
     @cached_property
     def solver(self) -> Solver:
@@ -68,17 +81,70 @@ class Analysis:
         solver.analyse(self.equations.pattern)
         return solver
 
-    def released_solver(self) -> Solver:
+    @property
+    def substitution(self) -> Substitution | None:
+        """The hard constraints at the current values; None without."""
+        return self._substitution() if self._state.constraints else None
+
+    @property
+    def datum_defect(self) -> int:
+        """Number of parameters that the observations leave free and the datum takes; 0 without a datum."""
+        if not self._state.datum.scalars.size:
+            return 0
+        if not self.solver.is_factored:
+            factor(self.equations, self.solver, self.equations.assemble(viscous=False))
+        return int(self.solver.null_vectors().shape[1])
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of free scalar unknowns, less the independent hard constraints."""
+        held = self.substitution
+        return self._problem.n_free - (held.rank if held else 0)
+
+    @property
+    def redundancy(self) -> int:
+        """Equations and datum parameters minus free unknowns: the one definition of every statistic."""
+        counted = self._problem.n_observations + self._problem.n_constraints + self.datum_defect
+        return counted - self.n_unknowns
+
+    def iterate(
+        self,
+        strategy: Strategy,
+        options: Options,
+        redundancy: int,
+        before: Callable[[int], None],
+        progress: Callable[[Iteration], None],
+    ) -> Progress:
+        """Moves the unknowns to the solution; `before` comes before each linearisation and after the last."""
+        done = Progress(reason=StopReason.NO_UNKNOWNS)
+        if self._problem.n_free:
+            run = iterations_of(strategy, self.equations, self.solver)
+            with blas_threads(self._threads):
+                done = run(options, redundancy, before, progress)
+        before(len(done.iterations))
+        return done
+
+    def cofactors(self) -> Cofactors:
+        """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
+        equations, solver = self.equations, self._released_solver()
+        with blas_threads(self._threads):
+            factor(equations, solver, equations.assemble(viscous=False))
+            return Cofactors(equations.table, equations.free, equations.pattern, solver)
+
+    def _released_solver(self) -> Solver:
         """The solver, for one who keeps it: the next one is a new one."""
         solver = self.solver
         del self.solver
         return solver
 
+    def _substitution(self) -> Substitution:
+        return substitution(self.equations.table, self.equations.free, self.equations.constraints)
+
     def _new_solver(self) -> Solver:
         if self._state.constraints:
             if self._state.datum.scalars.size:
                 raise InputError("a datum and hard constraints do not go together: freeze unknowns instead")
-            return SubstitutedSolver(self._solver_name, self._threads)
+            return ConstrainedSolver(self._substitution, self._solver_name, self._threads)
         solver = choose_solver(self.equations.pattern, self._solver_name, threads=self._threads)
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
 
@@ -96,40 +162,55 @@ class Analysis:
 
 
 class Analyses:
-    """The analyses kept from one solution to the next, each as long as it fits."""
+    """The analyses of a problem, kept from one solution to the next, each as long as it fits.
 
-    def __init__(self) -> None:
+    Args:
+        problem: unknowns and equations.
+        solver: name of the solver.
+        threads: how many share the work.
+    """
+
+    def __init__(self, problem: Problem, solver: str, threads: int) -> None:
+        self._problem = problem
+        self._solver = checked_solver(solver)
+        self.threads = checked_threads(threads)
         self._reduced: Analysis | None = None
         self._whole: Analysis | None = None
 
-    def __reduce__(self) -> tuple[type[Analyses], tuple[()]]:
-        return Analyses, ()
+    def __reduce__(self) -> tuple[type[Analyses], tuple[Problem, str, int]]:
+        return Analyses, (self._problem, self._solver, self.threads)
 
-    def whole(self, system: Definition, solver: str, threads: int) -> Analysis:
+    def fresh(self) -> Analyses:
+        """The same without any analysis."""
+        return Analyses(self._problem, self._solver, self.threads)
+
+    def whole(self) -> Analysis:
         """The analysis of all unknowns."""
-        none = np.zeros(len(system.unknowns), dtype=bool)
-        if self._whole is None or not self._whole.fits(system, none):
-            self._whole = Analysis(system, none, solver, threads)
+        self._whole = self._fitting(self._whole, np.zeros(len(self._problem.unknowns), dtype=bool))
         return self._whole
 
-    def reduced(self, system: Definition, solver: str, threads: int) -> Analysis:
+    def reduced(self) -> Analysis:
         """The analysis without the blocks that are to be eliminated."""
-        eliminated = system.unknowns.eliminated
+        eliminated = self._problem.unknowns.eliminated
         if not eliminated.any():
-            return self.whole(system, solver, threads)
-        if self._reduced is None or not self._reduced.fits(system, eliminated):
-            self._reduced = Analysis(system, eliminated, solver, threads)
+            return self.whole()
+        self._reduced = self._fitting(self._reduced, eliminated)
         return self._reduced
+
+    def _fitting(self, kept: Analysis | None, eliminated: BoolArray) -> Analysis:
+        if kept is not None and kept.fits(eliminated):
+            return kept
+        return Analysis(self._problem, eliminated, self._solver, self.threads)
 
 
 class _Structure:
     """All that the pattern of the normal equations follows from."""
 
-    def __init__(self, system: Definition) -> None:
-        table = system.unknowns
-        self.batches, self.priors = system.batches, system.priors
-        self.constraints, self.viscosities = system.constraints, system.viscosities
-        self.datum = system.datum
+    def __init__(self, problem: Problem) -> None:
+        table = problem.unknowns
+        self.batches, self.priors = problem.batches, problem.priors
+        self.constraints, self.viscosities = problem.constraints, problem.viscosities
+        self.datum = problem.datum
         self.frozen = table.frozen.copy()
         self.used = used_blocks(table, [*self.batches, *self.constraints], self.priors)
 
@@ -147,18 +228,18 @@ class _Structure:
 
     __hash__ = None  # type: ignore[assignment]  # its arrays may be compared, not looked up
 
-    def refuse_untouched(self, system: Definition) -> None:
+    def refuse_untouched(self, problem: Problem) -> None:
         if not self.batches and not self.priors:
             raise InputError("the system has no equations: add observations or priors")
-        table = system.unknowns
+        table = problem.unknowns
         free = np.add.reduceat(~self.frozen, table.start, dtype=np.int64) > 0
         untouched = np.flatnonzero(free & ~self.used)
         if untouched.size:
             raise untouched_error(table, untouched)
 
 
-def _refuse_clusters(system: Definition, eliminated: BoolArray) -> None:
-    for batch in system.batches:
+def _refuse_clusters(problem: Problem, eliminated: BoolArray) -> None:
+    for batch in problem.batches:
         touched = eliminated[batch.blocks].any(axis=0)
         if batch.clusters is not None and touched.any():
             raise InputError(

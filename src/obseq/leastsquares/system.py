@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal
-
-import numpy as np
+from functools import wraps
+from operator import attrgetter
+from typing import TYPE_CHECKING, Concatenate, Literal, ParamSpec, TypeVar
 
 from obseq.errors import InputError, ObseqError, nearest
 from obseq.leastsquares.analysis import Analyses
 from obseq.leastsquares.assembly.evaluation import raw_residuals
-from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
 from obseq.leastsquares.iterations.arrival import Options
-from obseq.leastsquares.iterations.constraints import substitution
-from obseq.leastsquares.iterations.datum_solver import DatumSolver
-from obseq.leastsquares.iterations.gauss_newton import Progress, sigma0_of
-from obseq.leastsquares.iterations.newton import factor
-from obseq.leastsquares.iterations.runs import runner
+from obseq.leastsquares.iterations.gauss_newton import sigma0_of
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.definition import Definition
-from obseq.leastsquares.problem.objects import UnknownObject, synchronise
-from obseq.leastsquares.solution.cofactors import Cofactors
-from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult, StopReason
-from obseq.leastsquares.solvers import checked_solver
+from obseq.leastsquares.problem.blocks import UnknownBlocks
+from obseq.leastsquares.problem.objects import synchronise
+from obseq.leastsquares.problem.problem import Problem
+from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
@@ -34,12 +28,35 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.analysis import Analysis
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.iterations.constraints import Substitution
+    from obseq.leastsquares.iterations.gauss_newton import Progress
     from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.datum import Datum
+    from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable
+    from obseq.leastsquares.solution.cofactors import Cofactors
+
+Part = TypeVar("Part")
+Arguments = ParamSpec("Arguments")
+Answer = TypeVar("Answer")
 
 
-class LeastSquares(Definition):
+def _of(
+    part: Callable[[LeastSquares], Part], method: Callable[Concatenate[Part, Arguments], Answer]
+) -> Callable[Concatenate[LeastSquares, Arguments], Answer]:
+    """The method of a part of a system, as a method of the system."""
+
+    @wraps(method)
+    def call(self: LeastSquares, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
+        return method(part(self), *args, **kwargs)
+
+    return call
+
+
+_blocks: Callable[[LeastSquares], UnknownBlocks] = attrgetter("problem.blocks")
+_problem: Callable[[LeastSquares], Problem] = attrgetter("problem")
+
+
+class LeastSquares:
     """Unknowns and equations of an adjustment.
 
     Unknowns are added in blocks that have names, and are addressed by the ids that adding them returns (int64
@@ -61,60 +78,94 @@ class LeastSquares(Definition):
     """
 
     def __init__(self, solver: str = "auto", threads: int = 1) -> None:
-        super().__init__()
-        self._solver_name = checked_solver(solver)
-        self._threads = checked_threads(threads)
-        self._kept = Analyses()
+        self.problem = Problem()
+        self._analyses = Analyses(self.problem, solver, threads)
 
-    # Objects
+    # What it consists of
 
-    def attach(self, *objects: UnknownObject) -> None:
-        """Adds the unknowns of objects; they get the values of every accepted state (see `objects`)."""
-        for item in objects:
-            if not isinstance(item, UnknownObject):
-                raise InputError(f"attach: objects with unknowns are wanted (Point, Pose, ...), not {item!r}")
-            item.attach(self)
-            self._objects.append(item)
+    add_points = _of(_blocks, UnknownBlocks.add_points)
+    add_rotations = _of(_blocks, UnknownBlocks.add_rotations)
+    add_directions = _of(_blocks, UnknownBlocks.add_directions)
+    add_vectors = _of(_blocks, UnknownBlocks.add_vectors)
+    add_scalars = _of(_blocks, UnknownBlocks.add_scalars)
+    add_blocks = _of(_blocks, UnknownBlocks.add_blocks)
+    attach = _of(_blocks, UnknownBlocks.attach)
+    ids = _of(_blocks, UnknownBlocks.ids)
+    values = _of(_blocks, UnknownBlocks.values)
+    set_values = _of(_blocks, UnknownBlocks.set_values)
+    freeze = _of(_blocks, UnknownBlocks.freeze)
+    freeze_matching = _of(_blocks, UnknownBlocks.freeze_matching)
+    unfreeze = _of(_blocks, UnknownBlocks.unfreeze)
+    eliminate = _of(_blocks, UnknownBlocks.eliminate)
+
+    add = _of(_problem, Problem.add)
+    add_linear = _of(_problem, Problem.add_linear)
+    add_normal_equations = _of(_problem, Problem.add_normal_equations)
+    add_prior = _of(_problem, Problem.add_prior)
+    add_viscosity = _of(_problem, Problem.add_viscosity)
+    constrain = _of(_problem, Problem.constrain)
+    constrain_linear = _of(_problem, Problem.constrain_linear)
+    share = _of(_problem, Problem.share)
+    share_matching = _of(_problem, Problem.share_matching)
+    remove_constraint = _of(_problem, Problem.remove_constraint)
+    set_datum = _of(_problem, Problem.set_datum)
+
+    @property
+    def unknowns(self) -> UnknownTable:
+        """The table of unknowns."""
+        return self.problem.unknowns
+
+    @property
+    def batches(self) -> tuple[Batch, ...]:
+        """The observations, in the order in which they were added."""
+        return self.problem.batches
+
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """The soft constraints."""
+        return self.problem.priors
+
+    @property
+    def constraints(self) -> tuple[Batch, ...]:
+        """The hard constraints."""
+        return self.problem.constraints
+
+    @property
+    def viscosities(self) -> tuple[Viscosity, ...]:
+        """What slows unknowns."""
+        return self.problem.viscosities
+
+    @property
+    def datum(self) -> Datum:
+        """What a free network is fixed by."""
+        return self.problem.datum
 
     # Counting
 
     @property
+    def n_observations(self) -> int:
+        """Number of scalar equations of active observations."""
+        return self.problem.n_observations
+
+    @property
+    def n_constraints(self) -> int:
+        """Number of scalar equations of priors, and of rows that count as constraints."""
+        return self.problem.n_constraints
+
+    @property
     def datum_defect(self) -> int:
         """Number of parameters that the observations leave free and the datum takes; 0 without a datum."""
-        return self._datum_defect(self._analysis(reduced=True))
+        return self.analysis(reduced=True).datum_defect
 
     @property
     def n_unknowns(self) -> int:
         """Number of free scalar unknowns, less the independent hard constraints."""
-        return self._n_unknowns(self._analysis(reduced=True)) if self._constraints else self._n_free
+        return self.analysis(reduced=True).n_unknowns if self.constraints else self.problem.n_free
 
     @property
     def redundancy(self) -> int:
         """Equations and datum parameters minus free unknowns: the one definition of every statistic."""
-        return self._redundancy(self._analysis(reduced=True))
-
-    @property
-    def _n_free(self) -> int:
-        return int(np.count_nonzero(~self.unknowns.frozen))
-
-    def _n_unknowns(self, analysis: Analysis) -> int:
-        return self._n_free - (self._substitution(analysis).rank if self._constraints else 0)
-
-    def _redundancy(self, analysis: Analysis) -> int:
-        counted = self.n_observations + self.n_constraints + self._datum_defect(analysis)
-        return counted - self._n_unknowns(analysis)
-
-    def _datum_defect(self, analysis: Analysis) -> int:
-        if not self.datum.scalars.size:
-            return 0
-        equations, solver = analysis.equations, analysis.solver
-        if isinstance(solver, DatumSolver) and not solver.is_factored:
-            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
-        return int(solver.null_vectors().shape[1])
-
-    def _substitution(self, analysis: Analysis) -> Substitution:
-        """The hard constraints at the current values."""
-        return substitution(self.unknowns, analysis.equations.free, self._constraints)
+        return self.analysis(reduced=True).redundancy
 
     # Solution
 
@@ -127,24 +178,19 @@ class LeastSquares(Definition):
         Raises:
             SingularSystemError: no equation touches some unknowns that are not frozen.
         """
-        return self._analysis(reduced).equations
+        return self.analysis(reduced).equations
 
-    def _analysis(self, reduced: bool = False) -> Analysis:
+    def analysis(self, reduced: bool = False) -> Analysis:
+        """The normal equations with their analysed solver; arguments and errors as of `equations`."""
         self.unknowns.owner.check()
-        self._settle()
-        if reduced:
-            return self._kept.reduced(self, self._solver_name, self._threads)
-        return self._kept.whole(self, self._solver_name, self._threads)
-
-    def _settle(self) -> None:
-        for batch in self._batches:
-            batch.settle()
+        self.problem.settle()
+        return self._analyses.reduced() if reduced else self._analyses.whole()
 
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the current values."""
         if not isinstance(batch, Batch):
             raise InputError(f"residuals: a batch is wanted, as `add` returns it, not {batch!r}")
-        return raw_residuals(self.unknowns, batch, self._threads)
+        return raw_residuals(self.unknowns, batch, self._analyses.threads)
 
     def solve(
         self,
@@ -185,30 +231,29 @@ class LeastSquares(Definition):
 
             def before(number: int) -> None:
                 accept()
-                synchronise(self, self._objects)
+                synchronise(self.problem.blocks, self.problem.blocks.objects)
                 if before_iteration is not None:
                     before_iteration(self, number)
                 accept()
 
-            self._settle()
+            self.problem.settle()
             with self._taken_out() as analyses:
-                analysis = analyses.reduced(self, self._solver_name, self._threads)
-                redundancy = self._redundancy(analysis)
-                done = self._iterated(analysis, chosen, options, redundancy, before, progress or _silent)
-                before(len(done.iterations))
-                cofactors = self._cofactors(analyses) if wanted and self._n_free else None
+                analysis = analyses.reduced()
+                redundancy = analysis.redundancy
+                done = analysis.iterate(chosen, options, redundancy, before, progress or _silent)
+                cofactors = analyses.whole().cofactors() if wanted and self.problem.n_free else None
                 return self._result(analysis, options, redundancy + done.defect, done, cofactors)
 
     @contextmanager
     def _taken_out(self) -> Iterator[Analyses]:
         """What is kept for the next solution, put back at the end: nothing half done is used again."""
-        kept, self._kept = self._kept, Analyses()
+        kept, self._analyses = self._analyses, self._analyses.fresh()
         try:
             yield kept
         except ObseqError:
-            self._kept = kept
+            self._analyses = kept
             raise
-        self._kept = kept
+        self._analyses = kept
 
     @contextmanager
     def _accepted_when_interrupted(self) -> Iterator[Callable[[], None]]:
@@ -237,34 +282,11 @@ class LeastSquares(Definition):
             sigma0_groups = (sigma0_groups,)
         if sigma0_groups is not None:
             sigma0_groups = texts(sigma0_groups, "solve, sigma0_groups")
-            known = {batch.group for batch in self._batches} | {prior.group for prior in self._priors}
+            known = self.problem.groups
             unknown = [group for group in sigma0_groups if group not in known]
             if unknown:
                 raise InputError(f"sigma0_groups: no group is called {nearest(unknown[0], known)}")
         return Options(max_iterations, number(tolerance, "solve, tolerance"), sigma0_groups)
-
-    def _iterated(
-        self,
-        analysis: Analysis,
-        strategy: Strategy,
-        options: Options,
-        redundancy: int,
-        before: Callable[[int], None],
-        progress: Callable[[Iteration], None],
-    ) -> Progress:
-        if not self._n_free:
-            return Progress(reason=StopReason.NO_UNKNOWNS)
-        run = runner(strategy, analysis.equations, analysis.solver, self._constraints)
-        with blas_threads(self._threads):
-            return run(options, redundancy, before, progress)
-
-    def _cofactors(self, analyses: Analyses) -> Cofactors:
-        """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
-        analysis = analyses.whole(self, self._solver_name, self._threads)
-        equations, solver = analysis.equations, analysis.released_solver()
-        with blas_threads(self._threads):
-            factor(equations, solver, self._constraints, equations.assemble(viscous=False))
-            return Cofactors(self.unknowns, equations.free, equations.pattern, solver)
 
     def _result(
         self,
@@ -277,14 +299,14 @@ class LeastSquares(Definition):
         equations = analysis.equations
         equations.reweight()
         squares = equations.sums_of_squares()
-        overall = sigma0_of(squares, None, redundancy)
+        overall, held = sigma0_of(squares, None, redundancy), analysis.substitution
         return LeastSquaresResult(
             tuple(done.iterations),
             done.reason.is_arrival,
             done.reason,
             self.n_observations,
             self.n_constraints,
-            self._n_unknowns(analysis),
+            analysis.n_unknowns,
             redundancy,
             sigma0_of(squares, options.sigma0_groups, redundancy),
             None if overall is None else overall**2,
@@ -294,7 +316,7 @@ class LeastSquares(Definition):
             frozen(self.unknowns.frozen.copy()),
             {batch: frozen(self.residuals(batch)) for batch in equations.batches},
             cofactors,
-            self._substitution(analysis).redundant if self._constraints else (),
+            held.redundant if held else (),
             done.evaluations,
         )
 

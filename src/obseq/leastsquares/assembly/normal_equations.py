@@ -82,6 +82,7 @@ class NormalEquations:
         self.table = table
         self.batches = tuple(batches)
         self.priors = tuple(priors)
+        self.constraints = tuple(constraints)
         self.viscosities = tuple(viscosities)
         self.used = used_blocks(table, [*batches, *constraints], priors)
         none = np.zeros(len(table), dtype=bool)

@@ -10,6 +10,8 @@ from obseq.errors import SingularMatrixError
 from obseq.leastsquares.solvers import Defect, SymmetricPattern, choose_solver
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from obseq.arrays import FloatArray, IntArray
@@ -17,15 +19,23 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers import Solver, SolverStatistics
 
 
-class SubstitutedSolver:
+class ConstrainedSolver:
     """Factors T' N T; stands for T (T' N T)^-1 T' wherever a solver stands for N^-1.
 
-    The pattern that it is given is that of N. `substitute` comes before `factor`, and again when T changes.
+    The pattern that it is given is that of N.
+
+    Args:
+        substitution: gives T at the current values.
+        name: name of the solver of the substituted systems.
+        threads: how many it may use.
     """
 
-    name = "substituted"
+    name = "constrained"
 
-    def __init__(self, name: str = "auto", threads: int = 1) -> None:
+    def __init__(
+        self, substitution: Callable[[], Substitution], name: str = "auto", threads: int = 1
+    ) -> None:
+        self._present = substitution
         self._name = name
         self._threads = threads
         self._substitution: Substitution | None = None
@@ -35,10 +45,19 @@ class SubstitutedSolver:
         """Takes the pattern of N."""
         self._pattern = pattern
 
-    def substitute(self, substitution: Substitution) -> None:
-        """Takes T; the analysis is made anew when it differs from the last one."""
-        if substitution.is_like(self._substitution):
-            return
+    def prepare(self) -> FloatArray:
+        """The step (n,) that the constraints ask for at the current values.
+
+        Raises:
+            ContradictoryConstraintsError: they cannot hold together.
+        """
+        found = self._present()
+        if not found.is_like(self._substitution):
+            self._substitute(found)
+        return found.offset
+
+    def _substitute(self, substitution: Substitution) -> None:
+        """Takes T, and analyses anew."""
         self._substitution, self._kept, self._matrix = substitution, substitution.kept, substitution.matrix
         self._map_entries(substitution)
         self._inner: Solver = choose_solver(self._inner_pattern, self._name, threads=self._threads)
@@ -79,6 +98,15 @@ class SubstitutedSolver:
             self._inner.factor(inner)
         except SingularMatrixError as error:
             raise SingularMatrixError(self._kept[error.indices], error.pivots) from None
+
+    @property
+    def is_factored(self) -> bool:
+        """Whether a regular matrix was factored."""
+        return self._substitution is not None and self._inner.is_factored
+
+    def settle(self, step: FloatArray) -> FloatArray:
+        """The step itself: there is no datum."""
+        return step
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
         """T (T' N T)^-1 T' times right-hand sides (n,) or (n, k)."""

@@ -12,11 +12,8 @@ from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unex
 from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.solvers import Solver
 
 NEAR = 0.1
@@ -38,7 +35,6 @@ class DampedPath:
     Args:
         equations: The system.
         solver: Its solver, analysed.
-        constraints: Hard constraints.
         damping: The first damping; None for that of the first radius.
         is_bold: For full steps as long as they descend; the matrix is then to be regular at the start.
     """
@@ -47,13 +43,11 @@ class DampedPath:
         self,
         equations: NormalEquations,
         solver: Solver,
-        constraints: Sequence[Batch],
         damping: float | None = None,
         is_bold: bool = False,
     ) -> None:
         self._equations = equations
         self._solver = solver
-        self._constraints = constraints
         self._floor = np.zeros(equations.pattern.n)
         self._given = damping
         self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
@@ -117,14 +111,14 @@ class DampedPath:
     def _explain(self) -> None:
         """Raises the error that names what is undetermined."""
         linearisation = self._equations.damped(0.0)
-        factor(self._equations, self._solver, self._constraints, linearisation)
+        factor(self._equations, self._solver, linearisation)
 
     def _step(self, damping: float) -> NewtonStep | None:
         """The step under a damping; None where the matrix is singular."""
         equations, floor = self._equations, self._floor
         try:
             linearisation = equations.damped(damping, floor)
-            offset = factor_unexplained(equations, self._solver, self._constraints, linearisation)
+            offset = factor_unexplained(self._solver, linearisation)
         except SingularMatrixError as error:
             self._lost = len(error.indices)
             return None

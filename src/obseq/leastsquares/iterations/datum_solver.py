@@ -110,6 +110,10 @@ class DatumSolver:
         self._pattern = pattern
         self._solver.analyse(pattern)
 
+    def prepare(self) -> FloatArray:
+        """Nothing holds exactly."""
+        return self._solver.prepare()
+
     def factor(self, values: FloatArray) -> None:
         """Factors a matrix of known rank defect; the first one tells the defect.
 
@@ -134,7 +138,7 @@ class DatumSolver:
         solved = self._solver.solve(right)
         return np.asarray(solved - self._kernel @ (self._to_kernel @ solved))
 
-    def settled(self, step: FloatArray) -> FloatArray:
+    def settle(self, step: FloatArray) -> FloatArray:
         """The step (n,) that ends on the datum; observations do not see the difference."""
         if self._beyond is not None and self.dimension:
             return np.asarray(step - self._kernel @ self._beyond.shift(step, self._kernel))

@@ -48,7 +48,7 @@ class DoglegPath:
         downhill = -gradient / scale
         curvature = float((downhill / scale) @ (self._matrix @ (downhill / scale)))
         self._steepest = downhill * (float(downhill @ downhill) / curvature if curvature > 0.0 else 0.0)
-        factor(self._equations, self._solver, (), self._linearisation)
+        factor(self._equations, self._solver, self._linearisation)
         self._newton = self._solver.solve(-gradient) * scale
         if self._is_new and np.isinf(self.radius):
             sizes = sizes_of(self._equations.table)[self._equations.free.scalars]

@@ -9,16 +9,10 @@ import numpy as np
 
 from obseq.errors import DivergenceError, SingularMatrixError
 from obseq.leastsquares.diagnosis.singular import singular_error
-from obseq.leastsquares.iterations.constrained_solver import SubstitutedSolver
-from obseq.leastsquares.iterations.constraints import substitution
-from obseq.leastsquares.iterations.datum_solver import DatumSolver
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.solvers import Solver
 
 
@@ -40,29 +34,21 @@ class NewtonStep:
     promised: float
 
 
-def factor(
-    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
-) -> FloatArray:
+def factor(equations: NormalEquations, solver: Solver, linearisation: Linearisation) -> FloatArray:
     """Factors the normal matrix, reduced by hard constraints; returns the step (n_free,) that these ask for.
 
     Raises:
         SingularSystemError: some unknowns are undetermined; their names are in the error.
     """
     try:
-        return factor_unexplained(equations, solver, constraints, linearisation)
+        return factor_unexplained(solver, linearisation)
     except SingularMatrixError:
         raise singular_error(equations.table, equations.free, equations.pattern, solver) from None
 
 
-def factor_unexplained(
-    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
-) -> FloatArray:
+def factor_unexplained(solver: Solver, linearisation: Linearisation) -> FloatArray:
     """`factor` for those who try: a singular matrix is a SingularMatrixError, and costs no explanation."""
-    offset = np.zeros(equations.pattern.n)
-    if isinstance(solver, SubstitutedSolver):
-        found = substitution(equations.table, equations.free, constraints)
-        solver.substitute(found)
-        offset = found.offset
+    offset = solver.prepare()
     solver.factor(linearisation.values)
     return offset
 
@@ -84,8 +70,7 @@ def newton_step(
         inner = solver.solve(-gradient)
         quadratic = -float(inner @ gradient)
     promised = drop - 2.0 * float(inner @ gradient) - quadratic
-    if isinstance(solver, DatumSolver):
-        inner = solver.settled(inner)
+    inner = solver.settle(inner)
     if not np.isfinite(inner).all():
         raise DivergenceError("the step of the unknowns is not finite")
     length = float(np.sqrt(max(0.0, drop + quadratic)))

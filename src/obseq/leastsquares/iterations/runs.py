@@ -17,7 +17,7 @@ from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, Levenbe
 from obseq.leastsquares.iterations.trust_region import iterate_in_region
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
@@ -25,40 +25,39 @@ if TYPE_CHECKING:
     from obseq.leastsquares.iterations.gauss_newton import Progress
     from obseq.leastsquares.iterations.stacked_rows import StackedRows
     from obseq.leastsquares.iterations.strategies import Strategy
-    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.solution.result import Iteration
     from obseq.leastsquares.solvers import Solver
 
 
-Runner: TypeAlias = "Callable[[Options, int, Callable[[int], None], Callable[[Iteration], None]], Progress]"
+Iterations: TypeAlias = (
+    "Callable[[Options, int, Callable[[int], None], Callable[[Iteration], None]], Progress]"
+)
 """(options, redundancy, before, progress) -> what the iterations did."""
 
 ROW_STEPS: dict[str, Callable[[StackedRows], FloatArray]] = {"qr": qr_step, "lsmr": lsmr_step, "l1": l1_step}
 
 
-def runner(
-    strategy: Strategy, equations: NormalEquations, solver: Solver, constraints: Sequence[Batch]
-) -> Runner:
+def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver) -> Iterations:
     """The iterations of a strategy on a system, its solver analysed."""
     if isinstance(strategy, Dogleg):
-        _require_plain("dogleg", equations, constraints)
+        _require_plain("dogleg", equations)
         return partial(iterate_in_region, equations, DoglegPath(equations, solver, strategy.radius))
     if isinstance(strategy, Controlled):
-        return partial(iterate_in_region, equations, DampedPath(equations, solver, constraints, is_bold=True))
+        return partial(iterate_in_region, equations, DampedPath(equations, solver, is_bold=True))
     if isinstance(strategy, LevenbergMarquardt) and not strategy.constant:
-        path = DampedPath(equations, solver, constraints, damping=strategy.damping)
+        path = DampedPath(equations, solver, damping=strategy.damping)
         return partial(iterate_in_region, equations, path)
-    normal = partial(_normal_direction, equations, solver, constraints)
+    normal = partial(_normal_direction, equations, solver)
     if isinstance(strategy, LevenbergMarquardt):
         return partial(iterate, equations, normal, damping=strategy.share)
     if strategy.step == "normal":
         return partial(iterate, equations, normal)
-    _require_plain(strategy.step, equations, constraints)
+    _require_plain(strategy.step, equations)
     return partial(iterate, equations, partial(_row_direction, equations, ROW_STEPS[strategy.step]))
 
 
-def _require_plain(name: str, equations: NormalEquations, constraints: Sequence[Batch]) -> None:
-    if constraints or equations.n_unknowns != equations.pattern.n:
+def _require_plain(name: str, equations: NormalEquations) -> None:
+    if equations.constraints or equations.n_unknowns != equations.pattern.n:
         raise InputError(
             f"{name}: not for systems with hard constraints or eliminated unknowns; use "
             "gauss-newton, controlled or levenberg-marquardt"
@@ -66,9 +65,9 @@ def _require_plain(name: str, equations: NormalEquations, constraints: Sequence[
 
 
 def _normal_direction(
-    equations: NormalEquations, solver: Solver, constraints: Sequence[Batch], linearisation: Linearisation
+    equations: NormalEquations, solver: Solver, linearisation: Linearisation
 ) -> tuple[FloatArray, float]:
-    offset = factor(equations, solver, constraints, linearisation)
+    offset = factor(equations, solver, linearisation)
     step = newton_step(equations, solver, linearisation, offset)
     return step.move, step.length
 

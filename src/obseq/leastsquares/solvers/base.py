@@ -42,6 +42,10 @@ class BaseSolver(ABC):
         self._analyse(pattern)
         self._analysed = pattern
 
+    def prepare(self) -> FloatArray:
+        """Nothing holds exactly."""
+        return np.zeros(self._pattern.n)
+
     def factor(self, values: FloatArray) -> None:
         """Factors the matrix of these values ((nnz,), in the order of the pattern).
 
@@ -62,6 +66,15 @@ class BaseSolver(ABC):
         self._values = values.copy() if found.dimension else np.empty(0)
         self._found = found  # the last: an interrupted factorisation is none
         self._require_regular()
+
+    @property
+    def is_factored(self) -> bool:
+        """Whether a regular matrix was factored."""
+        return self._found is not None and not self._found.dimension
+
+    def settle(self, step: FloatArray) -> FloatArray:
+        """The step itself: there is no datum."""
+        return step
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
         """Solution for one right-hand side (n,) or several (n, k); same shape."""

@@ -135,7 +135,11 @@ class SolverStatistics:
 
 
 class Solver(Protocol):
-    """Factors positive definite matrices of one pattern: `analyse` once, `factor` as often as wanted."""
+    """Factors positive definite matrices of one pattern: `analyse` once, `factor` as often as wanted.
+
+    Those that keep equations exactly, or end on a datum, are solvers too: `prepare` comes before `factor`
+    wherever values have changed, and `settle` after `solve`, for who takes the solution as a step.
+    """
 
     @property
     def name(self) -> str:
@@ -144,12 +148,22 @@ class Solver(Protocol):
     def analyse(self, pattern: SymmetricPattern) -> None:
         """Prepares for matrices of this pattern: elimination order, structure of the factor."""
 
+    def prepare(self) -> FloatArray:
+        """(n,) the step that what holds exactly asks for at the current values; zero without."""
+
     def factor(self, values: FloatArray) -> None:
         """Factors the matrix of these values ((nnz,), in the order of the pattern).
 
         Raises:
             SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
         """
+
+    @property
+    def is_factored(self) -> bool:
+        """Whether a regular matrix was factored."""
+
+    def settle(self, step: FloatArray) -> FloatArray:
+        """Where a step (n,) shall end: on the datum; itself without."""
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
         """Solution for one right-hand side (n,) or several (n, k); same shape."""

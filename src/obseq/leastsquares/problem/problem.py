@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import finite, listed, real, table_of_rows, texts, truths
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.manifolds import (
-    DIRECTION,
-    POINT2,
-    POINT3,
-    ROTATION,
-    SCALAR,
-    VECTOR,
-    Manifold,
-)
+from obseq.leastsquares.problem.blocks import UnknownBlocks
+from obseq.leastsquares.problem.datum import NO_DATUM, datum_of
+from obseq.leastsquares.problem.linear import linear_batch, root_rows
 from obseq.leastsquares.problem.objects import matching
 from obseq.leastsquares.problem.priors import Prior, Viscosity
-from obseq.leastsquares.problem.shapes import formula_shape, linear_shape
+from obseq.leastsquares.problem.shapes import formula_shape
 from obseq.leastsquares.problem.unknowns import UnknownTable
 
 if TYPE_CHECKING:
@@ -28,129 +21,28 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.problem.objects import UnknownObject
 
 
-class Datum(NamedTuple):
-    """What a free network is fixed by.
+class Problem:
+    """Unknowns in blocks, equations in batches, priors, hard constraints, datum; nothing is solved here.
 
     Attributes:
-        scalars: positions of the unknowns whose changes are least; none without a datum.
-        reference: their values when it was set.
+        unknowns: the table of unknowns.
+        blocks: what adds and changes its blocks.
+        datum: what a free network is fixed by.
     """
-
-    scalars: IntArray
-    reference: FloatArray
-
-
-class Definition:
-    """Unknowns in blocks, equations in batches, priors, hard constraints, datum; nothing is solved here."""
 
     def __init__(self) -> None:
         self.unknowns = UnknownTable()
+        self.blocks = UnknownBlocks(self.unknowns)
         self._batches: list[Batch] = []
         self._priors: list[Prior] = []
         self._viscosities: list[Viscosity] = []
         self._constraints: list[Batch] = []
-        self._objects: list[UnknownObject] = []
-        self.datum = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
-
-    # Unknowns
-
-    def add_points(self, names: Sequence[str], coordinates: ArrayLike) -> IntArray:
-        """Adds points of (n, 3) or (n, 2) coordinates, in metres; returns their ids."""
-        names = texts(names, "add_points")
-        array = table_of_rows(coordinates, len(names), "add_points")
-        if array.shape[1] not in (2, 3):
-            raise InputError(f"add_points: coordinates have {array.shape[1]} columns; expected 2 or 3")
-        return self.unknowns.add(POINT3 if array.shape[1] == 3 else POINT2, names, array)
-
-    def add_rotations(self, names: Sequence[str], matrices: ArrayLike) -> IntArray:
-        """Adds rotations from a local frame to the world frame, (n, 3, 3); returns their ids."""
-        return self._add_shaped(ROTATION, names, matrices, "add_rotations")
-
-    def add_directions(self, names: Sequence[str], vectors: ArrayLike) -> IntArray:
-        """Adds unit directions, given by vectors (n, 3) of any length but zero; returns their ids."""
-        return self._add_shaped(DIRECTION, names, vectors, "add_directions")
-
-    def add_vectors(
-        self, names: Sequence[str], values: ArrayLike, component_names: Sequence[str] | None = None
-    ) -> IntArray:
-        """Adds vectors of unknowns, (n, k); `component_names` (k,) are for messages; returns their ids."""
-        names = texts(names, "add_vectors")
-        array = table_of_rows(values, len(names), "add_vectors")
-        size = array.shape[1]
-        numbers = [str(number) for number in range(size)]
-        components = texts(component_names or numbers, "add_vectors, component_names")
-        if len(components) != size or not size:
-            raise InputError(f"add_vectors: {len(components)} component names for vectors of {size}")
-        return self.unknowns.add(VECTOR, names, array, components)
-
-    def add_scalars(self, names: Sequence[str], values: ArrayLike) -> IntArray:
-        """Adds single unknowns, values (n,); returns their ids."""
-        names = texts(names, "add_scalars")
-        array = finite(values, (len(names),), "add_scalars")
-        return self.unknowns.add(SCALAR, names, array[:, None])
-
-    def add_blocks(self, manifold: Manifold, names: Sequence[str], values: ArrayLike) -> IntArray:
-        """Adds blocks of a kind of unknown, which may be one's own (see `Manifold`); returns their ids.
-
-        Args:
-            manifold: the kind; it names the components.
-            names: (n,) names of the blocks.
-            values: (n, ...) their values, in the shape that the kind says.
-        """
-        if not isinstance(manifold, Manifold) or not manifold.components:
-            raise InputError(
-                f"add_blocks: a kind of unknown with components is wanted, a Manifold; not {manifold!r}"
-            )
-        return self._add_shaped(manifold, names, values, "add_blocks")
-
-    def _add_shaped(self, manifold: Manifold, names: Sequence[str], values: ArrayLike, what: str) -> IntArray:
-        names = texts(names, what)
-        shape = manifold.shape(len(manifold.components))
-        return self.unknowns.add(manifold, names, finite(values, (len(names), *shape), what), what=what)
-
-    def ids(self, names: Sequence[str], kind: str = "Point3") -> IntArray:
-        """Ids by name of blocks of a kind: Point3, Point2, Rotation, Direction, Vector, Scalar or yours."""
-        return self.unknowns.find(names, kind)
-
-    def values(self, ids: ArrayLike) -> FloatArray:
-        """Current values of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
-        return self.unknowns.read(ids)
-
-    def set_values(self, ids: ArrayLike, values: ArrayLike) -> None:
-        """Gives blocks that are alike new current values, in the shape that `values` returns."""
-        self.unknowns.write(ids, values)
-
-    def freeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
-        """Keeps unknowns at their current values: whole blocks, or components by number or by name."""
-        self.unknowns.set_frozen(ids, components, True)
-
-    def freeze_matching(self, pattern: str, frozen: bool = True) -> None:
-        """Freezes (or frees) all unknowns whose full name (`camera.rotation.z`) matches an expression."""
-        for block, components in matching(self.unknowns, pattern).items():
-            self.unknowns.set_frozen([block], components, frozen)
-
-    def unfreeze(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> None:
-        """Frees unknowns again."""
-        self.unknowns.set_frozen(ids, components, False)
-
-    def eliminate(self, ids: ArrayLike, eliminated: bool = True) -> None:
-        """Marks blocks to be eliminated from the normal equations before these are solved (Schur complement).
-
-        The solution is the same, and so are residuals, redundancy and covariances; it comes sooner when
-        there are many such blocks that meet few others each, such as tie points. Eliminated blocks that
-        observations join to one another, such as centre and rotation of a pose, form a group.
-
-        Args:
-            ids: blocks.
-            eliminated: False to treat them as others again.
-        """
-        self.unknowns.set_eliminated(ids, eliminated)
+        self.datum = NO_DATUM
 
     # Equations
 
@@ -219,30 +111,9 @@ class Definition:
             group: name under which sums of squares are kept; "linear" when None.
             is_constraint: True for rows that count as constraints, as priors do, not as observations.
         """
-        batch = self._linear(columns, coefficients, values, sigmas, labels, group)
+        batch = linear_batch(self.unknowns, columns, coefficients, values, sigmas, labels, group)
         batch.is_constraint = is_constraint
         return self._added(batch)
-
-    def _linear(
-        self,
-        columns: Sequence[ArrayLike],
-        coefficients: Sequence[ArrayLike],
-        values: ArrayLike,
-        sigmas: ArrayLike,
-        labels: Sequence[str] | None,
-        group: str | None,
-    ) -> Batch:
-        ids = [self.unknowns.checked(column, "linear rows") for column in listed(columns, "linear rows")]
-        parts = [real(part, "linear rows, coefficients") for part in listed(coefficients, "linear rows")]
-        if not ids or len(ids) != len(parts):
-            raise InputError(f"linear rows: {len(parts)} sets of coefficients for {len(ids)} blocks")
-        shape, right = linear_shape(self.unknowns, ids), real(values, "linear rows, values")
-        n = max(*(len(column) for column in ids), *(len(rows) for rows in (*parts, right) if rows.ndim))
-        for part, role in zip(parts, shape.roles, strict=True):
-            finite(part, (n, role.size), f"linear rows, coefficients {role.name}")
-        rows = np.column_stack([*parts, finite(right, (n,), "linear rows, values")])
-        blocks = {role.name: column for role, column in zip(shape.roles, ids, strict=True)}
-        return Batch(shape, self.unknowns, blocks, rows, sigmas, labels, group, None)
 
     def add_normal_equations(
         self, ids: ArrayLike, matrix: ArrayLike, vector: ArrayLike, group: str = "normal equations"
@@ -260,15 +131,7 @@ class Definition:
         """
         blocks = self.unknowns.checked(ids, "normal equations")
         size = self.unknowns.size[blocks]
-        m = int(size.sum())
-        given = finite(matrix, (m, m), "normal equations, matrix")
-        values, vectors = np.linalg.eigh(given)
-        if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max() or values[0] < -1e-9 * values[-1]:
-            raise InputError("normal equations: the matrix must be symmetric and positive semi-definite")
-        kept = values > 1e-12 * values[-1]
-        roots = np.sqrt(values[kept])
-        rows = vectors[:, kept].T * roots[:, None]
-        right = vectors[:, kept].T @ finite(vector, (m,), "normal equations, vector") / roots
+        rows, right = root_rows(matrix, vector, int(size.sum()))
         parts = np.split(rows, np.cumsum(size)[:-1], axis=1)
         columns = [np.repeat(block, len(rows)) for block in blocks]
         return self.add_linear(columns, parts, right, 1.0, group=group)
@@ -325,7 +188,9 @@ class Definition:
         labels: Sequence[str] | None = None,
     ) -> Batch:
         """Adds linear equations that the solution satisfies exactly (arguments as in `add_linear`)."""
-        return self._constrained(self._linear(columns, coefficients, values, 1.0, labels, None))
+        return self._constrained(
+            linear_batch(self.unknowns, columns, coefficients, values, 1.0, labels, None)
+        )
 
     def share(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> Batch:
         """Makes unknowns of several blocks equal: whole blocks that are alike, or chosen components."""
@@ -390,29 +255,14 @@ class Definition:
         Raises:
             InputError: a rotation or a direction is among them.
         """
-        blocks = self.unknowns.checked(ids, "datum")
-        if not all(self.unknowns.manifold(block).is_flat for block in np.unique(blocks)):
-            raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
-        chosen = np.zeros(0, dtype=np.int64)
-        if blocks.size:
-            chosen = np.unique(self._datum_scalars(blocks, components))
+        datum = datum_of(self.unknowns, ids, components)
         self.unknowns.owner.check()
-        self.datum = Datum(chosen, self.unknowns.values[chosen])
+        self.datum = datum
 
-    def _datum_scalars(self, blocks: IntArray, components: Any) -> IntArray:
-        """Positions of the chosen components of blocks, which need not be alike."""
-        if getattr(components, "dtype", None) == np.bool_:
-            scalars = self.unknowns.scalars(blocks, "datum")
-            return scalars[truths(components, scalars.shape, "datum, components")]
-        each = [components] * len(blocks)
-        if components is not None and any(_is_list(of_block) for of_block in listed(components, "datum")):
-            each = list(components)
-            if len(each) != len(blocks):
-                raise InputError(f"datum: components of {len(each)} blocks for {len(blocks)} blocks")
-        index = self.unknowns.component_index
-        return np.concatenate(
-            [index([block], of_block, "datum").ravel() for block, of_block in zip(blocks, each, strict=True)]
-        )
+    def settle(self) -> None:
+        """Makes weights anew where sigmas were changed in place."""
+        for batch in self._batches:
+            batch.settle()
 
     # What it consists of
 
@@ -444,11 +294,17 @@ class Definition:
         return sum(batch.n_scalars for batch in self._batches if not batch.is_constraint)
 
     @property
+    def n_free(self) -> int:
+        """Number of unknowns that are not frozen."""
+        return int(np.count_nonzero(~self.unknowns.frozen))
+
+    @property
+    def groups(self) -> set[str]:
+        """Names under which sums of squares are kept."""
+        return {batch.group for batch in self._batches} | {prior.group for prior in self._priors}
+
+    @property
     def n_constraints(self) -> int:
         """Number of scalar equations of priors, and of rows that count as constraints."""
         rows = sum(batch.n_scalars for batch in self._batches if batch.is_constraint)
         return rows + sum(prior.n_scalars for prior in self._priors)
-
-
-def _is_list(components: object) -> bool:
-    return components is None or isinstance(components, list | tuple | np.ndarray)

@@ -1,0 +1,64 @@
+"""What a free network is fixed by: chosen coordinates whose changes are least."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.problem.arguments import listed, truths
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+class Datum(NamedTuple):
+    """What a free network is fixed by.
+
+    Attributes:
+        scalars: positions of the unknowns whose changes are least; none without a datum.
+        reference: their values when it was set.
+    """
+
+    scalars: IntArray
+    reference: FloatArray
+
+
+NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
+
+
+def datum_of(table: UnknownTable, ids: Any, components: Any) -> Datum:
+    """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
+
+    Raises:
+        InputError: a rotation or a direction is among them.
+    """
+    blocks = table.checked(ids, "datum")
+    if not all(table.manifold(block).is_flat for block in np.unique(blocks)):
+        raise InputError("datum: a rotation or a direction has no coordinates to keep; choose points")
+    if not blocks.size:
+        return NO_DATUM
+    chosen = np.unique(_scalars(table, blocks, components))
+    return Datum(chosen, table.values[chosen])
+
+
+def _scalars(table: UnknownTable, blocks: IntArray, components: Any) -> IntArray:
+    """Positions of the chosen components of blocks, which need not be alike."""
+    if getattr(components, "dtype", None) == np.bool_:
+        scalars = table.scalars(blocks, "datum")
+        return scalars[truths(components, scalars.shape, "datum, components")]
+    each = [components] * len(blocks)
+    if components is not None and any(_is_list(of_block) for of_block in listed(components, "datum")):
+        each = list(components)
+        if len(each) != len(blocks):
+            raise InputError(f"datum: components of {len(each)} blocks for {len(blocks)} blocks")
+    index = table.component_index
+    return np.concatenate(
+        [index([block], of_block, "datum").ravel() for block, of_block in zip(blocks, each, strict=True)]
+    )
+
+
+def _is_list(components: object) -> bool:
+    return components is None or isinstance(components, list | tuple | np.ndarray)
