@@ -109,6 +109,7 @@ class ObservationRecord:
         external: Most that such a bias moves any coordinate, in its standard deviations.
         blunder: Estimate of the error of the value, if it were the only one; too large when positive.
         rejected: True when data snooping left it out.
+        backsight: Of an angle, the point from which it counts.
     """
 
     type: str
@@ -129,6 +130,7 @@ class ObservationRecord:
     external: float | None = None
     blunder: float | None = None
     rejected: bool | None = None
+    backsight: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

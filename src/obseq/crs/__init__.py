@@ -21,11 +21,12 @@ from obseq.crs.rigid import LocalTangent, RigidSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.crs.transformer import Transformer
 from obseq.crs.units import METRE, Unit
-from obseq.crs.unreferenced import UnreferencedSystem
+from obseq.crs.unreferenced import AXES, UnreferencedSystem
 from obseq.errors import CrsError
 
 __all__ = [
     "ALIASES",
+    "AXES",
     "EQUATORIAL_RADIUS",
     "METRE",
     "REFRACTION_COEFFICIENT",

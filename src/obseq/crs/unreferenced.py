@@ -13,7 +13,7 @@ from obseq.errors import CrsError
 
 LETTERS = {"e": (1.0, 0.0, 0.0), "n": (0.0, 1.0, 0.0), "w": (-1.0, 0.0, 0.0), "s": (0.0, -1.0, 0.0)}
 """Directions that an axis of a Local system may point to, in east, north and up."""
-PAIRS = ("en", "es", "wn", "ws", "ne", "nw", "se", "sw")
+AXES = ("en", "es", "wn", "ws", "ne", "nw", "se", "sw")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class UnreferencedSystem(CoordinateSystem):
     def axes(self) -> FloatArray | None:
         """(3, 3) its axes, by rows, in east, north and up; None for a system of unknown axes."""
         name, _, letters = self.definition.partition("*")
-        if name != "Local" or (letters or "en") not in PAIRS:
+        if name != "Local" or (letters or "en") not in AXES:
             return None
         return np.array([*(LETTERS[letter] for letter in letters or "en"), (0.0, 0.0, 1.0)])
 

@@ -31,7 +31,7 @@ from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
-from obseq.survey.adjustment.notes import notes
+from obseq.survey.adjustment.notes import notes, of_unit_weight
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
@@ -86,6 +86,8 @@ class Network:
         frame: The computation frame.
         points_crs: The coordinate system of the point files, and of the results.
         phases: Seconds spent reading.
+        unit_sigma: By what another program multiplies sigma0 where it reports it (Gama's sigma-apr); None for
+            no such program.
 
     Example:
         >>> from obseq.survey import Network
@@ -99,6 +101,7 @@ class Network:
     frame: Frame
     points_crs: crs.CoordinateSystem
     phases: dict[str, float] = field(default_factory=dict)
+    unit_sigma: float | None = None
 
     @classmethod
     @expecting(
@@ -198,9 +201,10 @@ class Network:
             project = read_project(paths, chosen)
         coefficient = project.refraction if refraction is None else refraction
         definition = frame or project.frame
-        return cls._assembled(
+        network = cls._assembled(
             project.points, project.book, definition, project.points_crs, coefficient, watch
         )
+        return replace(network, unit_sigma=project.unit_sigma)
 
     @classmethod
     def _assembled(
@@ -439,7 +443,10 @@ class Network:
             precision="a priori" if found.a_priori else "a posteriori",
             known=equations.known.residuals(solution),
             warnings=self.book.warnings,
-            notes=notes(self.frame, self.book, coordinates),
+            notes=(
+                *of_unit_weight(self.unit_sigma, solution.sigma0),
+                *notes(self.frame, self.book, coordinates),
+            ),
             phases={},
             run=new_run(),
             quality=quality,

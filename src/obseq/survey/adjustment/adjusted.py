@@ -273,12 +273,13 @@ class Adjustment:
             rows.file_indices.tolist(),
             rows.lines.tolist(),
             rows.active.tolist(),
+            rows.backsights.tolist(),
             strict=True,
         )
         numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
-        for k, (code, origin, target, value, sigma, residual, normalised, file, line, active) in enumerate(
-            columns
-        ):
+        for k, row in enumerate(columns):
+            code, origin, target, value, sigma, residual, normalised, file, line, active, backsight = row
+
             kind = BY_CODE[code]
             yield ObservationRecord(
                 type=kind.name,
@@ -294,6 +295,7 @@ class Adjustment:
                 active=active,
                 **{name: column[k] for name, column in numbers.items()},
                 rejected=rejected[k] or None,
+                backsight=book.point_names[backsight] if backsight >= 0 else None,
             )
 
     def _reliability_columns(self) -> dict[str, list[float | None]]:

@@ -28,12 +28,21 @@ def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, 
     return tuple(found)
 
 
+def of_unit_weight(unit_sigma: float | None, sigma0: float | None) -> tuple[str, ...]:
+    """What a program calls m0 that has a standard deviation of unit weight other than 1."""
+    if unit_sigma is None or sigma0 is None:
+        return ()
+    return (f"m0 of gama-local, sigma-apr ({unit_sigma:g}) times sigma0: {unit_sigma * sigma0:.8g}",)
+
+
 def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:
     observations = book.observations
     rows = np.flatnonzero((observations.types == ZEN.code) & observations.active)
     if not rows.size:
         return
     corrections = frame.refraction(book, rows, coordinates)
+    if not corrections.any():
+        return
     largest = int(np.abs(corrections).argmax())
     row = rows[largest]
     sight = coordinates[observations.to_points[row]] - coordinates[observations.from_points[row]]

@@ -25,6 +25,8 @@ class Project:
         points_crs: Definition of the system of the points; None for the frame.
         refraction: Coefficient of zenith angles.
         max_iterations: The iterations end at this number; None for the usual one.
+        unit_sigma: Standard deviation of unit weight (mm, cc) by which the program multiplies sigma0 where it
+            reports; None when it does not.
     """
 
     points: Points
@@ -33,6 +35,7 @@ class Project:
     points_crs: str | None = None
     refraction: float = crs.REFRACTION_COEFFICIENT
     max_iterations: int | None = None
+    unit_sigma: float | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.survey.files.comp3d import read_comp3d
+from obseq.survey.files.gama import read_gama
 from obseq.survey.files.project import Reading, only_one
 
 if TYPE_CHECKING:
@@ -14,7 +15,10 @@ if TYPE_CHECKING:
 
     from obseq.survey.files.project import Project, Reader
 
-READERS: dict[str, Reader] = {".comp": lambda paths, reading: read_comp3d(only_one(paths), reading)}
+READERS: dict[str, Reader] = {
+    ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
+    ".gkf": read_gama,
+}
 """Who reads the files with each suffix."""
 DEFAULTS = Reading()
 

@@ -62,7 +62,7 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     Raises:
         InputError: absent, a directory, unreadable, empty, binary, UTF-16, or unknown encoding.
     """
-    data = _read_bytes(Path(path))
+    data = read_bytes(Path(path))
     if not data.strip():
         raise InputError(f"{path}: the file is empty")
     _refuse_binary(path, data)
@@ -76,7 +76,12 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper())
 
 
-def _read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path) -> bytes:
+    """What a file holds.
+
+    Raises:
+        InputError: absent, a directory, or unreadable.
+    """
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
