@@ -170,7 +170,7 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         result.redundancy,
         result.sigma0,
         result.converged,
-        result.stop_reason.value,
+        result.ending,
         _precision(solution) if precisions else "none",
         tuple(IterationRecord(step.sigma0, step.max_step) for step in solution.iterations),
         dict(result.squares),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import Arrival
+from obseq.leastsquares.diagnosis.singular import SHOWN
+from obseq.leastsquares.iterations.arrival import CONTRACTION, Arrival
 from obseq.leastsquares.solution.result import Iteration, StopReason
 
 if TYPE_CHECKING:
@@ -87,39 +88,51 @@ def iterate(
     """
     done, arrival, table = Progress(), Arrival(equations, options.tolerance), equations.table
     best, least, cost, counted = table.state(), np.inf, np.inf, equations.evaluations
+    last: FloatArray | None = None
+    turns: list[bool] = []
     for number in range(options.max_iterations):
         before(number)
         try:
             cost = np.inf
             linearisation = equations.assemble(damping)
             cost = linearisation.cost
-            if cost < least:
-                best, least = table.state(), cost
             step, length = direction(linearisation)
         except (DivergenceError, SingularSystemError) as error:
             if number:
                 raise _gone(error, cost, equations, done.iterations, best) from None
             raise
+        if cost < least:
+            best, least = table.state(), cost
         record = recorded(linearisation, options, redundancy, step, length)
         reason = arrival.reason(step, length, record.cost, redundancy, linearisation.diagonal)
         table.move(step)
+        turns.append(_turns(step, last, linearisation.diagonal))
+        last = step
         done.iterations.append(record)
         progress(record)
         if reason is not None:
             done.reason = reason
             break
     else:
-        done.reason = StopReason.DIVERGED if _diverges(done.iterations) else StopReason.ITERATIONS
+        done.reason = _unfinished(done.iterations, turns)
     done.evaluations = equations.evaluations - counted
     return done
 
 
-def _diverges(iterations: list[Iteration]) -> bool:
-    """Whether steps and sum of squares are larger than they were at first."""
-    if len(iterations) < 4:
-        return False
-    first, last = iterations[0], iterations[-1]
-    return last.length > first.length and last.cost > first.cost
+def _turns(step: FloatArray, last: FloatArray | None, weights: FloatArray) -> bool:
+    """Whether a step goes against the one before it."""
+    return last is not None and float(np.sum(weights * step * last)) < 0.0
+
+
+def _unfinished(iterations: list[Iteration], turns: list[bool]) -> StopReason:
+    """What the iterations did whose number was not enough: diverge, oscillate, or no more than that."""
+    first, last, half, part = iterations[0], iterations[-1], len(turns) // 2, len(turns) // 4
+    if part and last.length > first.length and last.cost > first.cost:
+        return StopReason.DIVERGED
+    lengths = [step.length for step in iterations[half:]]
+    if not part or max(lengths[-part:]) < CONTRACTION * max(lengths[:-part]):
+        return StopReason.ITERATIONS
+    return StopReason.OSCILLATES if sum(turns[half:]) > (len(turns) - half) // 4 else StopReason.ITERATIONS
 
 
 def _gone(
@@ -128,16 +141,17 @@ def _gone(
     equations: NormalEquations,
     iterations: list[Iteration],
     best: State,
-) -> DivergenceError | SingularSystemError:
-    """The error to raise when a linearisation fails that was none at the start, and the cost has risen."""
+) -> DivergenceError:
+    """The error to raise when a linearisation fails after others that did not."""
     first, last, number = iterations[0], iterations[-1], len(iterations) + 1
-    if isinstance(error, SingularSystemError):
-        if cost <= first.cost:
-            return error
-        error = DivergenceError(f"{len(error.unknowns)} unknown(s) have no influence any more")
     equations.table.restore(best)
     back = "the unknowns are back at their last accepted values, the best ones"
-    if last.cost <= first.cost and not np.isfinite(cost):
-        return DivergenceError(f"{error} (iteration {number}; {back})")
+    if isinstance(error, SingularSystemError):
+        lost = f"{len(error.unknowns)} unknown(s) have no influence any more: {_some(error.unknowns)}"
+        error = DivergenceError(lost)
     size = f"a step of {last.max_step:.3g}, a sum of squares of {cost:.3g}, {first.cost:.3g} at first"
     return DivergenceError(f"Gauss-Newton diverges ({size}): {error} (iteration {number}; {back}). {ADVICE}")
+
+
+def _some(names: tuple[str, ...]) -> str:
+    return ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")

@@ -92,7 +92,7 @@ NAMES: dict[str, Strategy] = {
 
 def strategy_of(given: str | Strategy) -> Strategy:
     """The strategy of a name, or the strategy itself."""
-    if isinstance(given, GaussNewton | LevenbergMarquardt | Dogleg):
+    if isinstance(given, Strategy):
         return given
     if not isinstance(given, str) or given not in NAMES:
         raise InputError(f"unknown strategy {given!r}; known: {', '.join(NAMES)}")

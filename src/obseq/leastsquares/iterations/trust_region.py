@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import DivergenceError
 from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded
+from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ MOST_TRIALS = 60
 
 FIRST_RADIUS = 0.3
 """Share of the size of the unknowns that a first step may change, unless it is as good as promised."""
+
+FASTEST = 5.0
+"""Gain from which on the radius grows no faster: ten times the step."""
 
 PATIENCE = 3
 """Steps taken in the dark, none of them half as long as the one before, after which the iterations end."""
@@ -127,12 +131,16 @@ def iterate_in_region(
             done.reason = reason
             path.settle()
             break
-    done.defect, done.evaluations = path.defect, equations.evaluations - counted
+    done.defect, done.evaluations = path.defect, equations.evaluations - counted - search.known
     return done
 
 
 class _Search:
-    """The state of the iterations: the radius, and what was tried of late."""
+    """The state of the iterations: the radius, and what was tried of late.
+
+    Attributes:
+        known: how often residuals were computed where they had been: all linearisations but the first.
+    """
 
     def __init__(self, equations: NormalEquations, path: Path, options: Options, redundancy: int) -> None:
         self._equations = equations
@@ -140,13 +148,15 @@ class _Search:
         self._arrival = Arrival(equations, options.tolerance)
         self._redundancy, self._tolerance = redundancy, options.tolerance
         self._radius = path.radius
+        self._overshoot = Overshoot()
         self._is_first, self._decrease, self._poor = not path.is_bold, np.inf, 0
         self._dark_length, self._in_the_dark = np.inf, 0
         self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
+        self.known = -1
 
     def advance(self) -> tuple[Trial, StopReason | None]:
         """One iteration: the unknowns have moved by an accepted step, or are where they were."""
-        self._path.linearise()
+        self._linearise()
         trial = self._path.within(self._radius)
         reason = self._arrived(trial)
         if reason is not None:
@@ -156,7 +166,21 @@ class _Search:
             if self._excursion(self._path.full()):
                 return trial, None
             trial = self._path.within(self._radius)
-        return self._accepted(trial)
+        return self._accepted(self._stretched(trial))
+
+    def _linearise(self, in_passing: bool = False) -> None:
+        self.known += 1
+        self._path.linearise(in_passing)
+
+    def _stretched(self, trial: Trial) -> Trial:
+        """The share of a full step that the last two make known, where residuals are what is left."""
+        linearisation = trial.linearisation
+        unit = self._arrival.unit(linearisation.cost, self._redundancy + self._path.defect)
+        if not trial.is_full or trial.length > unit:
+            self._overshoot.forget()
+            return trial
+        share = self._overshoot.share_of(trial.move, linearisation.diagonal)
+        return trial if share == 1.0 else _scaled(trial, share)
 
     def _arrived(self, trial: Trial) -> StopReason | None:
         """Asks the full step, where the present one is so short that it may have arrived."""
@@ -224,7 +248,7 @@ class _Search:
             return None
         cost = trial.linearisation.cost
         unit = self._arrival.unit(cost, self._redundancy + self._path.defect)
-        self._path.linearise()
+        self._linearise()
         close = self._path.full().length <= NEGLIGIBLE * unit
         return StopReason.ROUNDING if close else StopReason.NO_DECREASE
 
@@ -244,8 +268,10 @@ class _Search:
         if gain <= POOR:
             reach = trial.norm if np.isinf(self._radius) else min(self._radius, 10.0 * trial.norm)
             self._radius = _share(trial, cost, after) * reach
+        elif self._path.is_bold and trial.is_full:
+            self._radius = np.inf
         elif trial.is_full or gain >= GOOD:
-            self._radius = np.inf if self._path.is_bold and trial.is_full else 2.0 * trial.norm
+            self._radius = 2.0 * min(max(gain, 1.0), FASTEST) * trial.norm
         elif np.isinf(self._radius):
             self._radius = trial.norm
 
@@ -272,7 +298,7 @@ class _Search:
             return True
         self._prompt *= 2
         self._equations.table.restore(start)
-        self._path.linearise(in_passing=True)
+        self._linearise(in_passing=True)
         return False
 
     def _way_below(self, trial: Trial, enough: float) -> float | None:
@@ -286,11 +312,17 @@ class _Search:
             if not trial.is_full or after > STEEPEST * cost:
                 return None
             try:
-                self._path.linearise(in_passing=True)
+                self._linearise(in_passing=True)
                 trial = self._path.full()
             except DivergenceError:
                 return None
         return None
+
+
+def _scaled(trial: Trial, share: float) -> Trial:
+    """A share of a step, for a sum of squares whose minimum lies there."""
+    length, norm, promised = share * trial.length, share * trial.norm, share * trial.promised
+    return replace(trial, move=share * trial.move, length=length, norm=norm, promised=promised)
 
 
 def _share(trial: Trial, cost: float, after: float) -> float:

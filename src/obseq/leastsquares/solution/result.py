@@ -38,6 +38,7 @@ class StopReason(Enum):
     ROUNDING = "the last step is at the level of rounding"
     NO_DECREASE = "no step decreases the cost any more, and the last one is not negligible"
     DIVERGED = "the steps and the sum of squares grow: the iterations diverge"
+    OSCILLATES = "the steps swing to and fro and do not shrink: the iterations oscillate"
     NO_UNKNOWNS = "every unknown is frozen"
     ITERATIONS = "the number of iterations asked for is reached"
 
@@ -93,7 +94,8 @@ class LeastSquaresResult:
         state: their values at the solution.
         frozen: (n_scalars,) which of them kept their values.
         redundant_constraints: hard constraints that follow from the others, by name.
-        evaluations: how often the iterations computed all residuals, with derivatives or without.
+        evaluations: at how many points the iterations computed all residuals; derivatives at a point that
+            was tried before count no more (so do SciPy's `nfev` and MINPACK's).
     """
 
     iterations: tuple[Iteration, ...]
@@ -113,6 +115,16 @@ class LeastSquaresResult:
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
     evaluations: int = 0
+
+    @property
+    def ending(self) -> str:
+        """Why the iterations ended; where they have not arrived, with the last iteration and its step."""
+        reason = self.stop_reason.value
+        if self.converged or not self.iterations:
+            return reason
+        last = self.iterations[-1]
+        step = f"a step of {last.max_step:.3g}, {last.length:.3g} standard deviations"
+        return f"{reason} (iteration {len(self.iterations)}: {step})"
 
     @property
     def cost(self) -> float:

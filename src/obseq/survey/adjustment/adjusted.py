@@ -203,7 +203,7 @@ class Adjustment:
             ellipse_level=self.quality.ellipses,
             relative=self.quality.relative,
             converged=solution.converged,
-            stop_reason=solution.stop_reason.value,
+            stop_reason=solution.ending,
             precision=self.precision,
             frame=self.frame,
             points_crs=self.points_crs,
