@@ -224,7 +224,7 @@ def test_a_diverging_gauss_newton_says_so_and_gives_back_the_best_values(kernels
 
 
 def test_gauss_newton_that_came_down_and_lost_an_unknown_says_so(kernels):
-    system, ids = saturation(kernels, 50.0, 0.01)
+    system, _ = saturation(kernels, 50.0, 0.01)
     costs = []
     with pytest.raises(
         DivergenceError, match=r"diverges \(a step of .* no influence any more: b \(iteration 3"
