@@ -38,7 +38,7 @@ class StopReason(Enum):
     ROUNDING = "the last step is at the level of rounding"
     NO_DECREASE = "no step decreases the cost any more, and the last one is not negligible"
     DIVERGED = "the steps and the sum of squares grow: the iterations diverge"
-    OSCILLATES = "the steps swing to and fro and do not shrink: the iterations oscillate"
+    OSCILLATES = "the steps swing about and do not shrink: the iterations oscillate"
     NO_UNKNOWNS = "every unknown is frozen"
     ITERATIONS = "the number of iterations asked for is reached"
 
