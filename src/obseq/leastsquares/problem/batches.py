@@ -13,6 +13,7 @@ from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.losses import named_loss
+from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence, Set
@@ -229,8 +230,19 @@ class Batch:
         if self.clusters is not None:
             self._whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
         weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
-        weights[:, : self.n] = np.where(self._active[:, None], factors / self._sigmas, 0.0).T
+        weights[:, : self.n] = root_weights(self._sigmas, self._active, factors).T
         self.weights = weights
+
+    @property
+    def is_correlated(self) -> bool:
+        """Whether the residuals of one observation are correlated."""
+        return bool(self.roots.size)
+
+    def times_weights(self, factors: FloatArray) -> FloatArray:
+        """(n_residuals, padded n) factors (n, n_residuals) times the weights."""
+        weights = self.weights.copy()
+        weights[:, : self.n] *= factors.T
+        return weights
 
     def reweight(self, residuals: FloatArray) -> None:
         """Sets the weights that the loss gives to residuals (n, n_residuals).

@@ -9,11 +9,12 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, frozen, real, text
+from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
@@ -48,7 +49,7 @@ class Prior:
     @property
     def name(self) -> str:
         """What it is called in messages."""
-        return "prior"
+        return self._group
 
     @property
     def group(self) -> str:
@@ -67,16 +68,30 @@ class Prior:
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: sigma must be positive, not {given[wrong[0], 0]}")
         self._sigmas: FloatArray = frozen(given)
-        self.weights: FloatArray = 1.0 / given[:, 0]
+        self.weights: FloatArray = root_weights(given, self.active)[:, 0]
 
     @property
     def n_scalars(self) -> int:
         """Number of scalar equations."""
         return len(self.scalars)
 
+    @property
+    def active(self) -> BoolArray:
+        """(n_scalars,) True: all of them have influence."""
+        return np.ones(self.n_scalars, dtype=bool)
+
+    @property
+    def is_correlated(self) -> bool:
+        """False."""
+        return False
+
+    def times_weights(self, factors: FloatArray) -> FloatArray:
+        """(n_scalars,) factors (n_scalars, 1) times the weights."""
+        return self.weights * factors[:, 0]
+
     def label(self, row: int) -> str:
         """What to call one equation in a message."""
-        return f"prior of {self._table.component_names(self.scalars[row])[0]}"
+        return f"{self._group} of {self._table.component_names(self.scalars[row])[0]}"
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """(n_scalars,) unknowns minus given values, for the vector of all unknowns."""

@@ -1,15 +1,17 @@
-"""What observations and soft constraints have in common: standard deviations that may be changed."""
+"""What observations and soft constraints have in common: standard deviations, and weights made of them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
 
 
 class Weighted(Protocol):
@@ -34,8 +36,27 @@ class Weighted(Protocol):
     @sigmas.setter
     def sigmas(self, new: ArrayLike) -> None: ...
 
+    @property
+    def active(self) -> BoolArray:
+        """(n,) False for equations that have residuals but no influence."""
+
+    @property
+    def is_correlated(self) -> bool:
+        """Whether the residuals of one observation are correlated."""
+
+    weights: FloatArray
+    """What residuals are multiplied by, in the layout of the equations."""
+
+    def times_weights(self, factors: FloatArray) -> FloatArray:
+        """Factors (n, n_residuals) times the weights, in their layout."""
+
     def label(self, row: int) -> str:
         """What to call one equation in a message."""
+
+
+def root_weights(sigmas: FloatArray, active: BoolArray, factors: FloatArray | float = 1.0) -> FloatArray:
+    """(n, k) what residuals are multiplied by: factors over sigmas (n, k); 0 where not active (n,)."""
+    return np.where(active[:, None], factors / sigmas, 0.0)
 
 
 class Restorer:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.problem.batches import Batch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,9 +17,13 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.final_state import FinalState
     from obseq.leastsquares.system import LeastSquares
+
+
+Source = TypeVar("Source", "Batch", "Prior")
 
 
 @dataclass(frozen=True)
@@ -86,15 +89,20 @@ class ComponentEquations:
     def __init__(self, system: LeastSquares, components: Sequence[Component]) -> None:
         equations = system.equations()
         self.names = tuple(component.name for component in components)
-        self._sources: tuple[Batch | Prior, ...] = (*equations.batches, *equations.priors)
-        self._parts = [self._parts_of(source, components) for source in self._sources]
-        for source, parts in zip(self._sources, self._parts, strict=True):
+        sources: tuple[Batch | Prior, ...] = (*equations.batches, *equations.priors)
+        self._parts = [self._parts_of(source, components) for source in sources]
+        for source, parts in zip(sources, self._parts, strict=True):
             _refuse_without_variance(source, parts)
-        self._clones = [_clones(self._sources, self._parts, k) for k in range(len(components) + 1)]
-        self._normals = [
-            NormalEquations(equations.table, [c for c in clones if isinstance(c, Batch)], _priors(clones))
-            for clones in ([clone for _, clone in pairs] for pairs in self._clones)
-        ]
+        of_batches, of_priors = self._parts[: len(equations.batches)], self._parts[len(equations.batches) :]
+        self._sources = sources
+        self._clones: list[list[tuple[Batch | Prior, Batch | Prior]]] = []
+        self._normals = []
+        for k in range(len(components) + 1):
+            batches = _clones(equations.batches, of_batches, k)
+            priors = _clones(equations.priors, of_priors, k)
+            self._clones.append([*batches, *priors])
+            clones = [clone for _, clone in batches], [clone for _, clone in priors]
+            self._normals.append(NormalEquations(equations.table, *clones))
 
     def variances(self, factors: FloatArray) -> list[tuple[Batch | Prior, FloatArray]]:
         """Variances of all observations for factors (k,)."""
@@ -107,8 +115,9 @@ class ComponentEquations:
     def sums(self, state: FinalState, factors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(k,) sums of squares v' D_k v of normalised residuals, (k,) traces of D_k R and (k,) of D_k."""
         squares, redundancy, weight = (np.zeros(len(factors)) for _ in range(3))
-        for source, shares, leverages in self._shares(state, factors):
-            residuals = np.square(_normalised(state, source))
+        each = zip(self._shares(state, factors), state.all_normalised(), strict=True)
+        for (_, shares, leverages), normalised in each:
+            residuals = np.square(normalised)
             squares += np.tensordot(shares[:-1], residuals, 2)
             redundancy += np.tensordot(shares[:-1], 1.0 - leverages, 2)
             weight += shares[:-1].sum(axis=(1, 2))
@@ -124,7 +133,7 @@ class ComponentEquations:
             for k, pairs in enumerate(self._clones):
                 for original, clone in pairs:
                     if original is source:
-                        _reweight(source, clone, shares[k])
+                        clone.weights = source.times_weights(np.sqrt(shares[k]))
         whole += traces(state, [self._part(state, normal) for normal in self._normals])
         return whole[:-1, :-1], whole[:-1, -1]
 
@@ -133,13 +142,10 @@ class ComponentEquations:
     ) -> list[tuple[Batch | Prior, FloatArray, FloatArray]]:
         """For each source: (k + 1, n, n_residuals) diagonals of D_k, zero where inactive; its leverages."""
         result = []
-        for (source, variances), parts in zip(self.variances(factors), self._parts, strict=True):
+        each = zip(self.variances(factors), self._parts, state.all_leverages(), strict=True)
+        for (source, variances), parts, leverages in each:
             shares = parts / variances
-            if isinstance(source, Batch):
-                shares[:, ~source.active] = 0.0
-                leverages = state.leverages(source)
-            else:
-                leverages = state.prior_leverages(source)[:, None]
+            shares[:, ~source.active] = 0.0
             result.append((source, shares, leverages))
         return result
 
@@ -168,34 +174,13 @@ class ComponentEquations:
         return csc_array((local.data, (number[local.row], number[local.col])), shape=(n, n))
 
 
-def _clones(
-    sources: tuple[Batch | Prior, ...], parts: list[FloatArray], k: int
-) -> list[tuple[Batch | Prior, Batch | Prior]]:
+def _clones(sources: Sequence[Source], parts: list[FloatArray], k: int) -> list[tuple[Source, Source]]:
     """Copies of the sources that a component concerns, to be weighted by its shares; data are not copied."""
     return [(source, copy.copy(source)) for source, part in zip(sources, parts, strict=True) if part[k].any()]
-
-
-def _priors(clones: list[Batch | Prior]) -> list[Prior]:
-    return [clone for clone in clones if not isinstance(clone, Batch)]
-
-
-def _reweight(source: Batch | Prior, clone: Batch | Prior, shares: FloatArray) -> None:
-    roots = np.sqrt(shares)
-    if isinstance(source, Batch):
-        clone.weights = source.weights.copy()
-        clone.weights[:, : source.n] *= roots.T
-    else:
-        clone.weights = source.weights * roots[:, 0]
-
-
-def _normalised(state: FinalState, source: Batch | Prior) -> FloatArray:
-    if isinstance(source, Batch):
-        return state.result.whitened_residuals(source) / source.sigmas
-    return (state.result.prior_residuals(source) * source.weights)[:, None]
 
 
 def _refuse_without_variance(source: Batch | Prior, parts: FloatArray) -> None:
     wrong = np.argwhere(parts.sum(axis=0) <= 0.0)
     if wrong.size:
-        label = source.label(int(wrong[0][0])) if isinstance(source, Batch) else f"prior of {source.group}"
+        label = source.label(int(wrong[0][0]))
         raise InputError(f"{label}: the variance components give it no variance at all")

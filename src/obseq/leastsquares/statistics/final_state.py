@@ -12,6 +12,7 @@ from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
+from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -67,7 +68,7 @@ class FinalState:
             chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
             leverages(
                 self._derivatives(batch, chosen),
-                np.ascontiguousarray(np.where(batch.active[chosen], 1.0 / batch.sigmas[chosen].T, 0.0)),
+                np.ascontiguousarray(root_weights(batch.sigmas[chosen], batch.active[chosen]).T),
                 np.ascontiguousarray(batch.starts[:, chosen]),
                 roles,
                 self.equations.free.number,
@@ -113,11 +114,22 @@ class FinalState:
         """(n_scalars,) the same for the equations of a prior; 0 where the unknown is frozen."""
         return np.asarray(self.cofactors.variances()[prior.scalars] * np.square(prior.weights))
 
+    def all_leverages(self) -> list[FloatArray]:
+        """(n, n_residuals) leverages of every batch, then (n_scalars, 1) of every prior."""
+        of_priors = (self.prior_leverages(prior)[:, None] for prior in self.equations.priors)
+        return [*(self.leverages(batch) for batch in self.equations.batches), *of_priors]
+
+    def all_normalised(self) -> list[FloatArray]:
+        """Residuals over sigmas, in the order and the shapes of `all_leverages`."""
+        result, equations = self.result, self.equations
+        of_priors = ((result.prior_residuals(p) * p.weights)[:, None] for p in equations.priors)
+        return [*(result.whitened_residuals(b) / b.sigmas for b in equations.batches), *of_priors]
+
     def rows(self, batch: Batch, chosen: ArrayLike) -> FloatArray:
         """(k, n_residuals, n_free) rows of the Jacobian over the sigmas, for a few observations (k,)."""
         index = np.atleast_1d(np.asarray(chosen, dtype=np.int64))
         k, m, u = len(index), batch.shape.n_residuals, batch.shape.n_unknowns
-        weights = np.where(batch.active[index], 1.0 / batch.sigmas[index].T, 0.0)
+        weights = root_weights(batch.sigmas[index], batch.active[index]).T
         weighted = self._derivatives(batch, index).reshape(m, u, k) * weights[:, None, :]
         result = np.zeros((k, m, self.equations.n_unknowns))
         for role, ids in zip(batch.shape.roles, batch.blocks[:, index], strict=True):

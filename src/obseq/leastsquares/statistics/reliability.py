@@ -10,12 +10,11 @@ the pattern of N are needed. Formulas and sources: docs/statistics.md.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.statistics.final_state import FinalState, final_state, whitening
 from obseq.leastsquares.statistics.hypothesis_tests import (
     non_centrality,
@@ -38,13 +37,17 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.system import LeastSquares
 
+Source = TypeVar("Source", bound="Batch | Prior", covariant=True)
+Given = TypeVar("Given", "Batch", "Prior")
+
 
 @dataclass(frozen=True)
-class ObservationReliability:
+class ObservationReliability(Generic[Source]):
     """The quality of the observations of one batch, or of the equations of one prior.
 
     All arrays are (n, n_residuals), (n_scalars, 1) for a prior; NaN for inactive observations.
@@ -67,7 +70,7 @@ class ObservationReliability:
             to the unknowns: no function of them moves by more than this many of its standard deviations.
     """
 
-    source: Batch | Prior
+    source: Source
     residuals: FloatArray
     sigmas: FloatArray
     redundancy: FloatArray
@@ -78,7 +81,6 @@ class ObservationReliability:
     left_out_residuals: FloatArray
     external: FloatArray
     _total_redundancy: int = field(repr=False)
-    _names: tuple[str, ...] | None = field(repr=False, default=None)
 
     @property
     def active(self) -> BoolArray:
@@ -97,9 +99,7 @@ class ObservationReliability:
 
     def label(self, row: int) -> str:
         """What to call an observation in a message."""
-        if isinstance(self.source, Batch):
-            return self.source.label(row)
-        return f"{self.source.group} of {self._names[row] if self._names else row}"
+        return self.source.label(row)
 
     def columns(self) -> dict[str, list[str] | list[int] | list[float]]:
         """A table by columns, a line per scalar equation; `component` numbers those of an observation."""
@@ -153,8 +153,8 @@ class Reliability:
         sigma0: square root of the variance factor, which scales tau; None with redundancy 0.
     """
 
-    observations: tuple[ObservationReliability, ...]
-    constraints: tuple[ObservationReliability, ...]
+    observations: tuple[ObservationReliability[Batch], ...]
+    constraints: tuple[ObservationReliability[Prior], ...]
     level: float
     power: float
     non_centrality: float
@@ -163,7 +163,7 @@ class Reliability:
     _state: FinalState = field(repr=False)
 
     @property
-    def all(self) -> tuple[ObservationReliability, ...]:
+    def all(self) -> tuple[ObservationReliability[Batch | Prior], ...]:
         """Batches, then priors."""
         return self.observations + self.constraints
 
@@ -187,7 +187,7 @@ class Reliability:
         """Limit of |tau| at the level of the analysis."""
         return tau_critical(self.level, self.redundancy)
 
-    def of(self, source: Batch | Prior) -> ObservationReliability:
+    def of(self, source: Batch | Prior) -> ObservationReliability[Batch | Prior]:
         """The record of one batch or prior."""
         for part in self.all:
             if part.source is source:
@@ -292,7 +292,9 @@ def reliability(
     return Reliability(measured, priors, level, power, shift, result.redundancy, sigma0, state)
 
 
-def _of_batch(state: FinalState, batch: Batch, shift: float, sigma0: float | None) -> ObservationReliability:
+def _of_batch(
+    state: FinalState, batch: Batch, shift: float, sigma0: float | None
+) -> ObservationReliability[Batch]:
     residuals, weights = state.result.residuals(batch), batch.robust_weights()
     if batch.clusters is not None:
         sigmas = np.sqrt(batch.clusters.variances()).reshape(residuals.shape)
@@ -323,7 +325,9 @@ def _of_clusters(state: FinalState, batch: Batch, residuals: FloatArray) -> Numb
     return Numbers(*(column.reshape(residuals.shape) for column in found))
 
 
-def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | None) -> ObservationReliability:
+def _of_prior(
+    state: FinalState, prior: Prior, shift: float, sigma0: float | None
+) -> ObservationReliability[Prior]:
     residuals, sigmas = state.result.prior_residuals(prior)[:, None], 1.0 / prior.weights[:, None]
     leverages = state.prior_leverages(prior)[:, None]
     numbers = independent_numbers(residuals, sigmas, leverages, np.ones_like(sigmas))
@@ -332,14 +336,14 @@ def _of_prior(state: FinalState, prior: Prior, shift: float, sigma0: float | Non
 
 def _record(
     state: FinalState,
-    source: Batch | Prior,
+    source: Given,
     residuals: FloatArray,
     sigmas: FloatArray,
     numbers: Numbers,
     active: BoolArray,
     shift: float,
     sigma0: float | None,
-) -> ObservationReliability:
+) -> ObservationReliability[Given]:
     controlled = numbers.controlled & active
     missing = np.where(active, np.inf, np.nan)
     w = np.where(controlled, numbers.left_out / numbers.spread, np.nan)
@@ -356,9 +360,8 @@ def _record(
         np.where(controlled, numbers.left_out, np.nan),
         np.where(controlled, numbers.effect * detectable, missing),
         state.result.redundancy,
-        None if isinstance(source, Batch) else state.equations.table.component_names(source.scalars),
     )
 
 
-def _titled(part: ObservationReliability) -> Mapping[str, object]:
+def _titled(part: ObservationReliability[Batch | Prior]) -> Mapping[str, object]:
     return {"group": part.source.group, **part.columns()}

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, overall_level
 from obseq.leastsquares.statistics.reliability import reliability
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.system import LeastSquares
@@ -196,17 +196,16 @@ def _tested(quality: Reliability, settings: _Settings) -> _Outcome:
     return _Outcome(rejection)
 
 
-def _statistics(part: ObservationReliability, settings: _Settings) -> FloatArray:
+def _statistics(part: ObservationReliability[Batch], settings: _Settings) -> FloatArray:
     return np.abs(part.w if settings.statistic is Statistic.W else part.tau)
 
 
-def _rejection(part: ObservationReliability, settings: _Settings, n_tests: int) -> Rejection:
+def _rejection(part: ObservationReliability[Batch], settings: _Settings, n_tests: int) -> Rejection:
     row, component = np.unravel_index(np.nanargmax(_statistics(part, settings)), part.w.shape)
     at = int(row), int(component)
     is_w = settings.statistic is Statistic.W
     single = (part.w_p_values if is_w else part.tau_p_values)[at]
     p_value = float(overall_level(single, n_tests)) if settings.overall else float(single)
-    assert isinstance(part.source, Batch)
     return Rejection(
         part.label(at[0]),
         part.source,
@@ -218,7 +217,7 @@ def _rejection(part: ObservationReliability, settings: _Settings, n_tests: int) 
     )
 
 
-def _tied(parts: list[ObservationReliability], settings: _Settings, top: float) -> tuple[str, ...]:
+def _tied(parts: list[ObservationReliability[Batch]], settings: _Settings, top: float) -> tuple[str, ...]:
     """Names of the observations whose statistic is the largest, up to rounding."""
     return tuple(
         part.label(int(row))

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.weights import Restorer
 from obseq.leastsquares.statistics.component_equations import Component, ComponentEquations, Exact, Sampled
 from obseq.leastsquares.statistics.final_state import final_state
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.component_equations import Traces
@@ -288,7 +288,7 @@ def _check(
 
 
 def _check_part(name: str, source: Batch | Prior, variances: FloatArray, known: set[int]) -> None:
-    what = source.name if isinstance(source, Batch) else source.group
+    what = source.name
     if id(source) not in known:
         raise InputError(f"variance component {name!r}: its part {what} is not in the system")
     shape = source.sigmas.shape
@@ -297,7 +297,7 @@ def _check_part(name: str, source: Batch | Prior, variances: FloatArray, known: 
             f"variance component {name!r}, {what}: variances have shape {np.shape(variances)}; "
             f"expected {shape}"
         )
-    if isinstance(source, Batch) and source.roots.size and np.any(variances != variances[:, :1]):
+    if source.is_correlated and np.any(variances != variances[:, :1]):
         raise InputError(
             f"variance component {name!r}, {what}: its residuals are correlated; give all residuals of an "
             "observation the same number, which multiplies its covariance"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Batch, LeastSquaresResult, Prior
     from obseq.leastsquares.statistics.ellipses import RelativePrecision
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.statistics.snooping import Snooping
@@ -183,7 +183,7 @@ def of_observations(equations: Equations, part: Reliability, name: str, n: int) 
     return found
 
 
-def numbers(part: ObservationReliability, name: str) -> FloatArray:
+def numbers(part: ObservationReliability[Batch | Prior], name: str) -> FloatArray:
     """(n,) one of the numbers of observations that have one residual each."""
     array: FloatArray = getattr(part, name)
     return array[:, 0]
