@@ -72,6 +72,8 @@ def placed(groups: Groups, places: IntArray, free: IntArray) -> Groups:
         places: (n_pairs,) places in the store.
         free: (n_blocks,) free unknowns of each block.
     """
+    if not len(groups.blocks):
+        return groups
     links, inner = groups.links.copy(), groups.inner.copy()
     links[:, 0] = places[links[:, 0]]
     inner[:, 0] = places[inner[:, 0]]
@@ -88,6 +90,8 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
     Raises:
         InputError: observations join too many eliminated blocks to one another.
     """
+    if not eliminated.any():
+        return _no_groups(table.n_scalars)
     of_row, of_column = eliminated[pairs.rows], eliminated[pairs.columns]
     within = np.flatnonzero(of_row & of_column)
     group = _connected(eliminated, pairs.rows[within], pairs.columns[within])
@@ -104,6 +108,12 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
     most = int(local.max(initial=0)) + 1
     met = (neighbours, bounds, links, link_bounds)
     return Groups(blocks, block_bounds, inner, inner_bounds, *met, local, np.zeros_like(neighbours), most, 4)
+
+
+def _no_groups(n_scalars: int) -> Groups:
+    none, start = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    pairs, links, local = none.reshape(0, 3), none.reshape(0, 5), np.full(n_scalars, -1)
+    return Groups(none, start, pairs, start, none, start, links, start, local, none, 1, 4)
 
 
 def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntArray:

@@ -117,6 +117,8 @@ def resolution(table: UnknownTable, weights: FloatArray) -> float:
 
 def sizes_of(table: UnknownTable) -> FloatArray:
     """(n_scalars,) what the digits of a step are compared with: values; 1 for rotations and directions."""
+    if not table.curved:
+        return table.values
     is_flat = np.repeat(table.each(attrgetter("is_flat")), table.size)
     return np.where(is_flat, table.values, 1.0)
 

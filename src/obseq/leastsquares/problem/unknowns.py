@@ -59,6 +59,7 @@ class UnknownTable:
         self._context = GrowingArray(np.float64)
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
+        self._curved: tuple[int, list[tuple[Manifold, IntArray]]] = (0, [])
 
     def __len__(self) -> int:
         return len(self.names)
@@ -75,6 +76,15 @@ class UnknownTable:
         """Each kind with its blocks."""
         for number, manifold in enumerate(self.manifolds):
             yield manifold, np.flatnonzero(self._kind.view == number)
+
+    @property
+    def curved(self) -> list[tuple[Manifold, IntArray]]:
+        """Each curved kind that there are blocks of, with these blocks."""
+        n, found = self._curved
+        if n != len(self):
+            found = [(kind, ids) for kind, ids in self.of_manifolds() if ids.size and not kind.is_flat]
+            self._curved = len(self), found
+        return found
 
     @property
     def start(self) -> IntArray:
@@ -196,6 +206,7 @@ class UnknownTable:
             for name in [name for name, block in known.items() if block >= n]:
                 del known[name]
         del self.names[n:], self._components[families:]
+        self._curved = (0, [])
         for column, length in zip(self._columns(), others, strict=True):
             column.cut(length)
 
@@ -226,11 +237,12 @@ class UnknownTable:
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
         array = np.atleast_1d(plain(ids, what))
-        if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
+        if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
             raise InputError(f"{what}: block ids must be a 1-D array of integers")
         array = array.astype(np.int64)
-        wrong = np.flatnonzero((array < 0) | (array >= len(self)))
-        if wrong.size:
+        outside = (array < 0) | (array >= len(self))
+        if outside.any():
+            wrong = np.flatnonzero(outside)
             raise InputError(
                 f"{what}: row {wrong[0]} has block id {array[wrong[0]]}; ids go from 0 to {len(self) - 1}"
             )
@@ -242,10 +254,10 @@ class UnknownTable:
         if not array.size:
             raise InputError(f"{what}: no block ids")
         kind, size = self._kind.view[array], self.size[array]
-        wrong = np.flatnonzero((kind != kind[0]) | (size != size[0]))
-        if wrong.size:
+        other = (kind != kind[0]) | (size != size[0])
+        if other.any():
             raise InputError(
-                f"{what}: {self._described(array[0])} and {self._described(array[wrong[0]])} are not alike; "
+                f"{what}: {self._described(array[0])} and {self._described(array[other][0])} are not alike; "
                 "treat them in two calls"
             )
         return array, self.manifold(array[0]), int(size[0])
@@ -256,7 +268,11 @@ class UnknownTable:
     def scalars(self, ids: ArrayLike, what: str = "ids") -> IntArray:
         """(n, size) positions in `values` of the unknowns of blocks that are alike."""
         array, _, size = self.uniform(ids, what)
-        return np.asarray(self.start[array][:, None] + np.arange(size))
+        return self._consecutive(array, size)
+
+    def _consecutive(self, ids: IntArray, size: int) -> IntArray:
+        """(n, size) positions in `values` of the unknowns of blocks of this size."""
+        return np.asarray(self.start[ids][:, None] + np.arange(size))
 
     def components(self, block: int) -> tuple[str, ...]:
         """Names of the unknowns of one block, without the name of the block."""
@@ -298,10 +314,10 @@ class UnknownTable:
 
     def read(self, ids: ArrayLike, state: State | None = None) -> FloatArray:
         """Current values: (n, size) for points, vectors, scalars; (n, 3, 3) rotations; (n, 3) directions."""
-        array, manifold, _ = self.uniform(ids, "values")
+        array, manifold, size = self.uniform(ids, "values")
         values = self.values if state is None else state.values
         context = self._context.view if state is None else state.context
-        return manifold.joined(values[self.scalars(array)], context[self._context_places(array, manifold)])
+        return manifold.joined(values[self._consecutive(array, size)], context[self._context_places(array, manifold)])
 
     def write(self, ids: ArrayLike, new: ArrayLike) -> None:
         """Gives blocks that are alike new values, in the shape that `read` returns."""
@@ -329,13 +345,12 @@ class UnknownTable:
     def move(self, step: FloatArray) -> None:
         """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
         values = self.values + step
-        for manifold, ids in self.of_manifolds():
-            if ids.size and not manifold.is_flat:
-                self._absorb(ids, manifold, values)
+        for manifold, ids in self.curved:
+            self._absorb(ids, manifold, values)
         self.values[:] = values
 
     def _absorb(self, ids: IntArray, manifold: Manifold, values: FloatArray) -> None:
-        scalars = self.scalars(ids)
+        scalars = self._consecutive(ids, int(self.size[ids[0]]))
         small = values[scalars]
         moved = np.any(small != 0.0, axis=1)
         values[scalars] = 0.0

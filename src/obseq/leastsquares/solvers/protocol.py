@@ -32,7 +32,7 @@ class SymmetricPattern:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "indptr", np.ascontiguousarray(self.indptr, dtype=np.int64))
-        if not np.issubdtype(np.asarray(self.indices).dtype, np.integer):
+        if np.asarray(self.indices).dtype.kind not in "iu":
             raise InputError("pattern: `indices` must be integers")
         object.__setattr__(self, "indices", np.ascontiguousarray(self.indices))
         self._check()
