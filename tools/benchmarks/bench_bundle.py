@@ -63,7 +63,7 @@ def run_rival(program: Path, file: Path, iterations: int) -> Run:
 def run_ours(system: LeastSquares, start: Any, iterations: int) -> Run:
     """One run of ours from the start; equations and solver are there already."""
     from obseq.leastsquares.assembly.threads import blas_threads
-    from obseq.leastsquares.iterations.gauss_newton import Options
+    from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.runs import iterations_of
     from obseq.leastsquares.iterations.strategies import strategy_of
 

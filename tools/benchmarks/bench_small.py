@@ -87,7 +87,7 @@ class Row:
 
 
 def network(n: int) -> Network:
-    """n points of a square grid, moved at random, with distances between near ones."""
+    """Points of a square grid, moved at random, with distances between near ones."""
     random, side = np.random.default_rng(n), int(np.ceil(np.sqrt(n)))
     grid = np.array([[100.0 * i, 100.0 * j, 0.0] for i in range(side) for j in range(side)])[:n]
     points = grid + random.normal(0.0, 10.0, (n, 3))
@@ -136,11 +136,12 @@ def main() -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the table as JSON")
     arguments = parser.parse_args()
     rows = [bench(n, arguments.rounds, arguments.jacobian) for n in arguments.points]
-    print(f"{'unknowns':>9}{'distances':>10}{'obseq ms':>10}{'scipy ms':>10}{'obseq/scipy':>13}{'differ by':>11}")
+    titles = ("unknowns", "distances", "obseq ms", "scipy ms", "obseq/scipy", "differ by")
+    print("".join(f"{title:>12}" for title in titles))
     for row in rows:
         print(
-            f"{row.unknowns:9}{row.distances:10}{row.obseq:10.2f}{row.scipy:10.2f}{row.ratio:13.2f}"
-            f"{row.disagreement:11.1e}"
+            f"{row.unknowns:12}{row.distances:12}{row.obseq:12.2f}{row.scipy:12.2f}{row.ratio:12.2f}"
+            f"{row.disagreement:12.1e}"
         )
     if arguments.json:
         arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", "utf-8")

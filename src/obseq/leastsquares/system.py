@@ -234,7 +234,7 @@ class LeastSquares:
                 synchronise(self.problem.blocks, self.problem.blocks.objects)
                 if before_iteration is not None:
                     before_iteration(self, number)
-                accept()
+                    accept()
 
             self.problem.settle()
             with self._taken_out() as analyses:

@@ -91,6 +91,10 @@ class NormalEquations:
         self.free = self.layout.free
         self._threads = threads
         self.evaluations = 0
+        numbers = [self.free.number[prior.scalars] for prior in self.priors]
+        self._prior_rows = [(row[row >= 0], row >= 0) for row in numbers]
+        self._poured_blocks = self.layout.diagonal.copy()
+        self._poured_blocks[self.layout.groups.blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
@@ -307,9 +311,7 @@ class NormalEquations:
         store, number, first = self._store, self.free.number, self.free.first
         start, size, indptr = self.table.start, self.table.size, self.pattern.indptr
         gradient = np.zeros(self.pattern.n)
-        poured = self.layout.diagonal.copy()
-        poured[self.layout.groups.blocks] = 0
-        pour_diagonal(store, poured, start, size, number, indptr, gradient)
+        pour_diagonal(store, self._poured_blocks, start, size, number, indptr, gradient)
         bounds = self._pour_bounds
 
         def pour_share(share: int) -> None:
@@ -320,14 +322,12 @@ class NormalEquations:
         return store[: self.pattern.nnz], gradient
 
     def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
-        for prior in self.priors:
-            squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
-            weight = np.square(prior.weights)
-            pull = weight * prior.residuals(self.table.values)
-            row = self.free.number[prior.scalars]
-            free = row >= 0
-            np.add.at(values, self.pattern.diagonal[row[free]], weight[free])
-            np.add.at(gradient, row[free], pull[free])
+        for prior, (row, free) in zip(self.priors, self._prior_rows, strict=True):
+            misfit = prior.residuals(self.table.values) * prior.weights
+            squares[prior.group] = squares.get(prior.group, 0.0) + float(np.square(misfit).sum())
+            weight, pull = np.square(prior.weights), prior.weights * misfit
+            np.add.at(values, self.pattern.diagonal[row], weight[free])
+            np.add.at(gradient, row, pull[free])
             if len(self.layout.groups.blocks):
                 self._add_to_eliminated(prior.scalars, weight, pull)
 

@@ -317,7 +317,9 @@ class UnknownTable:
         array, manifold, size = self.uniform(ids, "values")
         values = self.values if state is None else state.values
         context = self._context.view if state is None else state.context
-        return manifold.joined(values[self._consecutive(array, size)], context[self._context_places(array, manifold)])
+        return manifold.joined(
+            values[self._consecutive(array, size)], context[self._context_places(array, manifold)]
+        )
 
     def write(self, ids: ArrayLike, new: ArrayLike) -> None:
         """Gives blocks that are alike new values, in the shape that `read` returns."""

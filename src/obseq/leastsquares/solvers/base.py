@@ -57,8 +57,10 @@ class BaseSolver(ABC):
         if not len(values):
             self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
             return
-        suspects = self._factor(values, SUSPICIOUS)
-        found, replaced = undetermined(suspects, self._pattern, values, self._solve), suspects.indices
+        found = suspects = self._factor(values, SUSPICIOUS)
+        if suspects.dimension:
+            found = undetermined(suspects, self._pattern, values, self._solve)
+        replaced = suspects.indices
         if suspects.dimension and not found.dimension:
             found = self._factor(values, 0.0)
             replaced = found.indices
