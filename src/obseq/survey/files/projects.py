@@ -9,17 +9,22 @@ from obseq.errors import InputError
 from obseq.survey.files.comp3d import read_comp3d
 from obseq.survey.files.gama import read_gama
 from obseq.survey.files.project import Reading, only_one
+from obseq.survey.files.xml_file import read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.survey.files.project import Project, Reader
+    from obseq.survey.files.xml_file import Element
 
 READERS: dict[str, Reader] = {
     ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
     ".gkf": read_gama,
 }
 """Who reads the files with each suffix."""
+ROOTS: dict[str, Reader] = {}
+"""Who reads the XML files (.xml) with each root element."""
+XML = ".xml"
 DEFAULTS = Reading()
 
 
@@ -46,7 +51,18 @@ def reader_of(path: Path) -> Reader:
     Raises:
         InputError: Nobody does.
     """
-    reader = READERS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    if suffix == XML:
+        return _reader_of_root(read_xml(path))
+    reader = READERS.get(suffix)
     if reader is None:
-        raise InputError(f"{path}: files that can be adjusted by themselves end in {', '.join(READERS)}")
+        suffixes = ", ".join([*READERS, XML])
+        raise InputError(f"{path}: files that can be adjusted by themselves end in {suffixes}")
+    return reader
+
+
+def _reader_of_root(root: Element) -> Reader:
+    reader = ROOTS.get(root.name)
+    if reader is None:
+        raise root.error(f"is not the root of a file that can be adjusted; these are {', '.join(ROOTS)}")
     return reader

@@ -1,0 +1,110 @@
+"""Geodetic reference frames by name, and positions from one frame and epoch to another."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from obseq.arrays import FloatArray
+from obseq.errors import CrsError
+
+if TYPE_CHECKING:
+    import pyproj
+    from pyproj.database import CRSInfo
+
+A_DAY = 1.5 / 365.25
+"""Epochs (years) so close together are one: no plate moves by 0.5 mm in a day."""
+
+
+class FrameAtEpoch(NamedTuple):
+    """A reference frame, and the epoch of coordinates in it.
+
+    Attributes:
+        name: As it is usually called: GDA2020, ITRF2014, ETRS89, ...
+        epoch: Decimal year; NaN where none is given.
+    """
+
+    name: str
+    epoch: float = float("nan")
+
+
+def geographic_crs(name: str) -> str:
+    """Definition of the system of longitude, latitude and ellipsoidal height of a frame, such as EPSG:7843.
+
+    Raises:
+        CrsError: PROJ knows no frame of that name.
+    """
+    return _found(name, "GEOGRAPHIC_3D_CRS")
+
+
+def moved(points: FloatArray, source: FrameAtEpoch, target: FrameAtEpoch) -> FloatArray:
+    """Geocentric points (n, 3) of one frame and epoch in another.
+
+    Between frames that move with a plate the epoch does not count. Into a frame that does not, points are
+    brought at their own epoch only: how they move on is not known here.
+
+    Raises:
+        CrsError: a frame is unknown, or there is no way from one to the other.
+    """
+    if _plain(source.name) == _plain(target.name) and (_is_static(target.name) or _is_near(source, target)):
+        return points
+    if not _is_static(target.name) and not _is_near(source, target):
+        raise CrsError(
+            f"{source.name} at {source.epoch:.3f} to {target.name} at {target.epoch:.3f}: how points move "
+            "between the two epochs is not known"
+        )
+    x, y, z = np.ascontiguousarray(points.T)
+    epoch = source.epoch if np.isfinite(source.epoch) else target.epoch
+    converted = _transformer(source.name, target.name).transform(x, y, z, np.full(len(points), epoch))
+    return np.stack(converted[:3], axis=-1)
+
+
+def _is_near(source: FrameAtEpoch, target: FrameAtEpoch) -> bool:
+    return not abs(source.epoch - target.epoch) > A_DAY
+
+
+def _plain(name: str) -> str:
+    """A name without the differences of writing."""
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+@lru_cache(maxsize=8)
+def _frames(kind: str) -> dict[str, CRSInfo]:
+    """The systems of one kind that PROJ knows, by plain name; of EPSG where several have it."""
+    from pyproj.database import query_crs_info
+
+    infos = query_crs_info(pj_types=[kind])
+    ordered = sorted(infos, key=lambda info: (info.auth_name != "EPSG", info.deprecated))
+    return {_plain(info.name): info for info in reversed(ordered)}
+
+
+def _found(name: str, kind: str) -> str:
+    info = _frames(kind).get(_plain(name))
+    if info is None:
+        raise CrsError(
+            f"reference frame {name!r} is not known; names such as GDA2020, ITRF2014, ETRS89, NAD83(2011) are"
+        )
+    return f"{info.auth_name}:{info.code}"
+
+
+@lru_cache(maxsize=64)
+def _is_static(name: str) -> bool:
+    """Whether points at rest on their plate keep their coordinates in a frame."""
+    import pyproj
+
+    datum = pyproj.CRS.from_user_input(_found(name, "GEOCENTRIC_CRS")).to_json_dict().get("datum", {})
+    return "Dynamic" not in datum.get("type", "") and "frame_reference_epoch" not in datum
+
+
+@lru_cache(maxsize=64)
+def _transformer(source: str, target: str) -> pyproj.Transformer:
+    import pyproj
+    from pyproj.transformer import TransformerGroup
+
+    ends = [_found(name, "GEOCENTRIC_CRS") for name in (source, target)]
+    group = TransformerGroup(*ends, always_xy=True, allow_ballpark=False)
+    if not group.transformers:
+        raise CrsError(f"PROJ knows no way from {source} to {target}")
+    return pyproj.Transformer.from_pipeline(group.transformers[0].definition)
