@@ -9,8 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import station_names
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.coordinates import POINT_X
-from obseq.survey.kinds.registry import FAMILIES, IS_ANGLE, codes
+from obseq.survey.kinds.registry import IS_ANGLE, KINDS
 
 if TYPE_CHECKING:
     from obseq.errors import SingularSystemError
@@ -28,7 +27,10 @@ SHORTEST_HORIZONTAL = 1e-5
 
 def check_datum(points: Points, book: FieldBook) -> None:
     """Raises InputError when no coordinate of any point is known, or observed, or carries a datum."""
-    observed = np.isin(book.observations.types, codes(*FAMILIES[POINT_X.group])) & book.observations.active
+    observed = (
+        np.isin(book.observations.types, [kind.code for kind in KINDS if kind.is_absolute])
+        & book.observations.active
+    )
     if points.is_free.all() and not points.in_datum.any() and not observed.any():
         raise InputError(
             "no point is known: nothing fixes the position of the network. Give at least one point of the "

@@ -197,10 +197,12 @@ class Equations:
         return blocks
 
     def _has_offsets(self, rows: IntArray) -> bool:
+        kind = BY_CODE[int(self._book.observations.types[rows[0]])]
+        return kind.takes_heights and self._has_heights(rows)
+
+    def _has_heights(self, rows: IntArray) -> bool:
         observations = self._book.observations
-        heights = (observations.from_heights[rows], observations.to_heights[rows])
-        kind = BY_CODE[int(observations.types[rows[0]])]
-        return kind.takes_heights and any(column.any() for column in heights)
+        return bool(observations.from_heights[rows].any() or observations.to_heights[rows].any())
 
     def _measured(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, m) what the equation takes besides blocks: offsets if any, its context, the value last."""
@@ -241,7 +243,7 @@ class Equations:
             self._verticals = verticals
         for (_family, is_correlated), (rows, batch) in self.batches.items():
             moves = any(kind.depends_on_place for kind, _ in self._kinds(rows))
-            if moves or self._has_offsets(rows) or self._plumb.is_deflected:
+            if moves or self._has_heights(rows) or self._plumb.is_deflected:
                 batch.observations = self._measured(rows, coordinates)
             if not is_correlated and self._book.observations.relative_sigmas[rows].any():
                 batch.sigmas = self.sigmas(rows, coordinates)

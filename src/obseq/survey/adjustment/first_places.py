@@ -1,30 +1,38 @@
-"""First places of points that only vectors or axes of rotation reach, before all other initial values."""
+"""First places of points that only positions, vectors or axes give, before all other initial values."""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.survey.kinds.axes import AXIS_RADIUS
-from obseq.survey.kinds.vectors import VECTOR
+from obseq.survey.kinds.geodetic import GEO_X
+from obseq.survey.kinds.vectors import LOCAL_X, VECTOR
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.model import FieldBook, Observations, Points
+    from obseq.survey.model import FieldBook, Points
 
 
 def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
-    """The points, with places for those at the end of a vector from a placed one, or of an axis."""
-    xyz = points.coordinates.copy()
+    """The points, with places for those observed in position, at the end of a vector, or of an axis."""
     observations = book.observations
-    vectors = np.flatnonzero((observations.types == VECTOR.code) & observations.active)
-    circles = np.flatnonzero((observations.types == AXIS_RADIUS.code) & observations.active)
-    if not vectors.size and not circles.size:
+    positions, vectors, local, circles = (
+        np.flatnonzero((observations.types == kind.code) & observations.active)
+        for kind in (GEO_X, VECTOR, LOCAL_X, AXIS_RADIUS)
+    )
+    if not (positions.size or vectors.size or local.size or circles.size):
         return points
-    _place_by_vectors(frame, book, vectors.tolist(), xyz)
+    xyz = points.coordinates.copy()
+    _place_by_positions(frame, book, positions, xyz)
+    rotation = frame.to_geocentric(book, vectors)[0] if vectors.size else np.eye(3)
+    values = observations.values
+    steps = [values[vectors[:, None] + np.arange(3)] @ rotation, values[local[:, None] + np.arange(3)]]
+    _place_by_vectors(book, np.concatenate([vectors, local]), np.concatenate(steps), xyz)
     for origin in np.unique(observations.from_points[circles]).tolist():
         seen = observations.to_points[circles[observations.from_points[circles] == origin]]
         placed = xyz[seen][np.isfinite(xyz[seen]).all(axis=1)]
@@ -33,26 +41,27 @@ def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     return replace(points, coordinates=xyz)
 
 
-def _place_by_vectors(frame: Frame, book: FieldBook, rows: list[int], xyz: FloatArray) -> None:
-    """Goes along the vectors from placed points to others, as far as they lead."""
-    if not rows:
+def _place_by_positions(frame: Frame, book: FieldBook, rows: IntArray, xyz: FloatArray) -> None:
+    if not rows.size:
         return
-    observations = book.observations
-    rotation, _ = frame.to_geocentric(book, np.array(rows))
-    open_rows = rows
-    while True:
-        left = [row for row in open_rows if not _placed_by(row, observations, rotation, xyz)]
-        if len(left) == len(open_rows):
-            return
-        open_rows = left
+    rotation, translation = frame.to_geocentric(book, rows)
+    targets = book.observations.to_points[rows]
+    new = np.flatnonzero(np.isnan(xyz[targets]).any(axis=1))
+    geocentric = book.observations.values[rows[new][:, None] + np.arange(3)]
+    xyz[targets[new]] = (geocentric - translation) @ rotation
 
 
-def _placed_by(row: int, observations: Observations, rotation: FloatArray, xyz: FloatArray) -> bool:
-    """Places one end of a vector from the other; whether both ends are placed then."""
-    ends = int(observations.from_points[row]), int(observations.to_points[row])
-    known = [bool(np.isfinite(xyz[end]).all()) for end in ends]
-    if known[0] != known[1]:
-        step = rotation.T @ observations.values[row : row + 3]
-        start, end, sign = (*ends, 1.0) if known[0] else (ends[1], ends[0], -1.0)
-        xyz[end] = xyz[start] + sign * step
-    return any(known)
+def _place_by_vectors(book: FieldBook, rows: IntArray, steps: FloatArray, xyz: FloatArray) -> None:
+    """Goes along the vectors (n, 3), in the frame, from placed points to others, as far as they lead."""
+    neighbours: dict[int, list[tuple[int, FloatArray]]] = {}
+    ends = (book.observations.from_points[rows].tolist(), book.observations.to_points[rows].tolist())
+    for start, end, step in zip(*ends, steps, strict=True):
+        neighbours.setdefault(start, []).append((end, step))
+        neighbours.setdefault(end, []).append((start, -step))
+    waiting = deque(point for point in neighbours if np.isfinite(xyz[point]).all())
+    while waiting:
+        point = waiting.popleft()
+        for other, step in neighbours[point]:
+            if np.isnan(xyz[other]).any():
+                xyz[other] = xyz[point] + step
+                waiting.append(other)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.adjustment.plumb import Plumb
     from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
+    from obseq.survey.kinds.kind import Place
     from obseq.survey.model import FieldBook
 
 
@@ -68,6 +69,24 @@ class NetworkSite:
     def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
         return self.plumb.axes(self.book.observations.from_points[rows].astype(np.int64), coordinates)
+
+    def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
+        return self.places(rows, coordinates)[1][0]
+
+    def normals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) rotations from the frame to east, north, up of the ellipsoid at the last points."""
+        return self.frame.vertical(self.positions(rows, coordinates)[1])
+
+    def places(self, rows: IntArray, coordinates: FloatArray) -> tuple[Place, Place]:
+        """Of both points: geodetic coordinates, east, north and up of the ellipsoid, coordinates."""
+        self.to_geocentric(rows)
+        system = self.frame.system
+        first, last = (
+            (system.geodetic(points), self.frame.vertical(points), points)
+            for points in self.positions(rows, coordinates)
+        )
+        return first, last
 
     def offsets(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) offsets of the targets above their points minus those of the instruments (m)."""

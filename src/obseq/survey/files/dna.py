@@ -132,7 +132,9 @@ class DnaFile:
         """The name of a point in some columns of a line."""
         name = self.text(index, span)
         if not name:
-            raise self.file.error(index, f"columns {span[0] + 1} to {span[1]}: the name of a point is missing")
+            raise self.file.error(
+                index, f"columns {span[0] + 1} to {span[1]}: the name of a point is missing"
+            )
         self.file.check_name(index, name)
         return name
 

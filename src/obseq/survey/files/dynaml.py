@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.survey.files.xml_elements import Element
+    from obseq.survey.files.xml_file import Element
 
 ROOT = "DnaXmlFormat"
 _MEMBERS = {"G": "GPSBaseline", "X": "GPSBaseline", "Y": "Clusterpoint"}
@@ -48,24 +48,22 @@ class DynamlFile:
     def stations(self) -> Iterator[StationRecord]:
         """The stations."""
         for element in self._root.children:
-            if element.tag == "DnaStation":
+            if element.name == "DnaStation":
                 yield _station(element)
 
     def measurements(self) -> Iterator[MeasurementRecord]:
         """The measurements, those that are switched off as well."""
         for element in self._root.children:
-            if element.tag == "DnaMeasurement":
+            if element.name == "DnaMeasurement":
                 yield self._measurement(element)
 
     def _measurement(self, element: Element) -> MeasurementRecord:
-        code = element.content("Type")
+        code = _content(element, "Type")
         if code not in TYPES or len(code) != 1:
-            raise element.error(
-                f"{quoted(code)!r} is not a type of measurement ({', '.join(sorted(TYPES))})"
-            )
-        epoch = _epoch(element, element.content("Epoch", ""))
+            raise element.error(f"{quoted(code)!r} is not a type of measurement ({', '.join(sorted(TYPES))})")
+        epoch = _epoch(element, _content(element, "Epoch", ""))
         header = Header(
-            element.content("ReferenceFrame", "") or self.header.frame,
+            _content(element, "ReferenceFrame", "") or self.header.frame,
             self.header.epoch if math.isnan(epoch) else epoch,
         )
         make = _cluster if code in _MEMBERS else _directions if code == "D" else _single
@@ -73,16 +71,16 @@ class DynamlFile:
 
 
 def _station(element: Element) -> StationRecord:
-    coordinates = element.child("StationCoord")
+    coordinates = next(element.named("StationCoord"), None)
     if coordinates is None:
         raise element.error("an element <StationCoord> is missing in it")
     return StationRecord(
         _name(element, "Name"),
-        element.content("Constraints"),
-        element.content("Type"),
-        (coordinates.number("XAxis"), coordinates.number("YAxis"), coordinates.number("Height")),
-        coordinates.content("HemisphereZone", ""),
-        element.content("Description", ""),
+        _content(element, "Constraints"),
+        _content(element, "Type"),
+        (_number(coordinates, "XAxis"), _number(coordinates, "YAxis"), _number(coordinates, "Height")),
+        _content(coordinates, "HemisphereZone", ""),
+        _content(element, "Description", ""),
         _place(element),
     )
 
@@ -94,9 +92,9 @@ def _single(element: Element, code: str, header: Header) -> MeasurementRecord:
         code,
         _is_on(element),
         tuple(_name(element, tag) for tag in tags),
-        _packed(element) if is_angle else element.number("Value"),
-        element.number("StdDev") * (SECOND if is_angle else 1.0),
-        (element.number("InstHeight", 0.0), element.number("TargHeight", 0.0)),
+        _packed(element) if is_angle else _number(element, "Value"),
+        _number(element, "StdDev") * (SECOND if is_angle else 1.0),
+        (_number(element, "InstHeight", 0.0), _number(element, "TargHeight", 0.0)),
         header=header,
         place=_place(element),
     )
@@ -109,7 +107,7 @@ def _directions(element: Element, code: str, header: Header) -> MeasurementRecor
         Member(
             (station, _name(part, tag)),
             (_packed(part),),
-            part.number("StdDev") * SECOND,
+            _number(part, "StdDev") * SECOND,
             None,
             (),
             _is_on(part),
@@ -136,14 +134,14 @@ def _cluster(element: Element, code: str, header: Header) -> MeasurementRecord:
                 f"{len(member.crossed)} covariances with later members, where {len(members) - 1 - number} "
                 "are needed"
             )
-    scales = [element.number(f"{letter}scale", 1.0) for letter in "VPLH"]
+    scales = [_number(element, f"{letter}scale", 1.0) for letter in "VPLH"]
     return MeasurementRecord(
         code,
         _is_on(element),
         members[0].names,
         members=tuple(members),
         scales=(scales[0], scales[1], scales[2], scales[3]),
-        system=element.content("Coords", "XYZ"),
+        system=_content(element, "Coords", "XYZ"),
         header=header,
         place=_place(element),
     )
@@ -154,9 +152,9 @@ def _parts(element: Element, code: str) -> Iterator[tuple[tuple[str, ...], Eleme
     names: dict[str, str] = {}
     wanted = ("First",) if code == "Y" else ("First", "Second")
     for child in element.children:
-        if child.tag in wanted:
-            names[child.tag] = _checked_name(child)
-        elif child.tag == _MEMBERS[code]:
+        if child.name in wanted:
+            names[child.name] = _checked_name(child)
+        elif child.name == _MEMBERS[code]:
             missing = [tag for tag in wanted if tag not in names]
             if missing:
                 raise child.error(f"an element <{missing[0]}> is missing before it")
@@ -164,49 +162,70 @@ def _parts(element: Element, code: str) -> Iterator[tuple[tuple[str, ...], Eleme
 
 
 def _member(names: tuple[str, ...], part: Element, is_on: bool) -> Member:
-    values = tuple(part.number(tag) for tag in "XYZ")
-    xx, xy, xz, yy, yz, zz = (part.number(f"Sigma{tag}") for tag in ("XX", "XY", "XZ", "YY", "YZ", "ZZ"))
+    values = tuple(_number(part, tag) for tag in "XYZ")
+    xx, xy, xz, yy, yz, zz = (_number(part, f"Sigma{tag}") for tag in ("XX", "XY", "XZ", "YY", "YZ", "ZZ"))
     covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    crossed = tuple(_block(child) for child in _all(part, _CROSSED[part.tag]))
+    crossed = tuple(_block(child) for child in _all(part, _CROSSED[part.name]))
     return Member(names, values, math.nan, covariance, crossed, is_on, _place(part))
 
 
 def _block(element: Element) -> FloatArray:
-    return np.array([[element.number(f"m{row}{column}") for column in "123"] for row in "123"])
+    return np.array([[_number(element, f"m{row}{column}") for column in "123"] for row in "123"])
+
+
+def _content(element: Element, tag: str, default: str | None = None) -> str:
+    """The text of the first element inside with a name.
+
+    Raises:
+        InputError: there is none, and no default.
+    """
+    child = next(element.named(tag), None)
+    text = "" if child is None else child.text.strip()
+    if child is None and default is None:
+        raise element.error(f"an element <{tag}> is missing in it")
+    return text or default or ""
+
+
+def _number(element: Element, tag: str, default: float | None = None) -> float:
+    """The number in the first element inside with a name."""
+    text = _content(element, tag, "" if default is not None else None)
+    if not text and default is not None:
+        return default
+    return element.parsed(text, tag)
 
 
 def _all(element: Element, tag: str) -> Sequence[Element]:
-    return [child for child in element.children if child.tag == tag]
+    return list(element.named(tag))
 
 
 def _is_on(element: Element) -> bool:
-    return element.content("Ignore", "") != "*"
+    return _content(element, "Ignore", "") != "*"
 
 
 def _packed(element: Element) -> float:
     """The angle of <Value>."""
     try:
-        return radians_of_packed(element.number("Value"))
+        return radians_of_packed(_number(element, "Value"))
     except ValueError as error:
         raise element.error(str(error)) from error
 
 
 def _check_total(element: Element, count: int) -> None:
-    total = element.content("Total", "")
+    total = _content(element, "Total", "")
     if total and total != str(count):
         raise element.error(f"<Total> is {quoted(total)}, and {count} members are in it")
 
 
 def _name(element: Element, tag: str) -> str:
-    element.content(tag)
-    child = element.child(tag)
-    return _checked_name(child or element)
+    _content(element, tag)
+    return _checked_name(next(element.named(tag)))
 
 
 def _checked_name(element: Element) -> str:
-    if not element.text or len(element.text) > LONGEST_NAME:
+    name = element.text.strip()
+    if not name or len(name) > LONGEST_NAME:
         raise element.error(f"a name of 1 to {LONGEST_NAME} characters is needed")
-    return element.text
+    return name
 
 
 def _epoch(element: Element, text: str) -> float:
@@ -217,4 +236,4 @@ def _epoch(element: Element, text: str) -> float:
 
 
 def _place(element: Element) -> Place:
-    return Place(element.file, element.line)
+    return Place(element.file.name, element.line)

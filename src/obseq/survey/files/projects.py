@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.survey.files.comp3d import read_comp3d
+from obseq.survey.files.dynadjust import MSR, STN, read_dna, read_dynaml
+from obseq.survey.files.dynaml import ROOT
 from obseq.survey.files.gama import read_gama
 from obseq.survey.files.project import Reading, only_one
 from obseq.survey.files.xml_file import read_xml
@@ -20,9 +22,11 @@ if TYPE_CHECKING:
 READERS: dict[str, Reader] = {
     ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
     ".gkf": read_gama,
+    STN: read_dna,
+    MSR: read_dna,
 }
 """Who reads the files with each suffix."""
-ROOTS: dict[str, Reader] = {}
+ROOTS: dict[str, Reader] = {ROOT: read_dynaml, "gama-local": read_gama, "gama-xml": read_gama}
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
 DEFAULTS = Reading()

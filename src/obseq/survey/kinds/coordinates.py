@@ -45,6 +45,7 @@ def _along(axis: int) -> Coordinate:
         f"coordinate {name} of a point",
         "TopoSubFrame",
         family="Coordinates",
+        is_absolute=True,
         takes_heights=False,
         is_line=False,
         axis=axis,

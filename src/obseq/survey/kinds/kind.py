@@ -34,6 +34,10 @@ class Start(enum.Enum):
     DZ = "dz"
 
 
+Place = tuple["FloatArray", "FloatArray", "FloatArray"]
+"""(n, 3) longitude, latitude, height; (n, 3, 3) from the frame to east, north, up; (n, 3) coordinates."""
+
+
 class Site(Protocol):
     """The network, as far as equations depend on it; rows are those of the field book."""
 
@@ -67,6 +71,15 @@ class Site(Protocol):
 
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
+
+    def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
+
+    def normals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) rotations from the frame to east, north, up of the ellipsoid at the last points."""
+
+    def places(self, rows: IntArray, coordinates: FloatArray) -> tuple[Place, Place]:
+        """Of both points: geodetic coordinates, east, north and up of the ellipsoid, coordinates."""
 
     def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
@@ -102,12 +115,13 @@ class ObservationKind:
         name: What files, results and messages call it.
         code: Its number in the columns of observations, that of OBS files where these have it.
         words: What it is, for tables and help.
-        formula: The formula of its equation.
+        formula: The formula of its equation; empty when it is linear rows, made anew at each place.
         is_angle: Whether value and sigma are angles (radians), not lengths (metres).
         needs_station: Whether it is read on an instrument, whose axes are an unknown or given rotation.
         orients: Whether it turns a station about its vertical (0: no, 1: yes, -1: unless its value is 0).
         start: What it gives to initial values.
         family: Kinds of one family have one equation, and may be correlated; its own name when empty.
+        is_absolute: Whether one observation says where its point is, not how points lie to each other.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
     """
@@ -121,6 +135,7 @@ class ObservationKind:
     orients: int = 0
     start: Start = Start.NOTHING
     family: str = ""
+    is_absolute: bool = False
     takes_heights: bool = True
     is_line: bool = True
 

@@ -12,6 +12,7 @@ from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
+from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
 from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
@@ -24,6 +25,7 @@ KINDS: tuple[ObservationKind, ...] = (
     *(DIST_HZ0, ALPHA, BETA, VECTOR, VECTOR_Y, VECTOR_Z, EQUAL_DH, EQUAL_DIST),
     *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
     *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
+    *(GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, CHORD),
 )
 
 BY_CODE = {kind.code: kind for kind in KINDS}

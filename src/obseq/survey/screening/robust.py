@@ -124,7 +124,7 @@ def estimate(model: Model, points: Points, book: FieldBook, stages: Stages = WHO
 
 def _settle(equations: Equations, stages: Stages) -> None:
     """Moves the unknowns to the robust solution, as far as the iterations go."""
-    batches = [batch for _, batch in equations.batches.values() if batch.clusters is None]
+    batches = [batch for _, batch in equations.batches.values()]
 
     def before(system: LeastSquares, iteration: int) -> None:
         if iteration % _FOLLOW == 0:
