@@ -144,7 +144,7 @@ def records(site):
         ("C", "AD", site.chord("A", "D"), 0.002, (0, 0)),
         ("E", "AC", 2 * radius * math.asin(chord / 2 / radius), 0.002, (0, 0)),
         ("M", "AC", 2 * radius * math.asin(chord / 2 / radius), 0.002, (0, 0)),
-        ("A", "ABD", (site.azimuth("A", "D") - site.azimuth("A", "B")) % (2 * math.pi), 1.0, (0, 0)),
+        ("A", "ABC", (site.azimuth("A", "C") - site.azimuth("A", "B")) % (2 * math.pi), 1.0, (0, 0)),
         ("B", "AC", site.azimuth("A", "C"), 1.0, (0, 0)),
         ("K", "BD", site.azimuth("B", "D"), 1.0, (0, 0)),
         ("V", "AD", site.zenith("A", "D", 1.5, 1.2), 2.0, (1.5, 1.2)),
