@@ -30,7 +30,7 @@ from obseq.formulas.plane import (
     SumSquare,
 )
 from obseq.formulas.projections import CENTRAL_PROJECTIONS
-from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
+from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, KnownRotation, RigidPair, VNormOrthog
 from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
 from obseq.formulas.special_topography import AxisLink, AxisPlane, AxisRadius, TopoDHParam, TopoDistHz0
@@ -85,6 +85,8 @@ REGISTRY: tuple[Formula, ...] = (
     SetPointNwCDUnknown(3),
     BlocRigid(),
     BlocRigid_RE(),
+    RigidPair(),
+    KnownRotation(),
     VNormOrthog(),
     ClinoInBlock(0, 3),
     ClinoBloc(),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, VNormOrthog
+from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, KnownRotation, RigidPair, VNormOrthog
 from obseq.geometry import rotations
 from obseq.kernels import calculator
 
@@ -54,6 +54,30 @@ def test_the_pose_attached_to_a_known_one() -> None:
     # 0.5 m too far along y, and turned by w_z = 0.01: R0 (I - [w]x) has +w_z at row 0, column 1.
     found = BlocRigid_RE().evaluate((1, 2.5, 3, 0, 0, 0.01), (*IDENTITY, 1, 2, 3, *IDENTITY))
     assert found == pytest.approx((0, 0.5, 0, 0, 0.01, 0, -0.01, 0, 0, 0, 0, 0), abs=1e-15)
+
+
+def test_six_equations_of_a_pair() -> None:
+    # A and the places are not turned, B is turned by a quarter about z: 2 sin(45 degrees) along z.
+    # From A, B is 5 m along x; place 2 is 4 m from place 1: 1 m is missing.
+    unknowns = (0, 0, 0, *STILL, 5, 0, 0, *STILL, 0, 0, 0, *STILL, 4, 0, 0, *STILL)
+    found = RigidPair().evaluate(unknowns, (*IDENTITY, *QUARTER, *IDENTITY, *IDENTITY))
+    assert found == pytest.approx((1, 0, 0, 0, 0, 2**0.5), abs=1e-15)
+
+
+def test_the_turn_of_a_pair_has_the_sign_of_the_rotation_vector() -> None:
+    # The small rotation of B is R0 (I - [w]x): w_z = 1e-3 turns B by -1e-3 about z.
+    unknowns = [0.0] * 24
+    unknowns[11] = 1e-3
+    found = RigidPair().evaluate(tuple(unknowns), IDENTITY * 4)
+    assert found == pytest.approx((0, 0, 0, 0, 0, -1e-3), abs=1e-9)
+
+
+def test_a_rotation_attached_to_a_known_one() -> None:
+    # Known: not turned; found: a quarter about z, 2 sin(45 degrees); and a sixth of a circle the other way.
+    found = KnownRotation().evaluate(STILL, (*QUARTER, *IDENTITY))
+    assert found == pytest.approx((0, 0, 2**0.5), abs=1e-15)
+    sixth = rotations.exponential(np.array([np.pi / 3, 0.0, 0.0])).ravel().tolist()
+    assert KnownRotation().evaluate(STILL, (*IDENTITY, *sixth)) == pytest.approx((-1, 0, 0), abs=1e-15)
 
 
 def test_orthogonality_is_the_cosine() -> None:
