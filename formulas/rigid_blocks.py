@@ -1,7 +1,7 @@
 """Rigid blocks of cameras, and orthogonality of directions carried by a block.
 
-`BlocRigid` and `BlocRigid_RE` are MMVII's, with nine equations for the three degrees of freedom of a rotation;
-`RigidPair` and `KnownRotation` have three, the axis of the turn between two rotations times `2 sin(t/2)`.
+`BlocRigid` and `BlocRigid_RE` are MMVII's, with nine equations for the three degrees of freedom of a
+rotation; `RigidPair` and `KnownRotation` have three, the axis of a turn t times `2 sin(t/2)`.
 
 The pose of a camera is the rotation and centre that take its frame to the world; the pose of a camera in
 its block takes its frame to that of the block. Metres and radians.

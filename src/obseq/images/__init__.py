@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
     from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera, median_camera
+    from obseq.images.clinometers import Clinometer
     from obseq.images.control import ControlPoints
     from obseq.images.initial.distribution import Distribution, check_distribution
     from obseq.images.initial.eleven import UncalibratedResection, resect_uncalibrated
@@ -33,6 +34,7 @@ _HOMES = {
     "BundleAdjustment": "images.bundle",
     "BundleSolution": "images.adjustment.solution",
     "Camera": "images.camera",
+    "Clinometer": "images.clinometers",
     "ControlPoints": "images.control",
     "Distribution": "images.initial.distribution",
     "Exposures": "images.rigid",
@@ -68,6 +70,7 @@ __all__ = [
     "BundleAdjustment",
     "BundleSolution",
     "Camera",
+    "Clinometer",
     "ControlPoints",
     "Distribution",
     "Exposures",

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
+from obseq.images.parts import Instruments, Lengths, MeasureSet, PoseObservations, Rule
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -21,68 +23,13 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.images.camera import Camera
+    from obseq.images.clinometers import Clinometer
     from obseq.images.rigid import RigidBlock
     from obseq.images.weighting import Weighting
     from obseq.survey import Network
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""
-
-
-@dataclass(frozen=True, eq=False)
-class MeasureSet:
-    """Image points that are weighted alike.
-
-    Attributes:
-        measures: the points.
-        weighting: robust weights; the sigmas are in the measures.
-        name: of the set, for messages and sums of squares.
-    """
-
-    measures: ImagePoints
-    weighting: Weighting | None
-    name: str
-
-
-@dataclass(frozen=True)
-class Lengths:
-    """Distances between points, scale bars among them.
-
-    Attributes:
-        first: (n,) names of points.
-        second: (n,) names of points.
-        values: (n,) in the unit of the world.
-        sigmas: (n,).
-    """
-
-    first: tuple[str, ...] = ()
-    second: tuple[str, ...] = ()
-    values: tuple[float, ...] = ()
-    sigmas: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class PoseObservations:
-    """Poses that are observed: satellite positions, another orientation.
-
-    Attributes:
-        poses: observed values.
-        centre_sigmas: (n, 3); infinite where nothing is observed.
-        rotation_sigma: radians per axis; None when rotations are not observed.
-    """
-
-    poses: Poses
-    centre_sigmas: FloatArray
-    rotation_sigma: float | None
-
-
-@dataclass(frozen=True)
-class Rule:
-    """What keeps its value, or is freed again, by patterns of names that match as a whole."""
-
-    cameras: re.Pattern[str]
-    parameters: re.Pattern[str]
-    frozen: bool
 
 
 @dataclass(eq=False)
@@ -102,6 +49,7 @@ class Block:
     surveys: list[Network] = field(default_factory=list)
     rigid_blocks: list[RigidBlock] = field(default_factory=list)
     pose_observations: list[PoseObservations] = field(default_factory=list)
+    instruments: Instruments = field(default_factory=Instruments)
     rules: list[Rule] = field(default_factory=list)
     shared: list[tuple[str, str]] = field(default_factory=list)
     parameter_priors: list[tuple[str, str, float | None, float]] = field(default_factory=list)
@@ -301,6 +249,35 @@ class Block:
             if image in taken:
                 raise InputError(f"image {image} is in two rigid blocks, {taken[image]} and {block.name}")
         self.rigid_blocks.append(block)
+
+    def add_clinometer(self, clinometer: Clinometer) -> None:
+        """Adds a clinometer that a camera carries; `add_inclinations` says what it read."""
+        if clinometer.name in (known.name for known in self.instruments.clinometers):
+            raise InputError(f"clinometer {clinometer.name!r} is given twice")
+        self.instruments.clinometers.append(clinometer)
+
+    def add_inclinations(
+        self, clinometer: str, images: Sequence[str], angles: ArrayLike, sigmas: ArrayLike
+    ) -> None:
+        """Adds readings of a clinometer (radians, above the horizon), each with the image taken then."""
+        known = [item.name for item in self.instruments.clinometers]
+        index_of(known, [clinometer], "inclinations: clinometer")
+        index_of(list(self.camera_of), images, f"clinometer {clinometer}: image")
+        read = Inclinations(clinometer, tuple(images), np.asarray(angles), np.asarray(sigmas))
+        self.instruments.inclinations.append(read)
+
+    def add_right_angle(self, first: str, second: str, sigma: float) -> None:
+        """Says that the axes of two clinometers are at right angles, to a sigma (radians)."""
+        known = [item.name for item in self.instruments.clinometers]
+        index_of(known, [first, second], "right angle: clinometer")
+        if first == second or not (np.isfinite(sigma) and sigma > 0.0):
+            raise InputError(f"right angle of {first} and {second}: two clinometers and a positive sigma")
+        self.instruments.right_angles.append((first, second, sigma))
+
+    def set_vertical(self, up: ArrayLike = (0.0, 0.0, 1.0), is_free: bool = False) -> None:
+        """Says where upwards is in the world, for clinometers; free, it is an unknown that starts there."""
+        x, y, z = np.asarray(up, dtype=np.float64).tolist()
+        self.instruments.vertical, self.instruments.vertical_is_free = (x, y, z), is_free
 
     def observe_poses(
         self, poses: Poses, centre_sigmas: ArrayLike, rotation_sigma: float | None = None

@@ -81,6 +81,7 @@ class BundleAdjustment(Block):
         """
         start, initial = with_surveys(self.surveys, start_of(self))
         self._check_datum(datum, start)
+        self._check_scale(datum)
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
         equations = Equations(self, start, system, eliminate and not keeps_points)
@@ -142,12 +143,24 @@ class BundleAdjustment(Block):
         for patterns in (self.fixed_centres, self.fixed_rotations):
             known += 3 * sum(any(p.fullmatch(image) for p in patterns) for image in start.poses.images)
         known += 6 * sum(len(observed.poses) for observed in self.pose_observations)
+        known += sum(len(read.images) for read in self.instruments.inclinations)
         if known + len(self.lengths.values) < 7:
             raise InputError(
                 f"the block has no datum: {known} coordinates of measured points are known, and position, "
                 "orientation and scale take 7; add control points, or ask for a free block with "
                 "datum='centres'"
             )
+
+    def _check_scale(self, datum: str | Sequence[str]) -> None:
+        """Refuses rigid blocks of unknown size without a scale: the world would shrink for their sake."""
+        has_scale = datum == "control" or self.lengths.values or self.surveys
+        for part in self.rigid_blocks:
+            if not (has_scale or part.is_fixed or part.observed_places.keys() - {part.master}):
+                raise InputError(
+                    f"rigid block {part.name}: its sigmas are in the unit of the world, and nothing gives "
+                    "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
+                    "or as observed (place_sigmas)"
+                )
 
 
 def _solve_free(
@@ -163,7 +176,7 @@ def _solve_free(
     linear, and so is done again until nothing moves.
     """
     system = equations.system
-    unknowns = [equations.centres, equations.rotations, equations.points, *sum(equations.places, ())]
+    unknowns = [equations.centres, equations.rotations, equations.points, *equations.instruments]
     groups = [ids for ids in unknowns if ids.size] + [ids[None] for ids in equations.calibrations]
     before = [system.values(ids) for ids in groups]
     done: tuple[Iteration, ...] = ()

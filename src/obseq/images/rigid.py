@@ -5,8 +5,10 @@ The pose of a camera in its block takes its frame to that of the block, which is
 
 from __future__ import annotations
 
+import itertools
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,10 +19,12 @@ from obseq.images.names import index_of, numbered, unique_names
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
 
+Sigmas = tuple[float, float]
+"""Of a translation per coordinate (unit of the world), and of a rotation per axis (radians)."""
 GROSS = 4.0
 """An exposure that is off by this many times the typical scatter does not fit the block."""
 
@@ -114,6 +118,16 @@ class PairStatistics:
     sigma_rotation: float
     fits: BoolArray
 
+    @property
+    def sigmas(self) -> Sigmas:
+        """Scatter of the translation per coordinate, and of the rotation per axis (radians)."""
+        return self.sigma_translation / np.sqrt(3.0), self.sigma_rotation / np.sqrt(6.0)
+
+    @property
+    def misfits(self) -> tuple[str, ...]:
+        """The exposures that do not fit."""
+        return tuple(np.array(self.exposures, dtype=object)[~self.fits])
+
 
 @dataclass(frozen=True, eq=False)
 class RigidBlock:
@@ -127,8 +141,14 @@ class RigidBlock:
         sigma_translation: of a relative translation, per coordinate, in the unit of the world.
         sigma_rotation: of a relative rotation, per axis, radians.
         is_fixed: True when the places are known exactly.
-        place_sigmas: (translation, rotation) of the places as given, when they are observations; None when
-            they are free.
+        place_sigmas: (translation, rotation) of the places as given, when they are observations, for all
+            cameras or by camera; None when they are free.
+        master_sigmas: (translation, rotation) of the place of the master, where it is not held (a soft
+            gauge); the place stays free of all else then.
+        pair_sigmas: (translation, rotation) of the pairs of cameras that are observed, where each has its
+            own (MMVII's instrument blocks); None: every camera with the master, with the sigmas above.
+        as_matrices: True for MMVII's twelve equations of a pair, nine of them the entries of a matrix, which
+            count three degrees of freedom nine times; six equations otherwise. The weight is the same.
     """
 
     name: str
@@ -138,13 +158,37 @@ class RigidBlock:
     sigma_translation: float
     sigma_rotation: float
     is_fixed: bool = False
-    place_sigmas: tuple[float, float] | None = None
+    place_sigmas: Sigmas | Mapping[str, Sigmas] | None = None
+    master_sigmas: Sigmas | None = None
+    pair_sigmas: Mapping[tuple[str, str], Sigmas] | None = None
+    as_matrices: bool = False
 
     def __post_init__(self) -> None:
         index_of(self.places.images, [self.master, *self.exposures.cameras], f"block {self.name}: camera")
-        for sigma in (self.sigma_translation, self.sigma_rotation, *(self.place_sigmas or ())):
+        for first, second in self.pair_sigmas or ():
+            index_of(self.places.images, [first, second], f"block {self.name}: pair of camera")
+        own = (self.sigma_translation, self.sigma_rotation)
+        every = (own, self.master_sigmas or own, *self.observed_places.values(), *self.pairs.values())
+        for sigma in (sigma for sigmas in every for sigma in sigmas):
             if not (np.isfinite(sigma) and sigma > 0.0):
                 raise InputError(f"block {self.name}: a sigma must be positive, not {sigma}")
+
+    @property
+    def pairs(self) -> dict[tuple[str, str], Sigmas]:
+        """The pairs of cameras whose relative pose is observed at every exposure, and its sigmas."""
+        if self.pair_sigmas is not None:
+            return dict(self.pair_sigmas)
+        own = (self.sigma_translation, self.sigma_rotation)
+        return {(self.master, camera): own for camera in self.exposures.cameras if camera != self.master}
+
+    @property
+    def observed_places(self) -> dict[str, Sigmas]:
+        """The cameras whose places are observed, and the sigmas."""
+        given = self.place_sigmas or {}
+        if not isinstance(given, Mapping):
+            given = {camera: given for camera in self.places.images if camera != self.master}
+        soft = {} if self.master_sigmas is None else {self.master: self.master_sigmas}
+        return {**given, **soft}
 
 
 def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str) -> PairStatistics:
@@ -205,6 +249,7 @@ def initial_block(
     name: str = "TheBloc",
     sigma_translation: float | None = None,
     sigma_rotation: float | None = None,
+    all_pairs: bool = False,
 ) -> tuple[RigidBlock, tuple[PairStatistics, ...]]:
     """A rigid block from poses that are known: the mean places of its cameras (MMVII's `BlockCamInit`).
 
@@ -215,9 +260,11 @@ def initial_block(
         name: of the block.
         sigma_translation: of the block; the largest scatter of its pairs, per coordinate, when None.
         sigma_rotation: of the block, radians; the same.
+        all_pairs: True to observe every pair of cameras with the scatter of its own (MMVII's
+            `BlockInstrInitCam`), instead of every camera with the master.
 
     Returns:
-        The block, and the statistics of every pair with the master.
+        The block, and the statistics of its pairs, those with the master first.
 
     Raises:
         InputError: a camera has no exposure in common with the master.
@@ -238,12 +285,26 @@ def initial_block(
         [np.zeros(3), *(pair.mean.centre for pair in pairs)],
         [np.eye(3), *(pair.mean.rotation for pair in pairs)],
     )
-    translation = sigma_translation or _largest(pair.sigma_translation / np.sqrt(3.0) for pair in pairs)
-    rotation = sigma_rotation or _largest(pair.sigma_rotation / np.sqrt(6.0) for pair in pairs)
-    return RigidBlock(name, chief, used, places, translation, rotation), pairs
+    translation = sigma_translation or _largest(pair.sigmas[0] for pair in pairs)
+    rotation = sigma_rotation or _largest(pair.sigmas[1] for pair in pairs)
+    block = RigidBlock(name, chief, used, places, translation, rotation)
+    if not all_pairs:
+        return block, pairs
+    others = [camera for camera in used.cameras if camera != chief]
+    pairs += tuple(pair_statistics(poses, used, a, b) for a, b in itertools.combinations(others, 2))
+    sigmas = {(pair.first, pair.second): _finite(pair.sigmas, (translation, rotation)) for pair in pairs}
+    return replace(block, pair_sigmas=sigmas), pairs
 
 
-def _largest(values) -> float:  # type: ignore[no-untyped-def]
+def _finite(sigmas: Sigmas, instead: Sigmas) -> Sigmas:
+    """The sigmas of a pair, or those of the block where one exposure says nothing of the scatter."""
+    chosen = [
+        max(own, 1e-12) if np.isfinite(own) else other for own, other in zip(sigmas, instead, strict=True)
+    ]
+    return chosen[0], chosen[1]
+
+
+def _largest(values: Iterable[float]) -> float:
     found = [value for value in values if np.isfinite(value)]
     if not found:
         raise InputError(

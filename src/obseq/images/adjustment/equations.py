@@ -8,23 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.images.adjustment.clinometer_equations import ClinometerEquations
+from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.block import expression
 from obseq.images.names import index_of
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.start import NumberedSet, Start
-    from obseq.images.block import Block, PoseObservations
-    from obseq.images.rigid import RigidBlock
+    from obseq.images.block import Block
+    from obseq.images.parts import PoseObservations
     from obseq.leastsquares import Batch, LeastSquares
 
 CONTROL = "control points"
 LENGTHS = "lengths"
 POSES = "observed poses"
 PARAMETERS = "observed parameters"
-RIGID = "rigid blocks"
-ROTATION_ENTRIES = np.sqrt(2.0)
-"""Sigma of the entries of a matrix over that of the angle: nine squares sum up to twice that of the angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +53,8 @@ class Equations:
         points: block of every point.
         measures: the batches of image points.
         control: batch of the coordinates of control points, and (n, 2) their point and component.
-        places: blocks of the places of cameras in rigid blocks: centres and rotations of each.
-        rigid: batches of rigid blocks.
+        rigid: rigid blocks.
+        clinometers: the clinometers; None where nothing was read.
     """
 
     def __init__(self, block: Block, start: Start, system: LeastSquares, eliminate: bool) -> None:
@@ -73,11 +72,22 @@ class Equations:
         self._add_lengths()
         for observed in block.pose_observations:
             self._observe_poses(observed)
-        self.places: list[tuple[IntArray, IntArray]] = []
-        self.rigid = [self._add_rigid(rigid) for rigid in block.rigid_blocks]
+        poses = self.centres, self.rotations
+        self.rigid = [RigidEquations(system, rigid, images, poses) for rigid in block.rigid_blocks]
+        self.clinometers: ClinometerEquations | None = None
+        if block.instruments.inclinations:
+            self.clinometers = ClinometerEquations(system, block.instruments, images, poses)
         self._slow()
         if eliminate:
             self._eliminate()
+
+    @property
+    def instruments(self) -> list[IntArray]:
+        """Blocks of unknowns of what carries the cameras, one array for each kind."""
+        found = [ids for part in self.rigid for ids in (part.centres, part.rotations)]
+        if self.clinometers is not None:
+            found += [self.clinometers.vertical, self.clinometers.axes, self.clinometers.corrections]
+        return found
 
     # Unknowns
 
@@ -222,96 +232,13 @@ class Equations:
         rows = index_of(self.start.poses.images, observed.poses.images, "observed poses: image")
         self.system.add_prior(self.centres[rows], observed.poses.centres, observed.centre_sigmas, POSES)
         if observed.rotation_sigma is not None:
-            self._observe_rotations(rows, observed)
-
-    def _observe_rotations(self, rows: IntArray, observed: PoseObservations) -> None:
-        still = self.system.add_points(
-            [f"{image} origin {len(self.system.unknowns)}" for image in observed.poses.images],
-            np.zeros((len(rows), 3)),
-        )
-        self.system.freeze(still)
-        self._attach(
-            still,
-            self.rotations[rows],
-            np.zeros((len(rows), 3)),
-            observed.poses.rotations,
-            (1.0, float(observed.rotation_sigma or 0.0)),
-            POSES,
-        )
-
-    def _attach(
-        self,
-        centres: IntArray,
-        rotations: IntArray,
-        known_centres: FloatArray,
-        known_rotations: FloatArray,
-        sigmas: tuple[float, float],
-        group: str,
-    ) -> Batch:
-        blocks = {"pose.centre": centres, "pose.rotation": rotations}
-        observations = np.hstack([known_centres, known_rotations.reshape(-1, 9)])
-        return self.system.add(
-            "BlocRigid_RE", blocks, observations, _twelve(len(centres), *sigmas), group=group
-        )
-
-    def _add_rigid(self, rigid: RigidBlock) -> Batch:
-        system = self.system
-        names = [f"{rigid.name} {camera}" for camera in rigid.places.images]
-        centres = system.add_points([f"{name} place" for name in names], rigid.places.centres)
-        rotations = system.add_rotations(names, rigid.places.rotations)
-        self.places.append((centres, rotations))
-        master = int(index_of(rigid.places.images, [rigid.master], f"block {rigid.name}: camera")[0])
-        fixed = slice(None) if rigid.is_fixed else slice(master, master + 1)
-        system.freeze(centres[fixed])
-        system.freeze(rotations[fixed])
-        if rigid.place_sigmas is not None:
-            free = np.arange(len(names)) != master
-            self._attach(
-                centres[free],
-                rotations[free],
-                rigid.places.centres[free],
-                rigid.places.rotations[free],
-                rigid.place_sigmas,
-                RIGID,
-            )
-        first, second, camera = self._rigid_pairs(rigid)
-        blocks = {}
-        for end, images, places in (("a", first, "1"), ("b", second, "2")):
-            place = np.full(len(images), master) if end == "a" else camera
-            blocks[f"camera_{end}.centre"] = self.centres[images]
-            blocks[f"camera_{end}.rotation"] = self.rotations[images]
-            blocks[f"place_{places}.centre"] = centres[place]
-            blocks[f"place_{places}.rotation"] = rotations[place]
-        sigmas = _twelve(len(first), rigid.sigma_translation, rigid.sigma_rotation)
-        return system.add("BlocRigid", blocks, None, sigmas, group=RIGID)
-
-    def _rigid_pairs(self, rigid: RigidBlock) -> tuple[IntArray, IntArray, IntArray]:
-        """Images of the master and of each other camera that were exposed together, and the other camera."""
-        exposures = rigid.exposures
-        number = {image: k for k, image in enumerate(self.start.poses.images)}
-        places = index_of(rigid.places.images, exposures.cameras, f"block {rigid.name}: camera")
-        chief = int(index_of(exposures.cameras, [rigid.master], f"block {rigid.name}: camera")[0])
-        rows = []
-        for other in range(len(exposures.cameras)):
-            if other != chief:
-                for a, b in zip(*exposures.pairs(chief, other)[:2], strict=True):
-                    pair = number.get(exposures.images[a]), number.get(exposures.images[b])
-                    if None not in pair:
-                        rows.append((*pair, places[other]))
-        if not rows:
-            raise InputError(f"block {rigid.name}: no exposure has the master and another camera")
-        first, second, camera = np.array(rows, dtype=np.int64).T
-        return first, second, camera
+            known, sigma = observed.poses.rotations, observed.rotation_sigma
+            attach_rotations(self.system, self.rotations[rows], known, sigma, POSES)
 
     def _slow(self) -> None:
         for sigma, ids in zip(self.block.viscosity, (self.centres, self.rotations), strict=True):
             if sigma is not None:
                 self.system.add_viscosity(ids, sigma)
-
-
-def _twelve(n: int, translation: float, rotation: float) -> FloatArray:
-    """(n, 12) sigmas of the vector and of the nine entries of the matrix of a relative pose."""
-    return np.tile([translation] * 3 + [ROTATION_ENTRIES * rotation] * 9, (n, 1))
 
 
 def _roots(covariances: FloatArray, given: BoolArray) -> FloatArray:

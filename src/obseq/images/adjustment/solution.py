@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.quality import measure_reliability
+from obseq.images.adjustment.rigid_equations import residuals_of
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
@@ -17,12 +19,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.adjustment.clinometer_equations import ClinometerEquations
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.quality import BlundersFound, MeasureReliability
+    from obseq.images.adjustment.rigid_equations import RigidEquations, RigidResiduals
     from obseq.images.adjustment.start import LeftOut, Start
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
     from obseq.images.camera import Camera
+    from obseq.images.clinometers import Clinometer
     from obseq.leastsquares import Iteration, LeastSquaresResult
 
 
@@ -133,7 +138,8 @@ class BundleSolution:
     def left_out(self) -> tuple[LeftOut, ...]:
         """What took no part, and why."""
         rejected = () if self.blunders is None else self.blunders.rejected
-        return (*self.start.left_out, *(item.as_left_out() for item in rejected))
+        pairs = [item for part in self.equations.rigid for item in part.pairs.missing]
+        return (*self.start.left_out, *pairs, *(item.as_left_out() for item in rejected))
 
     @property
     def sigma0(self) -> float | None:
@@ -215,13 +221,46 @@ class BundleSolution:
     def _calibration(self, name: str) -> IntArray:
         return self.equations.calibrations[index_of(self.equations.cameras, [name], "camera")]
 
+    # Instruments
+
+    def _rigid(self, name: str) -> RigidEquations:
+        names = [item.block.name for item in self.equations.rigid]
+        return self.equations.rigid[int(index_of(names, [name], "rigid block")[0])]
+
     def rigid_places(self, name: str) -> Poses:
         """Adjusted places of the cameras of a rigid block, by their identifiers."""
-        names = [block.name for block in self.block.rigid_blocks]
-        number = int(index_of(names, [name], "rigid block")[0])
-        centres, rotations = self.equations.places[number]
-        cameras = self.block.rigid_blocks[number].places.images
-        return Poses.of(cameras, self.result.values(centres), self.result.values(rotations))
+        part = self._rigid(name)
+        cameras = part.block.places.images
+        return Poses.of(cameras, self.result.values(part.centres), self.result.values(part.rotations))
+
+    def rigid_place_precisions(self, name: str) -> FloatArray:
+        """(k, 6) standard deviations of the places: centres, small rotations (radians); 0 where held."""
+        part, a_priori = self._rigid(name), not self.is_a_posteriori
+        parts = [self.result.covariance(ids, a_priori) for ids in (part.centres, part.rotations)]
+        return np.sqrt(np.hstack([np.diagonal(found, axis1=1, axis2=2) for found in parts]))
+
+    def rigid_residuals(self, name: str) -> RigidResiduals:
+        """How the adjusted poses agree with the places of a rigid block, exposure by exposure."""
+        return residuals_of(self._rigid(name), self.poses, self.rigid_places(name))
+
+    @property
+    def _clinometers(self) -> ClinometerEquations:
+        if self.equations.clinometers is None:
+            raise InputError("the block has no readings of clinometers (add_inclinations)")
+        return self.equations.clinometers
+
+    def clinometer(self, name: str) -> Clinometer:
+        """A clinometer with its adjusted axis and correction."""
+        return self._clinometers.adjusted(self.result, name)
+
+    @property
+    def vertical(self) -> FloatArray:
+        """(3,) the adjusted vertical, upwards in the world."""
+        return np.asarray(self.result.values(self._clinometers.vertical)[0])
+
+    def clinometer_residuals(self) -> tuple[list[str], FloatArray]:
+        """Readings by name, and (n,) computed minus read, radians."""
+        return self._clinometers.residuals(self.result)
 
     # Residuals
 

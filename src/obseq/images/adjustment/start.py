@@ -14,8 +14,9 @@ from obseq.images.names import index_of
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.block import Block, MeasureSet
+    from obseq.images.block import Block
     from obseq.images.camera import Camera
+    from obseq.images.parts import MeasureSet
     from obseq.images.poses import Poses
 
 LEAST_RAYS = 2
