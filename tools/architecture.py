@@ -13,7 +13,18 @@ PAGE = ROOT / "docs" / "architecture.md"
 BESIDE = ("formulas", "codegen", "generated")
 """Rooms whose folders stand beside `src`."""
 
-FILES = ("arguments", "arrays", "errors", "packages", "plain", "printable", "record", "stopwatch", "writing")
+FILES = (
+    "arguments",
+    "arrays",
+    "errors",
+    "packages",
+    "plain",
+    "pools",
+    "printable",
+    "record",
+    "stopwatch",
+    "writing",
+)
 """Single files beside the rooms, for everybody; they import each other and nothing else."""
 
 ARROWS: dict[str, tuple[str, ...]] = {

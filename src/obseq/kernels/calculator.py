@@ -4,7 +4,6 @@ import functools
 import math
 import os
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from obseq.arrays import FloatArray
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
+from obseq.pools import thread_pool
 
 SCRATCH_DOUBLES = 6 << 10
 """Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
@@ -185,7 +185,7 @@ class Calculator:
             evaluate_part(0, n)
             return
         middle = n // (2 * LANES) * LANES
-        with ThreadPoolExecutor(1) as pool:
+        with thread_pool(1) as pool:
             second = pool.submit(evaluate_part, middle, n)
             evaluate_part(0, middle)
             second.result()

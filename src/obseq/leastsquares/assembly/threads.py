@@ -10,7 +10,6 @@ copies of a share are at most one more store.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
@@ -20,6 +19,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import whole
+from obseq.pools import thread_pool
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -167,5 +167,5 @@ def in_threads(work: Callable[[int], Result], n: int) -> list[Result]:
     """Results of work(0), ..., work(n - 1), each in a thread of its own; one alone is done by the caller."""
     if n == 1:
         return [work(0)]
-    with ThreadPoolExecutor(n) as pool:
+    with thread_pool(n) as pool:
         return list(pool.map(work, range(n)))

@@ -117,7 +117,8 @@ class DampedPath:
         """The step under a damping; None where the matrix is singular."""
         equations, floor = self._equations, self._floor
         try:
-            linearisation = equations.damped(damping, floor)
+            with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
+                linearisation = equations.damped(damping, floor)
             offset = factor_unexplained(self._solver, linearisation)
         except SingularMatrixError as error:
             self._lost = len(error.indices)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from obseq.errors import DivergenceError
+from obseq.errors import DivergenceError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded
 from obseq.leastsquares.iterations.overshoot import Overshoot
+from obseq.leastsquares.iterations.trail import Trail
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -50,6 +51,9 @@ EXCURSION = 3
 
 STEEPEST = 1e3
 """Rise of the cost, as a factor, at which an excursion turns back."""
+
+LANDING = 2
+"""Steps that a leap may take back to the bottom of the valley."""
 
 WORTHWHILE = 0.9
 """Share of the cost below which an excursion must come, or..."""
@@ -152,6 +156,7 @@ class _Search:
         self._is_first, self._decrease, self._poor = not path.is_bold, np.inf, 0
         self._dark_length, self._in_the_dark = np.inf, 0
         self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
+        self._trail = Trail()
         self.known = -1
 
     def advance(self) -> tuple[Trial, StopReason | None]:
@@ -162,8 +167,13 @@ class _Search:
         if reason is not None:
             self._equations.table.move(trial.move)
             return trial, reason
+        if self._trail.prompts:
+            if self._leap(trial.linearisation.cost):
+                return trial, None
+            trial = self._path.within(self._radius)
         if self._restrained >= self._prompt:
             if self._excursion(self._path.full()):
+                self._trail = Trail()
                 return trial, None
             trial = self._path.within(self._radius)
         return self._accepted(self._stretched(trial))
@@ -206,6 +216,7 @@ class _Search:
             elif gain > LEAST_GAIN:
                 self._learn(trial, gain, cost, after)
                 self._restrained = 0 if trial.is_full else self._restrained + 1
+                self._trail.follow(trial.move, trial.is_full)
                 self._decrease = cost - after
                 return trial, None
             else:
@@ -298,6 +309,30 @@ class _Search:
             return True
         self._prompt *= 2
         self._equations.table.restore(start)
+        self._linearise(in_passing=True)
+        return False
+
+    def _leap(self, cost: float) -> bool:
+        """Leaps along the trail as far as it is long, then takes two steps back to the bottom of the valley.
+
+        The unknowns have moved to a cost well below, or are where they were, linearised anew.
+        """
+        table, way = self._equations.table, self._trail.taken()
+        start, enough = table.state(), cost - AHEAD * self._decrease
+        table.move(way)
+        try:
+            for _ in range(LANDING):
+                self._path.linearise(in_passing=True)
+                trial = self._path.within(self._radius)
+                way = way + trial.move
+                if self._cost_after(trial.move) < enough:
+                    self._trail.lead_on(way)
+                    self._restrained = 0
+                    return True
+                self.known += 1
+        except (DivergenceError, SingularSystemError):
+            pass
+        table.restore(start)
         self._linearise(in_passing=True)
         return False
 

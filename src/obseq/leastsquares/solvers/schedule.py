@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ import numpy as np
 
 from obseq.compilation import compiled
 from obseq.leastsquares.solvers.tree import front_seconds
+from obseq.pools import thread_pool
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -240,7 +241,7 @@ def run_tasks(
         heappush(ready, (urgency[task], task))
     idle = list(range(threads))
     running: dict[Future[None], tuple[int, int]] = {}
-    with ThreadPoolExecutor(threads) as pool:
+    with thread_pool(threads) as pool:
         while ready or running:
             while ready and idle:
                 task, worker = heappop(ready)[1], idle.pop()

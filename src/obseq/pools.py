@@ -1,0 +1,41 @@
+"""Threads for a piece of work, which end with it whatever happens."""
+
+from __future__ import annotations
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import count
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+NUMBERS = count()
+
+
+@contextmanager
+def thread_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
+    """A pool of threads that all have ended when its block is left.
+
+    Python's own forgets a thread during whose start an interruption arrives, and may make another error of it.
+
+    Raises:
+        KeyboardInterrupt: the block was interrupted, at any moment.
+    """
+    prefix = f"obseq-{next(NUMBERS)}-"
+    try:
+        with ThreadPoolExecutor(threads, prefix) as pool:
+            yield pool
+    except BaseException as error:
+        _wait_for(prefix)
+        if isinstance(error, RuntimeError) and isinstance(error.__context__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        raise
+
+
+def _wait_for(prefix: str) -> None:
+    """Returns when no thread of the name is left, those that are about to start included."""
+    while any(thread.name.startswith(prefix) for thread in threading.enumerate()):
+        time.sleep(1e-4)
