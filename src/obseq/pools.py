@@ -19,7 +19,8 @@ NUMBERS = count()
 def thread_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
     """A pool of threads that all have ended when its block is left.
 
-    Python's own forgets a thread during whose start an interruption arrives, and may make another error of it.
+    Python's own forgets a thread during whose start an interruption arrives, and may make another error
+    of that.
 
     Raises:
         KeyboardInterrupt: the block was interrupted, at any moment.
