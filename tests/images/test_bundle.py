@@ -47,6 +47,12 @@ def _agrees(solution, expected, sigma_tolerance=1e-5):
             assert values[number] == pytest.approx(given["value"], abs=tolerance)
     for image, centre in expected["centres"].items():
         np.testing.assert_allclose(solution.poses[image].centre, centre, atol=1e-6, rtol=0.0)
+    for name, place in expected.get("points", {}).items():
+        found = solution.coordinates[solution.points.index(name)]
+        np.testing.assert_allclose(found, place, atol=1e-6, rtol=0.0)
+    assert [step.cost for step in solution.iterations[:2]] == pytest.approx(
+        [step["cost"] for step in expected["iterations"][:2]], rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -76,7 +82,39 @@ def test_a_rigid_block_joins_the_panel(shared_data):
         block.poses, exposures, "043", sigma_translation=1e-2, sigma_rotation=1e-5 / np.sqrt(2.0)
     )
     block.add_rigid_block(replace(rigid, as_matrices=True))
-    _agrees(block.solve(), expected["independent_adjustments"]["rigid_block_from_BA"])
+    given = expected["independent_adjustments"]["rigid_block_from_BA"]
+    solution = block.solve()
+    _agrees(solution, given)
+    place = solution.rigid_places("TheBloc")["671"]
+    np.testing.assert_allclose(place.centre, given["block_pose_671"]["C"], atol=1e-6)
+    np.testing.assert_allclose(place.rotation, given["block_pose_671"]["R"], atol=1e-9)
+    found = solution.rigid_residuals("TheBloc")
+    rms = np.sqrt(np.mean(found.translations**2))
+    assert rms == pytest.approx(given["block_residual"]["block_tr"], rel=1e-5)
+    rms = np.sqrt(np.mean(found.rotations**2) * 6 / 9)  # nine entries, their squares twice those of the angle
+    assert rms == pytest.approx(given["block_residual"]["block_rot"], rel=1e-5)
+
+
+@pytest.mark.parametrize("folder", ["Resec", "BA"])
+def test_the_stored_solutions_have_the_residuals_that_mmvii_reports(shared_data, folder):
+    expected = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
+    given = expected["stored_solutions_residuals_px"][folder]
+    calibrations = "Calib" if folder == "Resec" else "BA"
+    cameras, poses = panel.cameras(shared_data, calibrations), panel.poses(shared_data, folder)
+    measures, control = panel.measures(shared_data), panel.control_points(shared_data)
+    residuals = []
+    for image, name in zip(poses.images, poses.cameras, strict=True):
+        part = measures.of_image(image)
+        ground = control.select(part.point_names).coordinates[part.point]
+        residuals.append(part.xy - cameras[name].project(poses[image].to_local(ground)))
+    vectors = np.concatenate(residuals)
+    norms = np.sort(np.linalg.norm(vectors, axis=1))
+    assert len(norms) == given["n_measures"]
+    assert norms.mean() == pytest.approx(given["Avg"], abs=1e-9)
+    assert np.sqrt(np.mean(norms**2)) == pytest.approx(given["Avg2"], abs=1e-9)
+    assert [norms[0], norms[-1]] == pytest.approx([given["Min"], given["Max"]], abs=1e-9)
+    assert norms[len(norms) * 75 // 100] == pytest.approx(given["P75"], abs=1e-9)
+    assert vectors.mean(axis=0) == pytest.approx([given["mean_dx"], given["mean_dy"]], abs=1e-9)
 
 
 def test_the_initial_block_is_that_of_mmvii(shared_data):

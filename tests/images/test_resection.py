@@ -16,6 +16,7 @@ from obseq.images import (
     ResectionOptions,
     check_distribution,
     poses_of_triplets,
+    refine_poses,
     resect,
 )
 
@@ -43,6 +44,16 @@ def test_the_panel_is_resected_from_nothing(shared_data):
     assert found.is_used.all()
     norms = np.linalg.norm(found.residuals, axis=1)
     assert np.sqrt(np.mean(norms**2)) == pytest.approx(0.03551680984, rel=1e-9)
+
+
+def test_the_panel_is_resected_from_the_values_in_its_files(shared_data):
+    stored, cameras = panel.poses(shared_data, "Resec"), panel.cameras(shared_data, "Calib")
+    measures, control = panel.measures(shared_data), panel.control_points(shared_data)
+    ground = control.select(measures.point_names).coordinates[measures.point]
+    of_image = [cameras[name] for name in stored.cameras]
+    found, *_ = refine_poses(stored, measures, ground, of_image, np.ones(len(measures), dtype=bool))
+    np.testing.assert_allclose(found.centres, stored.centres, atol=1e-8, rtol=0.0)
+    np.testing.assert_allclose(found.rotations, stored.rotations, atol=1e-11, rtol=0.0)
 
 
 def test_the_distribution_of_control_points_is_that_of_mmvii(shared_data):
