@@ -16,9 +16,11 @@ BESIDE = ("formulas", "codegen", "generated")
 FILES = (
     "arguments",
     "arrays",
+    "comparison_record",
     "errors",
     "packages",
     "plain",
+    "plan_record",
     "pools",
     "printable",
     "record",
@@ -76,6 +78,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "adjustment": ("initial", "model", "kinds"),
         "screening": ("adjustment", "initial", "model", "kinds"),
         "network": ("screening", "adjustment", "initial", "files", "model"),
+        "epochs": ("adjustment", "model"),
+        "planning": ("network", "adjustment", "initial", "model", "kinds"),
     },
 }
 """The same for the rooms, and single files, inside a room."""

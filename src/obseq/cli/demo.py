@@ -5,6 +5,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from obseq.cli.adjust import Request, adjust
+from obseq.cli.network_files import Source
 from obseq.cli.parsing import Commands, add_command
 from obseq.cli.results import outputs_in
 
@@ -36,9 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     with as_file(data / "demo.obs") as observations, as_file(data / "demo.cor") as points:
         return adjust(
             Request(
-                [observations],
-                [points],
-                {"frame": FRAME, "points_crs": POINTS_CRS},
+                Source([observations], [points], {"frame": FRAME, "points_crs": POINTS_CRS}),
                 {},
                 outputs_in(arguments.out),
             )

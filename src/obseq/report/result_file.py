@@ -1,6 +1,7 @@
 """The result file: the record of an adjustment as JSON, written and read back."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,12 @@ ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 @expecting(record=instance(AdjustmentRecord))
 def to_json(record: AdjustmentRecord) -> str:
     """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
-    parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in record.to_dict().items()]
+    return text_of(record.to_dict())
+
+
+def text_of(plain: Mapping[str, Any]) -> str:
+    """The text of a file with this content: valid JSON, one item of a list per line, floats exact."""
+    parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in plain.items()]
     return json_escaped("{\n" + ",\n".join(parts) + "\n}\n")
 
 

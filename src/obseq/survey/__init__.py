@@ -2,6 +2,7 @@
 
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.quality import Quality
+from obseq.survey.epochs.comparison import Comparison, compare
 from obseq.survey.files.cor import read_cor, write_cor
 from obseq.survey.files.obs import read_obs, write_obs
 from obseq.survey.files.point import PointFileOptions, read_points
@@ -20,28 +21,35 @@ from obseq.survey.model import (
     merge_points,
 )
 from obseq.survey.network import Network
+from obseq.survey.planning.design import Plan, plan
+from obseq.survey.planning.simulation import simulate
 
 __all__ = [
     "KINDS",
     "Adjustment",
+    "Comparison",
     "FieldBook",
     "InitialValues",
     "Network",
     "ObservationKind",
     "Observations",
     "Orientation",
+    "Plan",
     "PointFileOptions",
     "Points",
     "Quality",
     "Stations",
     "automatic_fix",
+    "compare",
     "initial_values",
     "join",
     "make_points",
     "merge_points",
+    "plan",
     "read_cor",
     "read_obs",
     "read_points",
+    "simulate",
     "write_cor",
     "write_obs",
 ]

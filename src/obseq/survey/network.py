@@ -233,6 +233,13 @@ class Network:
         """The coordinates of points in the system of their files."""
         return PointSystem(self.frame.system, self.points_crs)
 
+    def given_points(self) -> Points:
+        """The points with coordinates in the system of their files; those that it adds have none."""
+        placed = self.points.has_coordinates
+        coordinates = np.full_like(self.points.coordinates, np.nan)
+        coordinates[placed] = self.point_system.coordinates(self.points.coordinates[placed])
+        return replace(self.points, coordinates=coordinates)
+
     def initial_values(self) -> InitialValues:
         """Coordinates of all points and orientations of all stations, from the known points and observations.
 
@@ -256,6 +263,7 @@ class Network:
         strict=TRUTH,
         progress=FUNCTION | NOTHING,
         quality=instance(Quality),
+        start=instance(InitialValues) | NOTHING,
     )
     def adjust(
         self,
@@ -265,6 +273,7 @@ class Network:
         *,
         strict: bool = False,
         quality: Quality = QUALITY,
+        start: InitialValues | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -278,6 +287,8 @@ class Network:
             progress: Receives what is being done.
             strict: Refuse a network of which something would have to be left out, or with gross errors.
             quality: What is wanted beside residuals and precisions.
+            start: Where the iterations start; by default initial values from the known points and the
+                observations.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -288,15 +299,15 @@ class Network:
         watch = Stopwatch(progress)
         with watch.phase("initial values"):
             check_datum(self.points, self.book)
-            start = Determined(self.points, self.book, self._initial_values())
+            given = Determined(self.points, self.book, start or self._initial_values())
             if strict:
-                start.initial.require_complete()
+                given.initial.require_complete()
                 check_counts(self.points, self.book)
-            replaced = self._replaced(start.initial)
-            start = leave_out(start, start.initial.unplaced)
-        errors = self._announced(start, watch, strict=strict)
+            replaced = self._replaced(given.initial)
+            given = leave_out(given, given.initial.unplaced)
+        errors = self._announced(given, watch, strict=strict)
         try:
-            adjustment = self._determined(start, max_iterations, tolerance, watch, quality, strict=strict)
+            adjustment = self._determined(given, max_iterations, tolerance, watch, quality, strict=strict)
         except ObseqError as error:
             blame(error, errors or self.gross_errors())
         if not errors and not adjustment.is_honest:

@@ -248,7 +248,7 @@ class Equations:
             if not is_correlated and self._book.observations.relative_sigmas[rows].any():
                 batch.sigmas = self.sigmas(rows, coordinates)
 
-    def fitted(self, solution: LeastSquaresResult) -> tuple[FloatArray, FloatArray]:
+    def fitted(self, solution: LeastSquaresResult | LeastSquares) -> tuple[FloatArray, FloatArray]:
         """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""
         residuals = np.full(len(self._book.observations), np.nan)
         sigmas = self._book.observations.sigmas.copy()

@@ -264,9 +264,18 @@ def write_cor(path: str | Path, points: Points, header: str = "") -> None:
     Raises:
         InputError: a point has no coordinates, a name cannot be written, or the file cannot be written.
     """
+    write_text(path, cor_text(points, header))
+
+
+def cor_text(points: Points, header: str = "") -> str:
+    """The text of a COR file, as `write_cor` writes it.
+
+    Raises:
+        InputError: a point has no coordinates, or a name cannot be written.
+    """
     lines = [f"* {line}" for line in header.splitlines()]
     lines += [_cor_line(points, row) for row in range(len(points))]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _cor_line(points: Points, row: int) -> str:

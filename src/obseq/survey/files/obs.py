@@ -253,10 +253,18 @@ def write_obs(path: str | Path, book: FieldBook) -> None:
     Raises:
         InputError: a name cannot be written (blank or `*` inside), or the file cannot be written.
     """
+    write_text(path, obs_text(book))
+
+
+def obs_text(book: FieldBook) -> str:
+    """The text of an OBS file.
+
+    Raises:
+        InputError: a name cannot be written (blank or `*` inside).
+    """
     for name in book.point_names:
         check_writable(name)
-    text = "\n".join(_obs_lines(book)) + "\n"
-    write_text(path, text)
+    return "\n".join(_obs_lines(book)) + "\n"
 
 
 def _obs_lines(book: FieldBook) -> Iterable[str]:

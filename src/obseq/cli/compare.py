@@ -1,0 +1,105 @@
+"""`obseq compare`: two epochs of a network."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.cli.network_files import Source, add_network_arguments, source_of
+from obseq.cli.parsing import Commands, add_command, probability
+from obseq.cli.progress import Progress
+from obseq.cli.results import INCOMPLETE
+from obseq.errors import InputError
+from obseq.writing import check_writable, write_all
+
+if TYPE_CHECKING:
+    from obseq.comparison_record import ComparisonRecord
+
+MORE = """
+Adjusts both epochs in one frame, and tests which points have moved. Without --reference, the known points are
+taken to have stayed; with it, the epochs are fitted together on those of the reference points that have
+stayed, and the others are named."""
+
+EXAMPLE = """\
+example:
+  obseq compare --obs may.obs --cor points.cor --obs-2 october.obs --out moved
+  obseq compare may.gkf --project-2 october.gkf --reference P1 P2 P3 P4
+
+exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete; 2 could not run"""
+NAMES = ("comparison.json", "comparison.txt", "comparison.csv")
+
+
+def register(commands: Commands) -> None:
+    """Add the command to the parser."""
+    purpose = "say what has moved between two epochs of a network"
+    command = add_command(commands, "compare", run, purpose, MORE, EXAMPLE)
+    add_network_arguments(command)
+    second = command.add_argument_group("second epoch")
+    second.add_argument("--obs-2", nargs="+", type=Path, metavar="FILE", help="its observation files (OBS)")
+    second.add_argument(
+        "--cor-2",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="its point files (those of the first)",
+    )
+    second.add_argument("--project-2", nargs="+", type=Path, metavar="PROJECT", help="or its project")
+    wanted = command.add_argument_group("tests")
+    wanted.add_argument("--level", type=probability, default=0.05, metavar="P", help="level of a test (0.05)")
+    wanted.add_argument("--points", nargs="+", metavar="NAME", help="the points to compare (all common ones)")
+    wanted.add_argument("--reference", nargs="+", metavar="NAME", help="points that should have stayed")
+    wanted.add_argument("--a-priori", action="store_true", help="trust the given sigmas")
+    command.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {', '.join(NAMES)}")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare what the command line names."""
+    first = source_of(arguments)
+    second = _second(arguments, first)
+    places = [arguments.out / name for name in NAMES] if arguments.out else []
+    check_writable(places, [*first.files, *second.files])
+    with Progress("starting") as progress:
+        from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
+
+        record, is_complete = _compared(arguments, first, second, progress)
+        texts = (comparison_json(record), comparison_summary(record, most=None), comparison_csv(record))
+        write_all(dict(zip(places, texts, strict=bool(places))))
+    print(comparison_summary(record, [str(path) for path in places]), end="")
+    has_moved = bool(record.moved) or not record.congruence.passed
+    has_moved |= any(row.is_significant for row in record.displacements)
+    return INCOMPLETE if has_moved or not is_complete else 0
+
+
+def _second(arguments: argparse.Namespace, first: Source) -> Source:
+    """The files of the second epoch, read like those of the first."""
+    if bool(arguments.obs_2) == bool(arguments.project_2):
+        raise InputError("compare: give the second epoch with --obs-2, or with --project-2")
+    if bool(arguments.project_2) != bool(first.project):
+        raise InputError("compare: both epochs must be projects, or both observation and point files")
+    if arguments.project_2:
+        return replace(first, project=arguments.project_2)
+    return replace(first, observations=arguments.obs_2, points=arguments.cor_2 or first.points)
+
+
+def _compared(
+    arguments: argparse.Namespace, first: Source, second: Source, progress: Progress
+) -> tuple["ComparisonRecord", bool]:
+    """The record of the comparison, and whether both epochs are complete."""
+    from obseq.survey import compare
+
+    before = first.read()
+    reading = second.reading | {"frame": before.frame.system.definition}
+    if not second.project:
+        reading["points_crs"] = before.points_crs.definition
+    epochs = [
+        network.adjust(progress=progress) for network in (before, replace(second, reading=reading).read())
+    ]
+    found = compare(
+        epochs[0],
+        epochs[1],
+        arguments.level,
+        points=arguments.points,
+        reference=arguments.reference,
+        a_priori=arguments.a_priori,
+    )
+    return found.record(), all(epoch.record().is_complete for epoch in epochs)

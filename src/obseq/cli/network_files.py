@@ -1,0 +1,167 @@
+"""The files of a survey network on the command line: options, and what they say to read."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from obseq.cli.parsing import finite_number, positive_number
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from obseq.survey import Network
+
+IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames")
+
+
+@dataclass(frozen=True)
+class Source:
+    """The files of a network, and how they are read.
+
+    Attributes:
+        observations: OBS files.
+        points: COR files.
+        reading: Keyword arguments of `Network.read`, or of `Network.read_project`.
+        project: Files of another program, to read instead of observations and points.
+    """
+
+    observations: Sequence[Path]
+    points: Sequence[Path]
+    reading: dict[str, Any]
+    project: Sequence[Path] = ()
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that no output may replace."""
+        return [*self.observations, *self.points, *self.project]
+
+    def read(self) -> "Network":
+        """The network."""
+        from obseq.survey import Network
+
+        if self.project:
+            return Network.read_project(self.project, **self.reading)
+        return Network.read(self.observations, self.points, **self.reading)
+
+
+def add_network_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the files of a network, its systems, and how they are read."""
+    files = command.add_argument_group("files")
+    files.add_argument(
+        "project",
+        nargs="*",
+        type=Path,
+        metavar="PROJECT",
+        help="files of another program: a Comp3D project (.comp)",
+    )
+    files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
+    files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
+    files.add_argument(
+        "--outside", action="store_true", help="let a project read files outside of its own folder"
+    )
+    files.add_argument(
+        "--geoid", type=Path, metavar="FILE", help="geoid heights and deflections, for files that need them"
+    )
+    files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
+    files.add_argument(
+        "--point-format",
+        metavar="FIELDS",
+        help="the point files are not COR files: the fields of their lines as in MMVII's ImportGCP, for "
+        "instance ANXYZ (additional information, name, x, y, z)",
+    )
+    files.add_argument(
+        "--free",
+        metavar="PATTERN",
+        help="with --point-format: points whose field A matches this expression as a whole are free",
+    )
+    files.add_argument(
+        "--comment", metavar="C", help="with --point-format: what begins a comment (without it: #)"
+    )
+    systems = command.add_argument_group("coordinate systems")
+    systems.add_argument(
+        "--frame",
+        metavar="SYSCO",
+        help="system of the computation, for instance RTL*E*N*h*IGNF:LAMB93: axes along east, north and up "
+        "at that origin; RTL alone takes the mean of the points as origin (without --frame: that at the mean "
+        "of the known points; without --points-crs either: a plane with heights)",
+    )
+    systems.add_argument(
+        "--points-crs",
+        metavar="SYSCO",
+        help="system of the coordinates in the point files (without it: the frame)",
+    )
+    computation = command.add_argument_group("reading")
+    computation.add_argument(
+        "--point-sigma",
+        type=positive_number,
+        metavar="S",
+        help="sigma in metres of the known points whose line gives none (without it, they are an error)",
+    )
+    computation.add_argument(
+        "--refraction",
+        type=finite_number,
+        metavar="K",
+        help="refraction coefficient of zenith angles (without it: 0.12; 0: no refraction; 1: neither "
+        "refraction nor curvature)",
+    )
+    computation.add_argument(
+        "--ignore",
+        nargs="+",
+        choices=IGNORABLE,
+        metavar="WHAT",
+        help="leave out of the files, with a warning: " + ", ".join(IGNORABLE),
+    )
+
+
+def source_of(arguments: argparse.Namespace) -> Source:
+    """The files that the command line names.
+
+    Raises:
+        InputError: no files are named, or a project with what it says itself.
+    """
+    reading = given(
+        {
+            "encoding": arguments.encoding,
+            "frame": arguments.frame,
+            "points_crs": arguments.points_crs,
+            "point_sigma": arguments.point_sigma,
+            "refraction": arguments.refraction,
+            "ignore": arguments.ignore,
+            **_point_format(arguments),
+        }
+    )
+    if arguments.project:
+        return Source([], [], _project_options(arguments, reading), arguments.project)
+    if not arguments.obs or not arguments.cor:
+        raise InputError("give a project, or observation files (--obs) and point files (--cor)")
+    return Source(arguments.obs, arguments.cor, reading)
+
+
+def given(options: dict[str, Any]) -> dict[str, Any]:
+    """The options that were given: the others keep the defaults of what they are passed to."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> dict[str, Any]:
+    """What may be said about a project besides its name."""
+    accepted = {"frame", "refraction", "encoding", "ignore"}
+    surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
+    if surplus:
+        listed = ", ".join("--" + name.replace("_", "-") for name in surplus)
+        raise InputError(
+            f"{arguments.project[0]}: a project says itself what {listed} would say; leave it out"
+        )
+    return reading | given({"outside": arguments.outside, "geoid": arguments.geoid})
+
+
+def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
+    """How points are read when they are not in COR files."""
+    options = given({"free_pattern": arguments.free, "comment": arguments.comment})
+    if arguments.point_format is None:
+        if options:
+            raise InputError("--free and --comment go with --point-format, which says what the lines hold")
+        return {}
+    from obseq.survey import PointFileOptions
+
+    return {"point_format": arguments.point_format, "point_options": PointFileOptions(**options)}

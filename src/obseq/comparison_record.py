@@ -1,0 +1,103 @@
+"""The record of a comparison of two epochs; its plain form is `comparison.json`. Metres and radians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from obseq.plain import to_plain
+from obseq.record import EllipseRecord, RunRecord
+
+FORMAT = "obseq-comparison"
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class TestRecord:
+    """A test: its statistic, the limit at the level, and what is beyond it.
+
+    Attributes:
+        statistic: Fisher's F, or chi-square over its freedom when the sigmas are trusted.
+        freedom: of the numerator.
+        limit: of the statistic at the level.
+        p_value: probability of a larger one where nothing has moved.
+        passed: whether the statistic is within the limit.
+    """
+
+    statistic: float
+    freedom: int
+    limit: float
+    p_value: float
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DisplacementRecord:
+    """How a point has moved, second epoch minus first, along east, north and up of its place.
+
+    Attributes:
+        point: its name.
+        x: in the frame, of the first epoch, as y and z; m.
+        east: m, as north and up.
+        s_east: standard deviation, m, as s_north and s_up.
+        length: m, in space.
+        ellipse: of the displacement in plan, at the level of the comparison.
+        test: None for a point that is held in both epochs.
+        is_reference: whether it belongs to the points that are taken to have stayed.
+        is_significant: whether it has moved.
+    """
+
+    point: str
+    x: float
+    y: float
+    z: float
+    east: float
+    north: float
+    up: float
+    s_east: float
+    s_north: float
+    s_up: float
+    length: float
+    ellipse: EllipseRecord
+    test: TestRecord | None
+    is_reference: bool
+    is_significant: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonRecord:
+    """Two epochs compared.
+
+    Attributes:
+        level: of each test: probability that it finds a movement where there is none.
+        datum: "as adjusted", or "reference points": displacements are relative to these.
+        congruence: of all points that are tested together.
+        moved: reference points that were found to have moved, in the order in which they were found.
+        displacements: of the common points, the most significant first.
+        only_first: points of the first epoch alone.
+        only_second: points of the second epoch alone.
+        sigma0: of the two epochs together; None when the sigmas are trusted.
+        redundancy: of the two together.
+        same_precision: test of the two variance factors against each other; None where one is undefined.
+        runs: which runs adjusted the epochs.
+    """
+
+    level: float
+    datum: str
+    congruence: TestRecord
+    moved: tuple[str, ...]
+    displacements: tuple[DisplacementRecord, ...]
+    only_first: tuple[str, ...]
+    only_second: tuple[str, ...]
+    sigma0: float | None
+    redundancy: int
+    same_precision: TestRecord | None
+    frame: str
+    runs: tuple[RunRecord, RunRecord]
+    format: str = FORMAT
+    version: int = VERSION
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plain form: what the file holds."""
+        plain = to_plain(self)
+        return {key: plain.pop(key) for key in ("format", "version")} | plain

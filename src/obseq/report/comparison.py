@@ -1,0 +1,116 @@
+"""The summary of two epochs: what has moved, how far, and how sure that is."""
+
+from collections.abc import Iterator, Sequence
+
+from obseq.arguments import TEXTS, expecting, instance
+from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.printable import printable
+from obseq.report import units
+from obseq.report.result_file import text_of
+from obseq.report.rows import Table
+from obseq.report.table import lines_of
+
+MOST_POINTS = 20
+MOST_NAMES = 8
+
+
+@expecting(record=instance(ComparisonRecord), written=TEXTS)
+def comparison_summary(
+    record: ComparisonRecord, written: Sequence[str] = (), most: int | None = MOST_POINTS
+) -> str:
+    """The summary of a comparison.
+
+    Args:
+        record: The comparison.
+        written: Names of the files where the results were written.
+        most: How many points are listed; None: all.
+    """
+    sections = (
+        _verdict(record),
+        lines_of(_table(record, record.displacements[:most])),
+        _rest(record, most),
+        _sigma0(record),
+        [f"written: {', '.join(written)}"] if written else [],
+    )
+    texts = ("\n".join(section) for section in sections)
+    return printable("\n\n".join(text for text in texts if text) + "\n")
+
+
+def comparison_json(record: ComparisonRecord) -> str:
+    """The text of the file of a comparison: valid JSON, floats exact."""
+    return text_of(record.to_dict())
+
+
+def comparison_csv(record: ComparisonRecord) -> str:
+    """The displacements as a table, metres, one point per line."""
+    header = "point,x,y,z,east,north,up,s_east,s_north,s_up,statistic,limit,p_value,significant,reference"
+    lines = [header]
+    for row in record.displacements:
+        numbers = (row.x, row.y, row.z, row.east, row.north, row.up, row.s_east, row.s_north, row.s_up)
+        test = (row.test.statistic, row.test.limit, row.test.p_value) if row.test else ("", "", "")
+        cells = [_quoted(row.point), *map(repr, numbers), *map(str, test)]
+        lines.append(",".join([*cells, str(int(row.is_significant)), str(int(row.is_reference))]))
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"') else name
+
+
+def _verdict(record: ComparisonRecord) -> Iterator[str]:
+    moved = [row.point for row in record.displacements if row.is_significant]
+    common = len(record.displacements)
+    yield f"{common} common points; datum: {record.datum}"
+    if record.moved:
+        yield f"  reference points that have MOVED, the worst first: {', '.join(record.moved)}"
+    which = "the points together" if record.datum == "as adjusted" else "the other reference points"
+    state = "have stayed" if record.congruence.passed else "have MOVED"
+    yield f"  {which} {state}: {_tested(record.congruence)}"
+    tested = sum(row.test is not None for row in record.displacements)
+    expected = f"{record.level * tested:.1f} would by chance if none had"
+    yield f"  {len(moved)} of {tested} points have moved significantly ({expected})"
+
+
+def _tested(test: TestRecord) -> str:
+    return (
+        f"statistic {test.statistic:.3f}, limit {test.limit:.3f} with {test.freedom} degrees of freedom, "
+        f"probability {test.p_value:.3g}"
+    )
+
+
+def _table(record: ComparisonRecord, chosen: Sequence[DisplacementRecord]) -> Table:
+    title = f"Displacements, second epoch minus first (mm), tested at {100 * record.level:g} %"
+    header = ("point", "east", "north", "up", "s east", "s north", "s up", "length", "statistic", "limit", "")
+    return Table(title, header, tuple(map(_cells, chosen)))
+
+
+def _cells(row: DisplacementRecord) -> tuple[str, ...]:
+    numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
+    verdict = "moved" if row.is_significant else "reference" if row.is_reference else ""
+    if row.test is None:
+        return (row.point, *map(units.millimetres, numbers), units.ABSENT, units.ABSENT, "held")
+    statistic, limit = f"{row.test.statistic:.2f}", f"{row.test.limit:.2f}"
+    return (row.point, *map(units.millimetres, numbers), statistic, limit, verdict)
+
+
+def _rest(record: ComparisonRecord, most: int | None) -> Iterator[str]:
+    more = len(record.displacements) - (len(record.displacements) if most is None else most)
+    if more > 0:
+        yield f"and {more} more points; the files of --out have them"
+    for which, names in (("first", record.only_first), ("second", record.only_second)):
+        if names:
+            others = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            yield f"only in the {which} epoch: {', '.join(names[:MOST_NAMES])}{others}"
+
+
+def _sigma0(record: ComparisonRecord) -> Iterator[str]:
+    if record.sigma0 is None:
+        yield "The given sigmas are trusted."
+    else:
+        yield f"sigma0 of both epochs {record.sigma0:.5g}, redundancy {record.redundancy}"
+    test = record.same_precision
+    if test is not None and not test.passed:
+        yield (
+            f"Warning: the epochs differ in precision (ratio of variance factors {test.statistic:.3f}, "
+            f"limit {test.limit:.3f})"
+        )

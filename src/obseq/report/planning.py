@@ -1,0 +1,113 @@
+"""The summary of a plan: how it was checked, where it is weak, and what one more observation would bring."""
+
+from collections.abc import Iterator, Sequence
+
+from obseq.arguments import TEXTS, expecting, instance
+from obseq.plan_record import DrawsRecord, GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
+from obseq.printable import printable
+from obseq.report import units
+from obseq.report.result_file import text_of
+from obseq.report.rows import Table
+from obseq.report.summary import left_out, notes, warnings
+from obseq.report.table import lines_of
+
+MOST_WARNINGS = 3
+
+
+@expecting(record=instance(PlanRecord), written=TEXTS)
+def plan_summary(record: PlanRecord, written: Sequence[str] = ()) -> str:
+    """The summary of a plan.
+
+    Args:
+        record: The plan.
+        written: Names of the files where the results were written.
+    """
+    sections = (
+        _counts(record),
+        lines_of(_weakest(record.weakest_points)),
+        _uncontrolled(record),
+        _gains(record),
+        _draws(record.draws),
+        warnings(record.adjustment, MOST_WARNINGS),
+        notes(record.adjustment),
+        [f"written: {', '.join(written)}"] if written else [],
+    )
+    texts = ("\n".join(section) for section in sections)
+    return printable("\n\n".join(text for text in texts if text) + "\n")
+
+
+def plan_json(record: PlanRecord) -> str:
+    """The text of the file of a plan: valid JSON, floats exact."""
+    return text_of(record.to_dict())
+
+
+def _counts(record: PlanRecord) -> Iterator[str]:
+    planned = record.adjustment
+    yield f"{len(planned.points)} points, {len(planned.stations)} stations, planned"
+    yield from left_out(planned)
+    yield f"  observations {planned.n_observations:>8}   unknowns {planned.n_unknowns}"
+    yield f"  redundancy   {planned.redundancy:>8}"
+
+
+def _weakest(points: Sequence[WeakPointRecord]) -> Table:
+    rows = (
+        (item.point, units.millimetres(item.sigma), units.gon(item.azimuth), units.gon(item.elevation))
+        for item in points
+    )
+    title = "Weakest points: standard deviation (mm) in the worst direction, its azimuth and elevation (gon)"
+    return Table(title, ("point", "sigma", "azimuth", "elevation"), tuple(rows))
+
+
+def _uncontrolled(record: PlanRecord) -> Iterator[str]:
+    rows = record.weakest_observations
+    if not rows:
+        yield "Every observation is well controlled by the others."
+        return
+    title = "Weakly controlled observations: smallest error that would be noticed, and what it moves (sigmas)"
+    header = ("observation", "redundancy", "detectable", "effect")
+    yield from lines_of(Table(title, header, tuple(map(_uncontrolled_cells, rows))))
+
+
+def _uncontrolled_cells(item: WeakObservationRecord) -> tuple[str, ...]:
+    detectable = "none" if item.detectable is None else units.small(item.unit, item.detectable)
+    effect = "unlimited" if item.external is None else f"{item.external:.1f}"
+    return (item.observation, f"{item.redundancy:.3f}", detectable, effect)
+
+
+def _gains(record: PlanRecord) -> Iterator[str]:
+    if not record.gains:
+        return
+    before = units.millimetres(record.gains[0].before)
+    title = (
+        f"What one more observation would bring (the best of {record.candidates} tried): mean standard "
+        f"deviation, {before} mm now, and the point that gains most (mm)"
+    )
+    header = ("observation", "sigma", "mean", "point", "now", "then")
+    yield from lines_of(Table(title, header, tuple(map(_gain_cells, record.gains))))
+
+
+def _gain_cells(item: GainRecord) -> tuple[str, ...]:
+    return (
+        f"{item.type} {item.origin} -> {item.target}",
+        units.small(item.unit, item.sigma),
+        units.millimetres(item.after),
+        item.point,
+        units.millimetres(item.point_before),
+        units.millimetres(item.point_after),
+    )
+
+
+def _draws(draws: DrawsRecord | None) -> Iterator[str]:
+    if draws is None:
+        return
+    verdict = "agree with the prediction" if draws.agrees else "DO NOT AGREE with the prediction"
+    yield f"{draws.draws} adjustments of drawn observations {verdict}"
+    yield f"  squared errors over predicted ones  {draws.ratio:.4f}  (1 is expected)"
+    yield (
+        f"  worst point {draws.worst_point}: {draws.worst_ratio:.4f}, probability among all points "
+        f"{draws.p_value:.3g}"
+    )
+    if draws.sigma0 is not None:
+        yield f"  sigma0 {draws.sigma0:.4f}  (1 is expected)"
+    if draws.failed:
+        yield f"  {draws.failed} did not converge and do not count"

@@ -1,0 +1,1 @@
+"""Two epochs of a network: what has moved, with the tests that say so."""

@@ -1,0 +1,207 @@
+"""Two epochs of a network compared: displacements with their covariances, and which are significant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq import crs
+from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting
+from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.errors import InputError
+from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
+from obseq.record import EllipseRecord
+from obseq.survey.adjustment.frame import Frame
+from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
+from obseq.survey.epochs.displacements import Displacements, displacements
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from obseq.arrays import BoolArray
+    from obseq.survey.adjustment.adjusted import Adjustment
+
+LEVEL = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What has moved between two epochs.
+
+    Attributes:
+        displacements: along east, north and up of each point.
+        tests: of each point; None for those that are held.
+        congruence: of all that are tested together.
+        reference: (n,) the points that are taken to have stayed; None when the datum is that of the epochs.
+        moved: names of reference points that were found to have moved.
+        same_precision: test of the two variance factors; None where one is undefined or not used.
+        tester: the level of the tests and what stands behind them.
+        epochs: the two adjustments.
+    """
+
+    displacements: Displacements
+    tests: tuple[TestRecord | None, ...]
+    congruence: TestRecord
+    reference: BoolArray | None
+    moved: tuple[str, ...]
+    same_precision: TestRecord | None
+    tester: Tester
+    epochs: tuple[Adjustment, Adjustment]
+
+    @property
+    def significant(self) -> tuple[str, ...]:
+        """Names of the points that have moved."""
+        names = self.displacements.names
+        return tuple(name for name, test in zip(names, self.tests, strict=True) if test and not test.passed)
+
+    def record(self) -> ComparisonRecord:
+        """What the result file holds and the summary prints."""
+        first, second = (set(epoch.points.names) for epoch in self.epochs)
+        runs = (self.epochs[0].run, self.epochs[1].run)
+        trusted = self.tester.redundancy is None
+        return ComparisonRecord(
+            level=self.tester.level,
+            datum="as adjusted" if self.reference is None else "reference points",
+            congruence=self.congruence,
+            moved=self.moved,
+            displacements=tuple(sorted(self._displacements(), key=_by_significance)),
+            only_first=tuple(sorted(first - second)),
+            only_second=tuple(sorted(second - first)),
+            sigma0=None if trusted else float(np.sqrt(self.tester.variance_factor)),
+            redundancy=sum(epoch.solution.redundancy for epoch in self.epochs),
+            same_precision=self.same_precision,
+            frame=self.epochs[0].frame,
+            runs=runs,
+        )
+
+    def _displacements(self) -> Iterator[DisplacementRecord]:
+        moved, factor = self.displacements, self.tester.variance_factor
+        blocks = np.array([factor * moved.block(row) for row in range(len(moved.names))]).reshape(-1, 3, 3)
+        found = ellipses_of(moved.names, blocks, 1.0 - self.tester.level, self.tester.redundancy)
+        axes = (found.semi_major.tolist(), found.semi_minor.tolist(), found.bearing.tolist())
+        spreads = np.sqrt(np.clip(np.diagonal(blocks, axis1=1, axis2=2), 0.0, None))
+        rows = zip(
+            moved.names,
+            moved.places,
+            moved.vectors,
+            spreads,
+            map(EllipseRecord, *axes),
+            self.tests,
+            strict=True,
+        )
+        for row, (name, place, vector, spread, ellipse, test) in enumerate(rows):
+            x, y, z, east, north, up, s_east, s_north, s_up = np.concatenate([place, vector, spread]).tolist()
+            yield DisplacementRecord(
+                name,
+                x,
+                y,
+                z,
+                east,
+                north,
+                up,
+                s_east,
+                s_north,
+                s_up,
+                length=float(np.linalg.norm(vector)),
+                ellipse=ellipse,
+                test=test,
+                is_reference=self.reference is not None and bool(self.reference[row]),
+                is_significant=test is not None and not test.passed,
+            )
+
+
+@expecting(level=NUMBER, points=WORDS | NOTHING, reference=WORDS | NOTHING, a_priori=TRUTH)
+def compare(
+    first: Adjustment,
+    second: Adjustment,
+    level: float = LEVEL,
+    *,
+    points: Collection[str] | None = None,
+    reference: Collection[str] | None = None,
+    a_priori: bool = False,
+) -> Comparison:
+    """What has moved between two epochs of a network.
+
+    Without reference points the displacements are those in the datum of the adjustments: the known points are
+    taken to have stayed, and the errors of their coordinates, the same in both, cancel. With reference points
+    the epochs are fitted together on those of them that have stayed.
+
+    Args:
+        first: The first epoch.
+        second: The second epoch, in the same frame.
+        level: Probability that one test finds a movement where there is none.
+        points: Names of the points to compare; all common points by default.
+        reference: Names of points that should have stayed: those that have not are found and named.
+        a_priori: Whether the given sigmas are trusted, instead of being scaled by the estimated sigma0.
+
+    Raises:
+        InputError: The epochs are in different frames, have no points in common, or the reference points do
+            not agree with one another.
+    """
+    checked_probability(level, "compare: level")
+    names = _names(first, second, points, reference)
+    moved = displacements(first, second, names)
+    tester = _tester(first, second, level, trusted=a_priori)
+    staying, removed = None, list[int]()
+    if reference is not None:
+        frame = Frame(crs.parse(first.frame))
+        chosen = np.array([name in set(reference) for name in names], np.bool_)
+        staying, removed = stable(moved, chosen, tester, is_spatial=not frame.has_vertical)
+        moved = relative_to(moved, staying, is_spatial=not frame.has_vertical)
+    together = congruence(moved, moved.tested if staying is None else staying, tester)
+    local = moved.turned(Frame(crs.parse(first.frame)).vertical(moved.places))
+    tests = tuple(
+        tester.of(local.vectors[row], local.block(row)) if local.tested[row] else None
+        for row in range(len(names))
+    )
+    gone = tuple(names[row] for row in removed)
+    return Comparison(
+        local, tests, together, staying, gone, _same_precision(first, second, tester), tester, (first, second)
+    )
+
+
+def _names(
+    first: Adjustment, second: Adjustment, points: Collection[str] | None, reference: Collection[str] | None
+) -> tuple[str, ...]:
+    there = set(second.points.names)
+    common = [name for name in first.points.names if name in there]
+    for what, given in (("points", points), ("reference", reference)):
+        unknown = sorted(set(given or ()) - set(common))
+        if unknown:
+            raise InputError(f"compare: {what} {', '.join(unknown)}: not in both epochs")
+    wanted = set(common if points is None else points) | set(reference or ())
+    names = tuple(name for name in common if name in wanted)
+    if not names:
+        raise InputError("compare: the two epochs have no point in common")
+    if reference is not None and len(set(reference)) < 2:
+        raise InputError("compare: give at least two reference points")
+    return names
+
+
+def _tester(first: Adjustment, second: Adjustment, level: float, *, trusted: bool) -> Tester:
+    freedoms = [epoch.solution.redundancy for epoch in (first, second)]
+    if trusted or sum(freedoms) <= 0:
+        return Tester(level)
+    squares = sum(
+        (epoch.solution.variance_factor or 0.0) * freedom
+        for epoch, freedom in zip((first, second), freedoms, strict=True)
+    )
+    if not squares > 0.0:
+        raise InputError("compare: the residuals of both epochs are zero; trust the given sigmas (a_priori)")
+    return Tester(level, squares / sum(freedoms), sum(freedoms))
+
+
+def _same_precision(first: Adjustment, second: Adjustment, tester: Tester) -> TestRecord | None:
+    factors = [(epoch.solution.variance_factor, epoch.solution.redundancy) for epoch in (first, second)]
+    known = [(value, freedom) for value, freedom in factors if value and freedom > 0]
+    if tester.redundancy is None or len(known) < 2:
+        return None
+    (low, below), (high, above) = sorted(known)
+    return tester.of_ratio(high / low, above, below)
+
+
+def _by_significance(item: DisplacementRecord) -> tuple[bool, float]:
+    return (item.test is None, item.test.p_value if item.test else 1.0)

@@ -1,0 +1,65 @@
+"""A network whose approximate coordinates count as true, with its instruments set up there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.initial.known import Step
+from obseq.survey.initial.orienting import plumb_rotation
+from obseq.survey.model import Orientation, automatic_fix
+
+if TYPE_CHECKING:
+    from obseq.survey.network import Network
+
+MOST_NAMED = 10
+
+
+def truth(network: Network) -> InitialValues:
+    """Where points and instruments are, if the coordinates of the network are true.
+
+    The zero of every horizontal circle points to the north of its place.
+
+    Raises:
+        InputError: points lack coordinates, or a plumb instrument stands where there is no vertical.
+    """
+    points, book = network.points, network.book
+    _require_coordinates(network)
+    orientations = automatic_fix(book)
+    stations = len(book.stations)
+    if not network.frame.has_vertical and (orientations == Orientation.VERT).any():
+        first = int(book.stations.observations(int(np.argmax(orientations == Orientation.VERT)))[0])
+        raise InputError(f"{book.label(first)}: a #VERT station needs a frame in which there is a vertical")
+    verticals = network.frame.vertical(points.coordinates[book.stations.origins])
+    given = Step("given")
+    return InitialValues(
+        coordinates=points.coordinates.copy(),
+        rotations=plumb_rotation(verticals, np.zeros(stations)),
+        g0=np.zeros(stations),
+        orientations=orientations,
+        point_steps=(given,) * len(points),
+        station_steps=(given,) * stations,
+        unplaced=(),
+        spreads=np.zeros(len(points)),
+    )
+
+
+def with_values(network: Network, values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Network:
+    """The network with other observed values (n,), m or rad."""
+    observations = replace(network.book.observations, values=values)
+    return replace(network, book=replace(network.book, observations=observations))
+
+
+def _require_coordinates(network: Network) -> None:
+    points = network.points
+    lacking = [name for name, has in zip(points.names, points.has_coordinates, strict=True) if not has]
+    if lacking:
+        more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
+        raise InputError(
+            f"planning needs approximate coordinates of all points; {', '.join(lacking[:MOST_NAMED])}{more} "
+            "have none: add them to the point file"
+        )

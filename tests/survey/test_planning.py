@@ -1,0 +1,164 @@
+"""Plans, simulated observations and drawn adjustments."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planned import network, observation_text, point_text
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.survey import Network, Quality, plan, read_cor, read_obs, simulate
+from obseq.survey.planning.simulation import Simulation
+
+
+@pytest.fixture
+def planned(tmp_path):
+    return network(tmp_path)
+
+
+def rms(adjustment):
+    variances = np.diagonal(adjustment.points.covariances, axis1=1, axis2=2)
+    return np.sqrt(variances.sum() / np.count_nonzero(variances))
+
+
+def test_simulated_values_fit_the_coordinates(planned):
+    exact = simulate(planned, noise=False)
+    adjustment = exact.adjust()
+    np.testing.assert_allclose(adjustment.points.coordinates, planned.points.coordinates, rtol=0.0, atol=1e-9)
+    assert np.abs(adjustment.normalised_residuals).max() < 1e-6
+    observed = exact.book.observations
+    is_distance = observed.types == 3
+    ends = planned.points.coordinates[observed.to_points] - planned.points.coordinates[observed.from_points]
+    np.testing.assert_allclose(observed.values[is_distance], np.linalg.norm(ends, axis=1)[is_distance])
+
+
+def test_precisions_are_those_of_an_adjustment_of_simulated_observations(planned):
+    found = plan(planned, with_gains=False)
+    adjustment = simulate(planned, noise=False).adjust(quality=Quality(a_priori=True))
+    np.testing.assert_allclose(
+        found.adjustment.points.precisions, adjustment.points.precisions, rtol=1e-9, atol=1e-12
+    )
+    planned_numbers, numbers = found.adjustment.quality.observations, adjustment.quality.observations
+    np.testing.assert_allclose(planned_numbers.redundancy, numbers.redundancy, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(planned_numbers.detectable, numbers.detectable, rtol=1e-6)
+
+
+def test_values_of_observations_do_not_count(planned):
+    changed = replace(
+        planned.book,
+        observations=replace(planned.book.observations, values=planned.book.observations.values + 0.3),
+    )
+    one, two = plan(planned, with_gains=False), plan(replace(planned, book=changed), with_gains=False)
+    np.testing.assert_allclose(one.adjustment.points.precisions, two.adjustment.points.precisions, rtol=1e-9)
+
+
+@pytest.mark.parametrize("code", [5, 6, 3])
+def test_a_gain_is_what_a_plan_with_the_observation_shows(tmp_path, code):
+    """The same observation is missing from a plan and added to it."""
+    missing = (code, "D", "F")
+    before = plan(network(tmp_path, without=[missing]))
+    after = plan(network(tmp_path), with_gains=False)
+    kind = {5: "Hz", 6: "Zen", 3: "Dist"}[code]
+    gain = next(g for g in before.gains if (g.type, {g.origin, g.target}) == (kind, {"D", "F"}))
+    assert gain.before == pytest.approx(rms(before.adjustment), rel=1e-6)
+    assert gain.after == pytest.approx(rms(after.adjustment), rel=1e-6)
+    row = after.network.points.index[gain.point]
+    assert gain.point_after == pytest.approx(
+        np.sqrt(np.trace(after.adjustment.points.covariances[row])), rel=1e-6
+    )
+
+
+def test_gains_count_the_points_that_matter(planned):
+    everywhere, near_f = plan(planned), plan(planned, counted=["F"])
+    assert everywhere.candidates == near_f.candidates > 0
+    assert near_f.gains[0].point == "F"
+    assert [g.after for g in near_f.gains] == sorted(g.after for g in near_f.gains)
+    with pytest.raises(InputError, match="unknown point Q"):
+        plan(planned, counted=["Q"])
+
+
+def test_the_weakest_direction_is_that_of_the_covariance(planned):
+    found = plan(planned, with_gains=False)
+    first = found.weakest_points()[0]
+    covariance = found.adjustment.points.covariances[planned.points.index[first.point]]
+    level = np.cos(first.elevation)
+    along = [level * np.sin(first.azimuth), level * np.cos(first.azimuth), np.sin(first.elevation)]
+    assert along @ covariance @ along == pytest.approx(first.sigma**2)
+    assert first.sigma**2 == pytest.approx(np.linalg.eigvalsh(found.adjustment.points.covariances).max())
+
+
+def test_drawn_errors_agree_with_the_prediction_and_with_nothing_else(planned):
+    found = plan(planned, with_gains=False, draws=80, seed=3)
+    assert found.draws.agrees
+    assert abs(found.draws.ratio - 1.0) < 0.15
+    assert abs(found.draws.sigma0 - 1.0) < 0.1
+    from obseq.survey.planning.draws import compared, draw
+
+    drawn = draw(Simulation(planned), 80, 3)
+    too_small = replace(found.adjustment.points, covariances=found.adjustment.points.covariances / 2.0)
+    assert not compared(drawn, replace(found.adjustment, points=too_small), 3).agrees
+
+
+def test_errors_have_the_sigmas_that_are_given(planned):
+    simulation = Simulation(planned)
+    rng = np.random.default_rng(5)
+    drawn = [simulation.drawn(rng) for _ in range(300)]
+    errors = np.array([one.book.observations.values for one in drawn]) - simulation.exact
+    np.testing.assert_allclose(errors.std(axis=0), simulation.sigmas, rtol=0.2)
+    moved = np.array([one.points.coordinates for one in drawn]) - planned.points.coordinates
+    np.testing.assert_allclose(moved[:, :2].std(axis=0), 0.001, rtol=0.2)
+    assert np.abs(moved[:, 2:]).max() < 1e-9
+
+
+def test_the_same_seed_gives_the_same_errors(planned):
+    one, two, other = (simulate(planned, seed).book.observations.values for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, two)
+    assert np.abs(one - other).max() > 1e-4
+
+
+def test_points_without_coordinates_cannot_be_planned(tmp_path):
+    (tmp_path / "p.obs").write_text(observation_text())
+    (tmp_path / "p.cor").write_text("\n".join(point_text().splitlines()[:-1]) + "\n")
+    with pytest.raises(InputError, match="coordinates of all points; F have none"):
+        plan(Network.read(tmp_path / "p.obs", tmp_path / "p.cor"))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, planned):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+FILES = ["--obs", "plan.obs", "--cor", "plan.cor"]
+
+
+def test_the_command_writes_the_plan(folder, capsys):
+    assert main(["plan", *FILES, "--draws", "20", "--out", "out"]) == 0
+    text = capsys.readouterr().out
+    assert "Weakest points" in text
+    assert "What one more observation would bring" in text
+    record = json.loads((folder / "out/plan.json").read_text())
+    assert record["format"] == "obseq-plan"
+    assert record["draws"]["draws"] == 20
+    assert len(record["gains"]) == 10
+    assert record["adjustment"]["precision"] == "a priori"
+    assert "planned, not measured" in (folder / "out/plan.html").read_text()
+
+
+def test_the_command_writes_files_that_can_be_adjusted(folder, capsys):
+    assert main(["simulate", *FILES, "--seed", "4", "--out", "epoch"]) == 0
+    book, points = read_obs(folder / "epoch/simulated.obs"), read_cor(folder / "epoch/simulated.cor")
+    assert len(book.observations) == len(read_obs(folder / "plan.obs").observations)
+    assert len(points) == 8
+    given = ["--obs", "epoch/simulated.obs", "--cor", "epoch/simulated.cor"]
+    assert main(["adjust", *given, "--json", "a.json"]) == 0
+    assert 0.6 < json.loads((folder / "a.json").read_text())["sigma0"] < 1.4
+
+
+def test_an_undetermined_point_is_said(folder, capsys):
+    lines = [line for line in observation_text().splitlines() if " F " not in line]
+    (folder / "plan.obs").write_text("\n".join([*lines, "3 K1 F 1 0.001"]) + "\n")
+    assert main(["plan", *FILES]) == 1
+    assert "LEFT OUT" in capsys.readouterr().out
