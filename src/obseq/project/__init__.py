@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from obseq.project.layout import ProjectTree
     from obseq.project.metadata import Rules, chosen, names_text, read_names, read_rules, rules_text
     from obseq.project.micmac_v1 import read_v1_orientation
+    from obseq.project.micmac_v1_block import read_v1_block
     from obseq.project.points import (
         measures_text,
         points_text,
@@ -45,6 +46,7 @@ _HOMES = {
     "layout": ("ProjectTree",),
     "metadata": ("Rules", "chosen", "names_text", "read_names", "read_rules", "rules_text"),
     "micmac_v1": ("read_v1_orientation",),
+    "micmac_v1_block": ("read_v1_block",),
     "points": (
         "measures_text",
         "points_text",
@@ -88,6 +90,7 @@ __all__ = [
     "read_topo",
     "read_tracks",
     "read_tree",
+    "read_v1_block",
     "read_v1_orientation",
     "rules_text",
     "system_text",

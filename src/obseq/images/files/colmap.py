@@ -1,4 +1,4 @@
-"""COLMAP's sparse models as text: `cameras.txt`, `images.txt`, `points3D.txt`.
+"""COLMAP's sparse models: `cameras`, `images`, `points3D`, read as text or binary, written as text.
 
 Poses go from world to camera, x right, y down, z forward; the centre of the first pixel is (0.5, 0.5), as it
 stays here. COLMAP's p1 is our p2, and its p2 our p1.
@@ -15,7 +15,8 @@ from obseq.errors import InputError
 from obseq.geometry import Pose, attitudes, rotations_from
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
-from obseq.images.files.tables import text_of
+from obseq.images.files.colmap_model import read_model
+from obseq.images.files.fitted import fitted_camera
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.writing import write_all
@@ -23,118 +24,111 @@ from obseq.writing import write_all
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from obseq.arrays import FloatArray
     from obseq.images.adjustment.solution import BundleSolution
-
-MODELS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
+    from obseq.images.files.colmap_model import ColmapCamera, ColmapImage, ColmapModel
 
 
 def read_colmap(folder: str | Path) -> BundleAdjustment:
-    """The block of a sparse model; points keep their numbers as names, images their names.
+    """The block of a sparse model, text or binary; points keep their numbers as names, images their names.
+
+    Of two features of an image that COLMAP has matched to one point, the first one counts.
 
     Raises:
         InputError: a file is missing or broken, or a camera has a model that is not one of ours.
     """
     place = Path(folder)
-    cameras = dict(_cameras(place / "cameras.txt"))
+    model = read_model(place)
+    cameras = {number: _camera(f"camera {number}", given) for number, given in model.cameras.items()}
     block = BundleAdjustment()
     block.add_cameras(*cameras.values())
-    names, poses, views = _images(place / "images.txt")
-    numbers = [number for number, _ in names]
-    missing = [number for number in numbers if number not in cameras]
+    missing = [image for image in model.images if image.camera not in cameras]
     if missing:
-        raise InputError(f"{place / 'images.txt'}: camera {missing[0]} is not in cameras.txt")
-    block.add_poses(
-        Poses.of(
-            [name for _, name in names], poses.centre, poses.rotation,
-            cameras=[cameras[number].name for number in numbers],
-        )
-    )  # fmt: skip
-    _add_points(block, place / "points3D.txt", [name for _, name in names], views)
+        raise InputError(f"{place}: camera {missing[0].camera} of image {missing[0].name} is not in cameras")
+    block.add_poses(_poses(place, model.images, cameras))
+    _add_points(block, place, model)
     return block
 
 
-def _add_points(block: BundleAdjustment, path: Path, images: list[str], views: list[np.ndarray]) -> None:
-    rows = [_floats(path, number, fields[:4]) for number, fields in _lines(path)]
-    points = {int(row[0]): row[1:] for row in rows}
-    stacked = np.concatenate(views) if views else np.zeros((0, 3))
-    image = np.repeat(np.arange(len(views)), [len(view) for view in views])
-    point = stacked[:, 2].astype(np.int64)
-    lost = set(np.unique(point).tolist()) - set(points)
+def _poses(place: Path, images: list[ColmapImage], cameras: dict[int, Camera]) -> Poses:
+    quaternions = np.array([image.quaternion for image in images]).reshape(-1, 4)
+    shifts = np.array([image.shift for image in images]).reshape(-1, 3)
+    try:
+        poses = Pose(shifts, rotations_from(quaternions, "quaternion")).inverse()
+        names = [image.name for image in images]
+        owners = [cameras[image.camera].name for image in images]
+        return Poses.of(names, poses.centre, poses.rotation, cameras=owners)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+
+
+def _add_points(block: BundleAdjustment, place: Path, model: ColmapModel) -> None:
+    row = {number: k for k, number in enumerate(model.points)}
+    lost = {number for image in model.images for number in image.points} - row.keys()
     if lost:
-        raise InputError(f"{path}: point {min(lost)} is measured in images.txt but not here")
-    names = [str(number) for number in points]
-    number = {key: k for k, key in enumerate(points)}
-    block.add_approximations(names, np.array(list(points.values())).reshape(-1, 3))
-    order = np.array([number[key] for key in point.tolist()], dtype=np.int64)
-    _, first = np.unique(np.column_stack([image, order]), axis=0, return_index=True)
-    kept = np.sort(first)  # COLMAP may match a point to two features of an image; the first one counts
-    block.add_measures(ImagePoints.packed(images, names, image[kept], order[kept], stacked[kept, :2]))
+        raise InputError(f"{place}: point {min(lost)} is measured in images but not in points3D")
+    names = [str(number) for number in model.points]
+    block.add_approximations(names, np.array(list(model.points.values())).reshape(-1, 3))
+    image = np.repeat(np.arange(len(model.images)), [len(one.points) for one in model.images])
+    point = np.array([row[number] for one in model.images for number in one.points], dtype=np.int64)
+    xy = np.concatenate([np.zeros((0, 2)), *(one.xy for one in model.images)])
+    _, first = np.unique(np.column_stack([image, point]), axis=0, return_index=True)
+    kept = np.sort(first)
+    images = [one.name for one in model.images]
+    block.add_measures(ImagePoints.packed(images, names, image[kept], point[kept], xy[kept]))
 
 
-def _cameras(path: Path) -> Iterator[tuple[int, Camera]]:
-    for line, fields in _lines(path):
-        if len(fields) < 5 or fields[1] not in MODELS or len(fields) != 4 + MODELS[fields[1]]:
-            raise InputError(
-                f"{path}:{line}: a camera is: number, model, width, height, parameters; the models "
-                f"known here are {', '.join(MODELS)}"
-            )
-        width, height, *values = _floats(path, line, fields[2:])
-        yield int(fields[0]), _camera(f"camera {fields[0]}", fields[1], int(width), int(height), values)
+def _camera(name: str, given: ColmapCamera) -> Camera:
+    values = list(given.parameters)
+    try:
+        if given.model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"):
+            focal, x, y, *radial = values
+            radial += [0.0] * (2 - len(radial))
+            return Camera(name, *given.size, focal, np.array([x, y]), (2, 0, 0), radial)
+        if given.model in ("PINHOLE", "OPENCV"):
+            return _opencv(name, given.size, values)
+        if given.model == "FULL_OPENCV":
+            return _rational(name, given.size, values)
+        if given.model in ("SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
+            powers = dict(zip(("K1", "K2"), values[3:], strict=False))
+            middle = np.array(values[1:3])
+            return Camera(name, *given.size, values[0], middle, (3, 1, 1), powers, "FE_EquiDist")
+        if given.model == "OPENCV_FISHEYE" and values[0] == values[1]:
+            powers = dict(zip(("K1", "K2", "K3", "K4"), values[4:], strict=True))
+            middle = np.array(values[2:4])
+            return Camera(name, *given.size, values[0], middle, (5, 1, 1), powers, "FE_EquiDist")
+    except InputError as error:
+        raise InputError(f"{given.where}: {error}") from None
+    raise InputError(f"{given.where}: the model {given.model} with these parameters is not one of ours")
 
 
-def _camera(name: str, model: str, width: int, height: int, values: list[float]) -> Camera:
-    if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"):
-        focal, x, y, *radial = values
-        radial += [0.0] * (2 - len(radial))
-        return Camera(name, width, height, focal, np.array([x, y]), (2, 0, 0), radial)
+def _opencv(name: str, size: tuple[int, int], values: list[float]) -> Camera:
     fx, fy, x, y, *more = values
     k1, k2, p1, p2 = more or (0.0, 0.0, 0.0, 0.0)
-    if model == "OPENCV" and fx != fy:
-        # fx D_x = fy (D_x + b1 x) exactly for b1 x alone; with distortion the products would not vanish
-        raise InputError(f"{name}: two focal lengths with distortion are not a model of ours")
-    given = {"K1": k1, "K2": k2, "p1": p2, "p2": p1, "b1": fx / fy - 1.0}
-    return Camera(name, width, height, fy, np.array([x, y]), (3, 1, 1), given)
+    given = {"K1": k1, "K2": k2, "p1": p2, "p2": p1}
+    if fx == fy or not any(given.values()):
+        return Camera(name, *size, fy, np.array([x, y]), (3, 1, 1), given | {"b1": fx / fy - 1.0})
+    unit = Camera(name, 0, 0, 1.0, np.zeros(2), (3, 1, 1), given)
+
+    def project(plane: FloatArray) -> FloatArray:
+        return np.asarray(unit.distorted(plane) * [fx, fy] + [x, y])
+
+    return fitted_camera(name, size, fy, project)
 
 
-def _images(path: Path) -> tuple[list[tuple[int, str]], Pose, list[np.ndarray]]:
-    """Camera and name of each image, poses, and rows x, y, point of each."""
-    lines = [
-        (number, line.split())
-        for number, line in enumerate(text_of(path).splitlines(), 1)
-        if not line.startswith("#")
-    ]
-    if len(lines) % 2 and lines and not lines[-1][1]:
-        lines.pop()
-    if len(lines) % 2:
-        raise InputError(f"{path}: an image takes two lines, the second of which may be empty")
-    names, quaternions, shifts, views = [], [], [], []
-    for (number, first), (below, second) in zip(lines[::2], lines[1::2], strict=True):
-        if len(first) < 10 or len(second) % 3:
-            raise InputError(f"{path}:{number}: an image is: number, qw qx qy qz, tx ty tz, camera, name")
-        values = _floats(path, number, first[1:9])
-        names.append((int(values[7]), " ".join(first[9:])))
-        quaternions.append(values[:4])
-        shifts.append(values[4:7])
-        rows = np.array(_floats(path, below, second)).reshape(-1, 3)
-        views.append(rows[rows[:, 2] >= 0])
-    rotations = rotations_from(np.array(quaternions).reshape(-1, 4), "quaternion")
-    return names, Pose(np.array(shifts).reshape(-1, 3), rotations).inverse(), views
+def _rational(name: str, size: tuple[int, int], values: list[float]) -> Camera:
+    """OpenCV's model with a quotient of polynomials, where ours comes near enough."""
+    fx, fy, x, y, k1, k2, p1, p2, k3, k4, k5, k6 = values
+    decentric = Camera(name, 0, 0, 1.0, np.zeros(2), (3, 1, 1), {"p1": p2, "p2": p1})
 
+    def project(plane: FloatArray) -> FloatArray:
+        square = np.sum(plane**2, axis=1, keepdims=True)
+        above = 1.0 + square * (k1 + square * (k2 + square * k3))
+        below = 1.0 + square * (k4 + square * (k5 + square * k6))
+        distorted = plane * above / below + decentric.distorted(plane) - plane
+        return np.asarray(distorted * [fx, fy] + [x, y])
 
-def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(text_of(path).splitlines(), 1):
-        if line.strip() and not line.startswith("#"):
-            yield number, line.split()
-
-
-def _floats(path: Path, line: int, fields: list[str]) -> list[float]:
-    try:
-        values = [float(field) for field in fields]
-    except ValueError as error:
-        raise InputError(f"{path}:{line}: {error}") from None
-    if not np.isfinite(values).all():
-        raise InputError(f"{path}:{line}: a number is not finite")
-    return values
+    return fitted_camera(name, size, fy, project, ((5, 1, 1), (5, 1, 5)))
 
 
 def write_colmap(solution: BundleSolution, folder: str | Path) -> None:

@@ -1,0 +1,341 @@
+"""Projects of DBAT (XML scripts): what is measured, known and free; operations and outputs are left aside.
+
+The camera has its distortion on the measures (a backward camera here); its parameters are in the unit of the
+sensor, ours in pixels: a pixel is the height of the sensor over that of the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
+from obseq.images.control import ControlPoints
+from obseq.images.files.tables import text_of
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
+from obseq.survey.files.xml_elements import Element, read_xml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray
+
+ROOT, MODEL = "document", 3
+DEGREE = (3, 1, 1)
+ASPECT = 1e-4
+PARAMETERS = {"focal": "F", "cc": "F", "pp": "PP.", "K": "K.", "P": "p.", "aspect": "b1", "skew": "b2"}
+"""DBAT's groups of camera parameters as patterns of ours."""
+SIGMAS = ("sx", "sy", "sz")
+
+
+@dataclass(frozen=True)
+class BrownCamera:
+    """A camera of PhotoModeler and DBAT, in the unit of its sensor.
+
+    Attributes:
+        name: of the camera.
+        size: columns and lines of the image.
+        pixel: height of a pixel.
+        focal: camera constant.
+        principal_point: px and py, from the upper left corner, y down.
+        radial: K1, K2, K3.
+        decentric: P1, P2.
+        aspect: width of a pixel over its height.
+    """
+
+    name: str
+    size: tuple[int, int]
+    pixel: float
+    focal: float
+    principal_point: tuple[float, float]
+    radial: Sequence[float] = ()
+    decentric: Sequence[float] = ()
+    aspect: float = 1.0
+
+    def camera(self) -> Camera:
+        """The same as ours: distortion on the measures, coefficients times powers of the focal length."""
+        given = {f"K{k}": value * self.focal ** (2 * k) for k, value in enumerate(self.radial, 1)}
+        if len(self.decentric) == 2:
+            given |= {"p1": self.decentric[0] * self.focal, "p2": -self.decentric[1] * self.focal}
+        given["b1"] = self.aspect - 1.0
+        middle = np.array(self.principal_point) / self.pixel
+        return Camera(self.name, *self.size, self.focal / self.pixel, middle, DEGREE, given, backward=True)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a text file under the columns that its `format` names."""
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    def texts(self, column: str) -> list[str]:
+        place = self.columns.index(column)
+        return [row[place] for row in self.rows]
+
+    def numbers(self, *columns: str) -> FloatArray:
+        """(n, k) finite numbers."""
+        found = np.empty((len(self.rows), len(columns)))
+        for k, column in enumerate(columns):
+            for row, text in enumerate(self.texts(column)):
+                found[row, k] = self._number(row, column, text)
+        return found
+
+    def _number(self, row: int, column: str, text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise InputError(f"{self.path}:{self.lines[row]}: {column} is {text!r}, which is no number")
+        return value
+
+
+def read_dbat(path: str | Path) -> BundleAdjustment:
+    """The block of a DBAT script: camera, images, measures, control points, priors, what is estimated.
+
+    Control points whose file gives no sigma are held. Check points are free points. Images are called as
+    their files, without folders, or by their numbers when two files are called alike.
+
+    Raises:
+        InputError: another camera model than 3, several cameras, a file or a column that is missing; with
+            file and line.
+    """
+    root = read_xml(Path(path))
+    source = root.child("input")
+    if root.tag != ROOT or source is None:
+        raise root.error("this is no script of DBAT (document with input)")
+    folder = _folder(source, Path(path))
+    camera = _camera(source)
+    block = BundleAdjustment()
+    block.add_cameras(camera)
+    names = _images(source, folder)
+    block.add_images(names.values(), camera.name)
+    _add_control(block, source, folder)
+    _add_measures(block, source, folder, names)
+    _add_poses(block, source, folder, names)
+    _add_estimates(block, root)
+    return block
+
+
+def _folder(source: Element, path: Path) -> Path:
+    base = source.attributes.get("base_dir", "$HERE").replace("$HERE", str(path.parent))
+    if "$" in base:
+        raise source.error(f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
+    return Path(base)
+
+
+def _tables(holder: Element | None, folder: Path) -> Iterator[tuple[Element, _Rows]]:
+    for element in holder.children if holder is not None else ():
+        if element.tag == "file":
+            yield element, _filtered(holder, _read(element, folder))
+
+
+def _read(element: Element, folder: Path) -> _Rows:
+    columns = tuple(word.strip() for word in element.attributes.get("format", "").split(","))
+    place = folder / element.text
+    if not element.text or columns == ("",):
+        raise element.error("it needs the name of a file, and format with the names of its columns")
+    rows, lines = [], []
+    for number, line in enumerate(text_of(place).splitlines(), 1):
+        fields = tuple(word.strip() for word in line.partition("#")[0].split(","))
+        if fields == ("",):
+            continue
+        if len(fields) < len(columns):
+            raise InputError(f"{place}:{number}: {len(fields)} fields where {','.join(columns)} are expected")
+        rows.append(fields[: len(columns)])
+        lines.append(number)
+    return _Rows(place, columns, tuple(rows), tuple(lines))
+
+
+def _filtered(holder: Element | None, table: _Rows) -> _Rows:
+    """The rows that the filters of a list of points leave."""
+    for item in holder.children if holder is not None else ():
+        if item.tag != "filter":
+            continue
+        wanted = {word.strip() for word in item.attributes.get("id", "").split(",")}
+        if item.text not in ("keep", "remove"):
+            raise item.error(f"a filter keeps or removes; not {item.text!r}")
+        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (item.text == "keep")]
+        table = _Rows(
+            table.path,
+            table.columns,
+            tuple(table.rows[k] for k in kept),
+            tuple(table.lines[k] for k in kept),
+        )
+    return table
+
+
+def _require(element: Element, table: _Rows, *columns: str) -> None:
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise element.error(f"its format has no column {missing[0]!r}")
+
+
+def _camera(source: Element) -> Camera:
+    holder = source.child("cameras")
+    cameras = [item for item in holder.children if item.tag == "camera"] if holder is not None else []
+    if len(cameras) != 1:
+        raise source.error(f"{len(cameras)} cameras: one is read")
+    element = cameras[0]
+    if int(element.number("model")) != MODEL:
+        raise element.error(f"camera model {element.content('model')}: only {MODEL} is read")
+    width, height = (int(value) for value in _numbers(element, "image", 2))
+    sensor = element.content("sensor").split(",")
+    tall = _numbers(element, "sensor", 2, ("auto",))[1]
+    pixel, aspect = tall / height, element.number("aspect", 1.0)
+    if sensor[0].strip() != "auto":
+        own = float(_numbers(element, "sensor", 2)[0]) / width / pixel
+        if abs(own / aspect - 1.0) > ASPECT:
+            raise element.error(
+                f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
+            )
+    cc, pp = element.content("cc", "focal"), element.content("pp", "default")
+    focal = element.number("focal") if cc == "focal" else element.number("cc")
+    middle = (width * pixel * aspect / 2.0, height * pixel / 2.0)
+    if pp != "default":
+        x, y = _numbers(element, "pp", 2)
+        middle = (x, y)
+    radial, decentric = (_numbers(element, tag) if element.child(tag) else [] for tag in "KP")
+    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or element.number("skew", 0.0) != 0.0:
+        raise element.error("more than K1, K2, K3, P1, P2, or a skew, is not read")
+    name = element.content("name", "camera")
+    return BrownCamera(name, (width, height), pixel, focal, middle, radial, decentric, aspect).camera()
+
+
+def _numbers(element: Element, tag: str, count: int | None = None, words: Sequence[str] = ()) -> list[float]:
+    """The numbers of a list; NaN for words that are allowed instead."""
+    fields = [field.strip() for field in element.content(tag).split(",")]
+    try:
+        found = [np.nan if field in words else float(field) for field in fields]
+    except ValueError:
+        found = []
+    if not found or (count is not None and len(found) != count):
+        raise element.error(f"{tag} should be {count or 'some'} numbers, not {element.content(tag)!r}")
+    return found
+
+
+def _images(source: Element, folder: Path) -> dict[str, str]:
+    """Names of images by their numbers."""
+    found: dict[str, str] = {}
+    for element, table in _tables(source.child("images"), folder):
+        _require(element, table, "id", "path")
+        found |= dict(zip(table.texts("id"), table.texts("path"), strict=True))
+    short = {number: path.replace("\\", "/").rpartition("/")[2] for number, path in found.items()}
+    return short if len(set(short.values())) == len(short) else {number: number for number in found}
+
+
+def _spread(element: Element, table: _Rows, *groups: tuple[str, tuple[str, ...]]) -> FloatArray | None:
+    """(n, k) sigmas: from columns each, from one column for several, or from attributes."""
+    columns: list[FloatArray] = []
+    for common, own in groups:
+        for name in own:
+            if name in table:
+                columns.append(table.numbers(name)[:, 0])
+            elif common in table:
+                columns.append(table.numbers(common)[:, 0])
+            elif name in element.attributes or common in element.attributes:
+                text = element.attributes.get(name, element.attributes.get(common, ""))
+                columns.append(np.full(len(table.rows), _sigma(element, text)))
+    return np.column_stack(columns) if columns else None
+
+
+def _sigma(element: Element, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise element.error(f"the sigma {text!r} is no number") from None
+
+
+def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None:
+    for element, table in _tables(source.child("ctrl_pts"), folder):
+        _require(element, table, "id", "x", "y", "z")
+        plan = "sxyz" if "sxyz" in table or "sxyz" in element.attributes else "sxy"
+        sigmas = _spread(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
+        places = table.numbers("x", "y", "z")
+        if sigmas is not None and sigmas.shape != places.shape:
+            raise element.error("sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
+        block.add_control_points(
+            ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
+        )
+
+
+def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
+    for element, table in _tables(source.child("image_pts"), folder):
+        _require(element, table, "id", "im", "x", "y")
+        sigmas = _spread(element, table, ("sxy", ("sx", "sy")))
+        if sigmas is None:
+            raise element.error("the measures have no sigma (sxy, or sx and sy, in format or as attribute)")
+        numbers = table.texts("im")
+        lost = [number for number in numbers if number not in names]
+        if lost:
+            raise element.error(f"{table.path}: the image {lost[0]} is not in the list of images")
+        images = [names[number] for number in numbers]
+        points = ImagePoints.of(images, table.texts("id"), table.numbers("x", "y"), sigmas)
+        block.add_measures(points, name=table.path.name)
+
+
+def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
+    """Poses that are known beforehand; with sigmas they are observations."""
+    for element, table in _tables(source.child("prior_eo"), folder):
+        _require(element, table, "id", "x", "y", "z", "omega", "phi", "kappa")
+        images = [names.get(number, number) for number in table.texts("id")]
+        angles = np.radians(table.numbers("omega", "phi", "kappa"))
+        poses = Poses.of(images, table.numbers("x", "y", "z"), angles, "opk")
+        block.add_poses(poses)
+        if not all(name in table for name in SIGMAS):
+            continue
+        turn = None
+        if all(name in table for name in ("so", "sp", "sk")):
+            turns = table.numbers("so", "sp", "sk")
+            turn = float(np.radians(turns.flat[0]))
+            if np.ptp(turns) > 0.0:
+                raise element.error("sigmas of angles that differ are not read")
+        block.observe_poses(poses, table.numbers(*SIGMAS), turn)
+
+
+def _add_estimates(block: BundleAdjustment, root: Element) -> None:
+    """What the bundle estimates: of the camera only what is said to be true; skew never."""
+    operations = root.child("operations")
+    for operation in operations.children if operations is not None else ():
+        chosen = operation.child("set_bundle_estimate_params")
+        if chosen is None:
+            continue
+        block.freeze_parameters(".*")
+        for tag, free in _flags(chosen.child("io")):
+            pattern = PARAMETERS.get(tag, ".*" if tag == "all" else "")
+            if not pattern:
+                raise chosen.error(f"the camera parameter {tag!r} is not known here")
+            (block.free_parameters if free else block.freeze_parameters)(pattern)
+        for tag, free in _flags(chosen.child("eo")):
+            if tag != "all":
+                raise chosen.error("poses are estimated as a whole or not at all here")
+            if not free:
+                block.freeze_centres()
+                block.freeze_rotations()
+        block.freeze_parameters("b2")
+
+
+def _flags(element: Element | None) -> Iterator[tuple[str, bool]]:
+    if element is None:
+        return
+    if element.text:
+        yield "all", _flag(element)
+    yield from ((child.tag, _flag(child)) for child in element.children if child.tag != "c")
+
+
+def _flag(element: Element) -> bool:
+    if element.text not in ("true", "false", "default"):
+        raise element.error(f"true, false or default is expected, not {element.text!r}")
+    return element.text == "true"

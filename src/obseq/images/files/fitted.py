@@ -1,0 +1,94 @@
+"""Cameras of other programs as ours: exactly where the models agree, else the closest one with its misfit.
+
+A pixel is linear in F, the principal point, and F times each coefficient, so that the closest camera is a
+linear least-squares problem over a grid of the image.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.camera import Camera
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from obseq.arrays import FloatArray
+
+STEPS = 21
+"""Lines and columns of the grid."""
+MISFIT = 0.01
+"""Pixels that the closest camera may be off, anywhere in the image."""
+BEYOND = 1.25
+"""How far the grid of directions reaches beyond the frame of an image without distortion."""
+
+
+DEGREES = ((3, 1, 1), (3, 1, 5))
+"""Degrees that are tried: the usual one, then one with room for other affine parts."""
+
+
+def fitted_camera(
+    name: str,
+    size: tuple[int, int],
+    focal: float,
+    projection: Callable[[FloatArray], FloatArray],
+    degrees: Sequence[tuple[int, int, int]] = DEGREES,
+) -> Camera:
+    """The pinhole camera that projects as another program says, of the first degree that reaches it.
+
+    Args:
+        name: of the camera.
+        size: columns and lines.
+        focal: about its focal length, pixels.
+        projection: pixels (n, 2) of dimensionless coordinates (n, 2): x/z and y/z, x right, y down.
+        degrees: of the distortion, as they are tried.
+
+    Raises:
+        InputError: no camera of these degrees comes within a hundredth of a pixel.
+    """
+    plane = _grid(size, focal)
+    pixels = projection(plane)
+    inside = ((pixels >= 0.0) & (pixels <= np.array(size))).all(axis=1)
+    if np.count_nonzero(inside) < STEPS:
+        raise InputError(f"camera {name}: its parameters project hardly anything into its image")
+    misfit = np.inf
+    for degree in degrees:
+        camera, misfit = _closest(name, size, degree, plane[inside], pixels[inside])
+        if misfit <= MISFIT:
+            return camera
+    raise InputError(
+        f"camera {name}: its distortion differs from ours by {misfit:.2g} pixels in the image; undistort the "
+        "measures, or calibrate a camera without distortion here"
+    )
+
+
+def _closest(
+    name: str, size: tuple[int, int], degree: tuple[int, int, int], plane: FloatArray, pixels: FloatArray
+) -> tuple[Camera, float]:
+    """The closest camera of a degree, and the largest distance (pixels) to what is wanted."""
+    found, *_ = np.linalg.lstsq(_columns(name, degree, plane), pixels.ravel(), rcond=None)
+    middle = np.array(found[1:3], dtype=np.float64)
+    camera = Camera(name, *size, float(found[0]), middle, degree, found[3:] / found[0])
+    local = np.column_stack([plane, np.ones(len(plane))])
+    return camera, float(np.abs(camera.project(local) - pixels).max())
+
+
+def _grid(size: tuple[int, int], focal: float) -> FloatArray:
+    reach = BEYOND * np.array(size) / (2.0 * focal)
+    x, y = np.meshgrid(*(np.linspace(-r, r, STEPS) for r in reach))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _columns(name: str, degree: tuple[int, int, int], plane: FloatArray) -> FloatArray:
+    """(2 n, 3 + k) derivatives of pixels: by F, the principal point, and F times each coefficient."""
+    plain = Camera(name, 0, 0, 1.0, np.zeros(2), degree)
+    ones, zeros = np.ones(len(plane)), np.zeros(len(plane))
+    columns = [plane, np.column_stack([ones, zeros]), np.column_stack([zeros, ones])]
+    for k in range(len(plain.coefficients)):
+        unit = np.zeros(len(plain.coefficients))
+        unit[k] = 1.0
+        columns.append(Camera(name, 0, 0, 1.0, np.zeros(2), degree, unit).distorted(plane) - plane)
+    return np.column_stack([column.ravel() for column in columns])

@@ -1,0 +1,213 @@
+"""Poses as text with omega, phi, kappa, or a rotation matrix: a table whose columns are told.
+
+| writer | columns | unit | form |
+|---|---|---|---|
+| Borea, Metashape, OriExport of MicMac | `NXYZOPK` | degree | camera to world, y up, z backwards |
+| PhotoModeler | `NXYZKPO` | degree | the same angles, in the other order of columns |
+| PATB, Inpho | `NXYZM`, nine numbers by rows | - | camera to world, or its transpose (`world_to_camera`) |
+
+There is no standard: `check_convention` tells with one image and its measures whether the declared one fits.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.files.tables import text_of
+from obseq.images.names import index_of
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from obseq.arrays import FloatArray
+    from obseq.images.camera import Camera
+    from obseq.images.control import ControlPoints
+    from obseq.images.measures import ImagePoints
+
+LETTERS = "NXYZOPKM?"
+UNITS = {"degree": np.pi / 180.0, "gon": np.pi / 200.0, "radian": 1.0}
+FLIP = np.array([1.0, -1.0, -1.0])
+FIT = 0.05
+"""Share of the image by which the declared convention may miss, and others must."""
+
+
+def read_opk(
+    path: str | Path,
+    columns: str = "NXYZOPK",
+    unit: str = "degree",
+    *,
+    world_to_camera: bool = False,
+    camera: str = "",
+) -> Poses:
+    """Poses of images.
+
+    Args:
+        path: a text of one line per image; fields by blanks, commas, semicolons or tabs; lines that begin
+            with # are left out, columns after those that are named too.
+        columns: `N` name, `X Y Z` centre, `O P K` angles or `M` for nine numbers of a matrix by rows, `?`
+            for a column that is skipped.
+        unit: of the angles: `degree`, `gon` or `radian`.
+        world_to_camera: True for matrices that go from the world to the camera.
+        camera: name of the camera of all images.
+
+    Raises:
+        InputError: a column or unit that is not known; a line that does not hold what it should.
+    """
+    wanted = _columns(columns)
+    if unit not in UNITS:
+        raise InputError(f"unit {unit!r}: angles are in {', '.join(UNITS)}")
+    rows = [
+        _row(path, number, line, wanted)
+        for number, line in enumerate(text_of(path).splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(f"{path}: holds no pose")
+    names, numbers = [name for name, _ in rows], [found for _, found in rows]
+    centres = np.array([[found[letter] for letter in "XYZ"] for found in numbers])
+    if "M" in wanted:
+        matrices = np.array([[found[f"M{k}"] for k in range(9)] for found in numbers]).reshape(-1, 3, 3)
+        turned = np.swapaxes(matrices, 1, 2) if world_to_camera else matrices
+        rotations, form = turned * FLIP, "matrix"
+    else:
+        angles = np.array([[found[letter] for letter in "OPK"] for found in numbers])
+        rotations, form = angles * UNITS[unit], "opk"
+    try:
+        return Poses.of(names, centres, rotations, form, camera)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _columns(text: str) -> str:
+    letters = "".join(text.split()).upper()
+    unknown = sorted(set(letters) - set(LETTERS))
+    if unknown:
+        raise InputError(f"columns {text!r}: {unknown[0]} is none of {' '.join(LETTERS)}")
+    twice = [letter for letter in set(letters) - {"?"} if letters.count(letter) > 1]
+    turned = "M" in letters or set("OPK") <= set(letters)
+    if twice or not set("NXYZ") <= set(letters) or not turned:
+        raise InputError(f"columns {text!r}: needed once each are N X Y Z, and O P K or M")
+    return letters
+
+
+def _row(path: str | Path, number: int, line: str, columns: str) -> tuple[str, dict[str, float]]:
+    for separator in ",;\t":
+        line = line.replace(separator, " ")
+    words = line.split()
+    count = len(columns) + (8 if "M" in columns else 0)
+    if len(words) < count:
+        raise InputError(f"{path}:{number}: {len(words)} fields where {columns} are {count}")
+    found: dict[str, float] = {}
+    name, place = "", 0
+    for letter in columns:
+        width = 9 if letter == "M" else 1
+        taken = words[place : place + width]
+        place += width
+        if letter == "N":
+            name = taken[0]
+        elif letter != "?":
+            keys = [f"M{k}" for k in range(9)] if letter == "M" else [letter]
+            found |= {key: _number(path, number, word) for key, word in zip(keys, taken, strict=True)}
+    return name, found
+
+
+def _number(path: str | Path, line: int, word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{path}:{line}: {word[:40]!r} is no finite number")
+    return value
+
+
+def opk_text(poses: Poses) -> str:
+    """Poses as text that `read_opk` takes: name, centre, omega, phi, kappa in degrees."""
+    angles = np.degrees(poses.attitudes("opk"))
+    rows = [
+        f"{name} {' '.join(f'{value:.17g}' for value in (*centre, *turn))}\n"
+        for name, centre, turn in zip(poses.images, poses.centres.tolist(), angles.tolist(), strict=True)
+    ]
+    blank = [name for name in poses.images if len(name.split()) != 1 or "," in name]
+    if blank:
+        raise InputError(f"image {blank[0]!r}: a name with blanks or commas has no place in such a text")
+    return "# image X Y Z omega phi kappa (degrees; camera to world, y up, z backwards)\n" + "".join(rows)
+
+
+def check_convention(
+    poses: Poses, measures: ImagePoints, control: ControlPoints, cameras: Mapping[str, Camera]
+) -> None:
+    """Refuses poses whose convention is not the declared one, by known points that were measured.
+
+    Args:
+        poses: as read.
+        measures: points in images.
+        control: known points.
+        cameras: by image.
+
+    Raises:
+        InputError: the known points are not where they were measured; another convention that fits is named.
+    """
+    known = measures.of_points(control.names)
+    images = [image for image in known.image_names if image in poses]
+    if not images:
+        raise InputError("the convention of the poses cannot be tested: no control point is measured in them")
+    ground = control.coordinates[index_of(control.names, known.point_names, "control point")]
+    misses = {
+        word: max(
+            _miss(image, turn(poses[image].rotation), poses, known, ground, cameras) for image in images
+        )
+        for word, turn in CONVENTIONS.items()
+    }
+    if misses["as declared"] <= FIT:
+        return
+    better = [word for word, miss in misses.items() if miss <= FIT]
+    hint = f"the poses fit when read with {better[0]}" if better else "no other convention that is known fits"
+    raise InputError(f"known points are not where they were measured with the declared convention: {hint}")
+
+
+def _declared(rotation: FloatArray) -> FloatArray:
+    return rotation
+
+
+def _transposed(rotation: FloatArray) -> FloatArray:
+    return np.asarray((rotation * FLIP).T * FLIP)
+
+
+def _forward(rotation: FloatArray) -> FloatArray:
+    return np.asarray(rotation * FLIP)
+
+
+def _transposed_forward(rotation: FloatArray) -> FloatArray:
+    return np.asarray((rotation * FLIP).T)
+
+
+CONVENTIONS = {
+    "as declared": _declared,
+    "the transposed matrix (world to camera)": _transposed,
+    "a camera with y down and z forward": _forward,
+    "a transposed matrix of a camera with y down and z forward": _transposed_forward,
+}
+
+
+def _miss(
+    image: str,
+    rotation: FloatArray,
+    poses: Poses,
+    known: ImagePoints,
+    ground: FloatArray,
+    cameras: Mapping[str, Camera],
+) -> float:
+    """Median distance of measured and projected points in shares of the image; infinite behind the camera."""
+    rows = np.flatnonzero(known.image == known.image_names.index(image))
+    camera = cameras[image]
+    local = (ground[known.point[rows]] - poses[image].centre) @ rotation
+    if not camera.is_in_front(local).all():
+        return float("inf")
+    off = np.linalg.norm(camera.project(local) - known.xy[rows], axis=1)
+    return float(np.median(off) / max(camera.width, camera.height, 1.0))
