@@ -1,5 +1,6 @@
 """`obseq bundle`: from tables to results, and its exit codes."""
 
+import bz2
 import json
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.images.files.bal import bal_text, read_bal
+from obseq.images.files.opk import opk_text, read_opk
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 import scenes
@@ -79,3 +82,57 @@ def test_what_cannot_be_done_is_said_in_one_line(tables, capsys, change, message
     assert message in said.err
     assert said.err.count("\n") == 1
     assert not said.out
+
+
+def test_lengths_and_positions_are_observations(tables, capsys):
+    folder, options, poses = tables
+    (folder / "control.csv").write_text("point,x,y,z,sigma\nP0,0,0,0,\n")
+    truth = scenes.ring()[1]
+    length = float(np.linalg.norm(truth[1] - truth[2]))
+    (folder / "lengths.csv").write_text(f"from,to,length,sigma\nP1,P2,{length},0.0005\n")
+    rows = [f"{i} {x} {y} {z} 0.01" for i, (x, y, z) in zip(poses.images, poses.centres, strict=True)]
+    (folder / "positions.txt").write_text("image x y z sigma\n" + "\n".join(rows) + "\n")
+    (folder / "images.txt").write_text(opk_text(poses))
+    more = [f"--lengths={folder / 'lengths.csv'}", f"--positions={folder / 'positions.txt'}"]
+    words = [word for word in options if not word.startswith(("--images", "--control"))]
+    words += [f"--opk={folder / 'images.txt'}", *more, f"--json={folder / 'r.json'}"]
+    assert main(["bundle", *words]) == 0
+    record = json.loads((folder / "r.json").read_text())
+    assert {"lengths", "observed poses"} <= record["squares"].keys()
+    found = {point["name"]: [point[axis] for axis in "xyz"] for point in record["points"]}
+    assert np.linalg.norm(np.subtract(found["P1"], found["P2"])) == pytest.approx(length, abs=0.002)
+    assert "converged" in capsys.readouterr().out
+
+
+def test_results_in_other_formats_are_blocks_again(tables, capsys):
+    folder, options, poses = tables
+    words = [word if not word.startswith("--freeze") else "--freeze=K3|b." for word in options]
+    outs = [f"--colmap-out={folder / 'sparse'}", f"--opk-out={folder / 'poses.txt'}"]
+    assert main(["bundle", *words, *outs]) == 0
+    again = ["bundle", f"--colmap={folder / 'sparse'}", "--datum=centres", "--freeze=.*"]
+    assert main([*again, f"--json={folder / 'r.json'}"]) == 0
+    record = json.loads((folder / "r.json").read_text())
+    centres = read_opk(folder / "poses.txt").centres
+    # the free block of the same measures, without what the control points said
+    np.testing.assert_allclose([image["centre"] for image in record["images"]], centres, atol=0.02)
+    assert np.abs(centres - poses.centres).max() < 0.05
+
+
+def test_bal_in_bal_out(tmp_path, shared_data):
+    source = next((shared_data / "bal-trafalgar-21").glob("*.bz2"), None)
+    if source is None:
+        source = next((shared_data / "bal-trafalgar-21").glob("*.txt"))
+    text = (bz2.decompress(source.read_bytes()) if source.suffix == ".bz2" else source.read_bytes()).decode()
+    block = read_bal(source)
+    assert np.array(bal_text(block).split()[:3], dtype=int).tolist() == [21, 11315, 36455]
+    (tmp_path / "again.txt").write_text(bal_text(block))
+    numbers, again = (np.array(t.split(), dtype=float) for t in (text, (tmp_path / "again.txt").read_text()))
+    assert len(again) == len(numbers)
+    np.testing.assert_allclose(again[-3 * 11315 :], numbers[-3 * 11315 :], rtol=1e-14)
+    cameras = slice(3 + 4 * 36455, 3 + 4 * 36455 + 9 * 21)
+    np.testing.assert_allclose(again[cameras], numbers[cameras], rtol=1e-9, atol=1e-12)
+
+
+def test_a_script_of_dbat_is_a_block(shared_data, capsys):
+    assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}"]) in (0, 1)
+    assert "sigma0 1.1786" in capsys.readouterr().out

@@ -9,8 +9,8 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
+from obseq.images.files.xml import Element, child, content, problem, read_xml
 from obseq.project.micmac_v1 import read_v1_orientation
-from obseq.survey.files.xml_elements import Element, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,7 +74,7 @@ def read_v1_points(path: str | Path) -> ControlPoints:
     """The points of a `DicoAppuisFlottant`; negative uncertainties leave them free, zeros hold them."""
     names, places, sigmas = [], [], []
     for one in _all(_root(path, POINTS), "OneAppuisDAF"):
-        names.append(one.content("NamePt"))
+        names.append(content(one, "NamePt"))
         places.append(_numbers(one, "Pt", 3))
         given = np.array(_numbers(one, "Incertitude", 3))
         sigmas.append(np.where(given < 0.0, np.inf, given))
@@ -88,9 +88,9 @@ def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
     """The measures of a `SetOfMesureAppuisFlottants`."""
     images, points, xy = [], [], []
     for image in _all(_root(path, MEASURES), "MesureAppuiFlottant1Im"):
-        for one in (child for child in image.children if child.tag == "OneMesureAF1I"):
-            images.append(image.content("NameIm"))
-            points.append(one.content("NamePt"))
+        for one in image.named("OneMesureAF1I"):
+            images.append(content(image, "NameIm"))
+            points.append(content(one, "NamePt"))
             xy.append(_numbers(one, "PtIm", 2))
     try:
         return ImagePoints.of(images, points, np.array(xy).reshape(-1, 2), sigma)
@@ -101,24 +101,24 @@ def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
 def _root(path: str | Path, tag: str) -> Element:
     """The element of a name: v1 wraps some files in `Global`."""
     root = read_xml(Path(path))
-    found = root if root.tag == tag else root.child(tag)
+    found = root if root.name == tag else child(root, tag)
     if found is None:
-        raise root.error(f"{tag} is expected")
+        raise problem(root, f"{tag} is expected")
     return found
 
 
 def _all(root: Element, tag: str) -> Iterator[Element]:
-    found = [child for child in root.children if child.tag == tag]
+    found = list(root.named(tag))
     if not found:
-        raise root.error(f"it holds no {tag}")
+        raise problem(root, f"it holds no {tag}")
     yield from found
 
 
 def _numbers(element: Element, tag: str, count: int) -> list[float]:
     try:
-        values = [float(word) for word in element.content(tag).split()]
+        values = [float(word) for word in content(element, tag).split()]
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        raise element.error(f"{tag} should be {count} finite numbers")
+        raise problem(element, f"{tag} should be {count} finite numbers")
     return values

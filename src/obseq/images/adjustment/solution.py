@@ -151,6 +151,16 @@ class BundleSolution:
         """Whether the iterations ended by themselves."""
         return self.result.converged
 
+    def adjusted_block(self) -> Block:
+        """The block at the solution: its cameras, poses, points as approximations, and used measures."""
+        block = type(self.block)()
+        block.add_cameras(*self.cameras.values())
+        block.add_poses(self.poses)
+        block.add_approximations(self.points, self.coordinates)
+        for part in self.start.sets:
+            block.add_measures(part.given.measures.rows(part.rows), part.given.weighting, part.given.name)
+        return block
+
     # Precisions
 
     @property

@@ -101,7 +101,12 @@ def _block(
 
 
 def write_bal(block: Block, path: str | Path) -> None:
-    """Writes a block of pinholes with two radial terms about the image centre as a BAL file.
+    """Writes a block of pinholes with two radial terms as a BAL file (see `bal_text`)."""
+    write_text(path, bal_text(block))
+
+
+def bal_text(block: Block) -> str:
+    """A block of pinholes with two radial terms as BAL has it: pixels are about the principal points.
 
     Raises:
         InputError: a camera has another model, or a point no coordinates.
@@ -121,7 +126,7 @@ def write_bal(block: Block, path: str | Path) -> None:
             lines.append(f"{pair[0]} {pair[1]} {dx:.17g} {dy:.17g}")
     numbers = [*_camera_numbers(block, images), *_point_numbers(block, points)]
     first = f"{len(images)} {len(points)} {len(lines)}"
-    write_text(path, "\n".join([first, *lines, *(f"{value:.17g}" for value in numbers)]) + "\n")
+    return "\n".join([first, *lines, *(f"{value:.17g}" for value in numbers)]) + "\n"
 
 
 def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:

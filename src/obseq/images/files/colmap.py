@@ -137,17 +137,19 @@ def write_colmap(solution: BundleSolution, folder: str | Path) -> None:
     Raises:
         InputError: a camera has no model in COLMAP: it takes at most K1, K2, p1 and p2.
     """
+    write_all(dict(colmap_files(solution, folder)))
+
+
+def colmap_files(solution: BundleSolution, folder: str | Path) -> dict[Path, str]:
+    """The files that `write_colmap` writes."""
     place = Path(folder)
     number = {name: k for k, name in enumerate(solution.cameras, 1)}
-    write_all(
-        {
-            place / "cameras.txt": "".join(
-                _camera_line(number[c.name], c) for c in solution.cameras.values()
-            ),
-            place / "images.txt": "".join(_image_lines(solution, number)),
-            place / "points3D.txt": "".join(_point_lines(solution)),
-        }
-    )
+    cameras = solution.cameras.values()
+    return {
+        place / "cameras.txt": "".join(_camera_line(number[camera.name], camera) for camera in cameras),
+        place / "images.txt": "".join(_image_lines(solution, number)),
+        place / "points3D.txt": "".join(_point_lines(solution)),
+    }
 
 
 def _camera_line(number: int, camera: Camera) -> str:

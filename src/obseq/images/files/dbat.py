@@ -17,9 +17,9 @@ from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.files.tables import text_of
+from obseq.images.files.xml import Element, child, content, number, problem, read_xml, text
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-from obseq.survey.files.xml_elements import Element, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -88,8 +88,8 @@ class _Rows:
         """(n, k) finite numbers."""
         found = np.empty((len(self.rows), len(columns)))
         for k, column in enumerate(columns):
-            for row, text in enumerate(self.texts(column)):
-                found[row, k] = self._number(row, column, text)
+            for row, word in enumerate(self.texts(column)):
+                found[row, k] = self._number(row, column, word)
         return found
 
     def _number(self, row: int, column: str, text: str) -> float:
@@ -113,9 +113,9 @@ def read_dbat(path: str | Path) -> BundleAdjustment:
             file and line.
     """
     root = read_xml(Path(path))
-    source = root.child("input")
-    if root.tag != ROOT or source is None:
-        raise root.error("this is no script of DBAT (document with input)")
+    source = child(root, "input")
+    if root.name != ROOT or source is None:
+        raise problem(root, "this is no script of DBAT (document with input)")
     folder = _folder(source, Path(path))
     camera = _camera(source)
     block = BundleAdjustment()
@@ -132,42 +132,42 @@ def read_dbat(path: str | Path) -> BundleAdjustment:
 def _folder(source: Element, path: Path) -> Path:
     base = source.attributes.get("base_dir", "$HERE").replace("$HERE", str(path.parent))
     if "$" in base:
-        raise source.error(f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
+        raise problem(source, f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
     return Path(base)
 
 
 def _tables(holder: Element | None, folder: Path) -> Iterator[tuple[Element, _Rows]]:
     for element in holder.children if holder is not None else ():
-        if element.tag == "file":
+        if element.name == "file":
             yield element, _filtered(holder, _read(element, folder))
 
 
 def _read(element: Element, folder: Path) -> _Rows:
     columns = tuple(word.strip() for word in element.attributes.get("format", "").split(","))
-    place = folder / element.text
-    if not element.text or columns == ("",):
-        raise element.error("it needs the name of a file, and format with the names of its columns")
+    place = folder / text(element)
+    if not text(element) or columns == ("",):
+        raise problem(element, "it needs the name of a file, and format with the names of its columns")
     rows, lines = [], []
-    for number, line in enumerate(text_of(place).splitlines(), 1):
+    for index, line in enumerate(text_of(place).splitlines(), 1):
         fields = tuple(word.strip() for word in line.partition("#")[0].split(","))
         if fields == ("",):
             continue
         if len(fields) < len(columns):
-            raise InputError(f"{place}:{number}: {len(fields)} fields where {','.join(columns)} are expected")
+            raise InputError(f"{place}:{index}: {len(fields)} fields where {','.join(columns)} are expected")
         rows.append(fields[: len(columns)])
-        lines.append(number)
+        lines.append(index)
     return _Rows(place, columns, tuple(rows), tuple(lines))
 
 
 def _filtered(holder: Element | None, table: _Rows) -> _Rows:
     """The rows that the filters of a list of points leave."""
     for item in holder.children if holder is not None else ():
-        if item.tag != "filter":
+        if item.name != "filter":
             continue
         wanted = {word.strip() for word in item.attributes.get("id", "").split(",")}
-        if item.text not in ("keep", "remove"):
-            raise item.error(f"a filter keeps or removes; not {item.text!r}")
-        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (item.text == "keep")]
+        if text(item) not in ("keep", "remove"):
+            raise problem(item, f"a filter keeps or removes; not {text(item)!r}")
+        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (text(item) == "keep")]
         table = _Rows(
             table.path,
             table.columns,
@@ -180,56 +180,56 @@ def _filtered(holder: Element | None, table: _Rows) -> _Rows:
 def _require(element: Element, table: _Rows, *columns: str) -> None:
     missing = [column for column in columns if column not in table]
     if missing:
-        raise element.error(f"its format has no column {missing[0]!r}")
+        raise problem(element, f"its format has no column {missing[0]!r}")
 
 
 def _camera(source: Element) -> Camera:
-    holder = source.child("cameras")
-    cameras = [item for item in holder.children if item.tag == "camera"] if holder is not None else []
+    holder = child(source, "cameras")
+    cameras = [item for item in holder.children if item.name == "camera"] if holder is not None else []
     if len(cameras) != 1:
-        raise source.error(f"{len(cameras)} cameras: one is read")
+        raise problem(source, f"{len(cameras)} cameras: one is read")
     element = cameras[0]
-    if int(element.number("model")) != MODEL:
-        raise element.error(f"camera model {element.content('model')}: only {MODEL} is read")
+    if int(number(element, "model")) != MODEL:
+        raise problem(element, f"camera model {content(element, 'model')}: only {MODEL} is read")
     width, height = (int(value) for value in _numbers(element, "image", 2))
-    sensor = element.content("sensor").split(",")
+    sensor = content(element, "sensor").split(",")
     tall = _numbers(element, "sensor", 2, ("auto",))[1]
-    pixel, aspect = tall / height, element.number("aspect", 1.0)
+    pixel, aspect = tall / height, number(element, "aspect", 1.0)
     if sensor[0].strip() != "auto":
         own = float(_numbers(element, "sensor", 2)[0]) / width / pixel
         if abs(own / aspect - 1.0) > ASPECT:
-            raise element.error(
-                f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
+            raise problem(
+                element, f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
             )
-    cc, pp = element.content("cc", "focal"), element.content("pp", "default")
-    focal = element.number("focal") if cc == "focal" else element.number("cc")
+    cc, pp = content(element, "cc", "focal"), content(element, "pp", "default")
+    focal = number(element, "focal") if cc == "focal" else number(element, "cc")
     middle = (width * pixel * aspect / 2.0, height * pixel / 2.0)
     if pp != "default":
         x, y = _numbers(element, "pp", 2)
         middle = (x, y)
-    radial, decentric = (_numbers(element, tag) if element.child(tag) else [] for tag in "KP")
-    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or element.number("skew", 0.0) != 0.0:
-        raise element.error("more than K1, K2, K3, P1, P2, or a skew, is not read")
-    name = element.content("name", "camera")
+    radial, decentric = (_numbers(element, tag) if child(element, tag) else [] for tag in "KP")
+    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or number(element, "skew", 0.0) != 0.0:
+        raise problem(element, "more than K1, K2, K3, P1, P2, or a skew, is not read")
+    name = content(element, "name", "camera")
     return BrownCamera(name, (width, height), pixel, focal, middle, radial, decentric, aspect).camera()
 
 
 def _numbers(element: Element, tag: str, count: int | None = None, words: Sequence[str] = ()) -> list[float]:
     """The numbers of a list; NaN for words that are allowed instead."""
-    fields = [field.strip() for field in element.content(tag).split(",")]
+    fields = [field.strip() for field in content(element, tag).split(",")]
     try:
         found = [np.nan if field in words else float(field) for field in fields]
     except ValueError:
         found = []
     if not found or (count is not None and len(found) != count):
-        raise element.error(f"{tag} should be {count or 'some'} numbers, not {element.content(tag)!r}")
+        raise problem(element, f"{tag} should be {count or 'some'} numbers, not {content(element, tag)!r}")
     return found
 
 
 def _images(source: Element, folder: Path) -> dict[str, str]:
     """Names of images by their numbers."""
     found: dict[str, str] = {}
-    for element, table in _tables(source.child("images"), folder):
+    for element, table in _tables(child(source, "images"), folder):
         _require(element, table, "id", "path")
         found |= dict(zip(table.texts("id"), table.texts("path"), strict=True))
     short = {number: path.replace("\\", "/").rpartition("/")[2] for number, path in found.items()}
@@ -255,32 +255,34 @@ def _sigma(element: Element, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise element.error(f"the sigma {text!r} is no number") from None
+        raise problem(element, f"the sigma {text!r} is no number") from None
 
 
 def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None:
-    for element, table in _tables(source.child("ctrl_pts"), folder):
+    for element, table in _tables(child(source, "ctrl_pts"), folder):
         _require(element, table, "id", "x", "y", "z")
         plan = "sxyz" if "sxyz" in table or "sxyz" in element.attributes else "sxy"
         sigmas = _spread(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
         places = table.numbers("x", "y", "z")
         if sigmas is not None and sigmas.shape != places.shape:
-            raise element.error("sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
+            raise problem(element, "sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
         block.add_control_points(
             ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
         )
 
 
 def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
-    for element, table in _tables(source.child("image_pts"), folder):
+    for element, table in _tables(child(source, "image_pts"), folder):
         _require(element, table, "id", "im", "x", "y")
         sigmas = _spread(element, table, ("sxy", ("sx", "sy")))
         if sigmas is None:
-            raise element.error("the measures have no sigma (sxy, or sx and sy, in format or as attribute)")
+            raise problem(
+                element, "the measures have no sigma (sxy, or sx and sy, in format or as attribute)"
+            )
         numbers = table.texts("im")
         lost = [number for number in numbers if number not in names]
         if lost:
-            raise element.error(f"{table.path}: the image {lost[0]} is not in the list of images")
+            raise problem(element, f"{table.path}: the image {lost[0]} is not in the list of images")
         images = [names[number] for number in numbers]
         points = ImagePoints.of(images, table.texts("id"), table.numbers("x", "y"), sigmas)
         block.add_measures(points, name=table.path.name)
@@ -288,7 +290,7 @@ def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names:
 
 def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
     """Poses that are known beforehand; with sigmas they are observations."""
-    for element, table in _tables(source.child("prior_eo"), folder):
+    for element, table in _tables(child(source, "prior_eo"), folder):
         _require(element, table, "id", "x", "y", "z", "omega", "phi", "kappa")
         images = [names.get(number, number) for number in table.texts("id")]
         angles = np.radians(table.numbers("omega", "phi", "kappa"))
@@ -301,26 +303,26 @@ def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: di
             turns = table.numbers("so", "sp", "sk")
             turn = float(np.radians(turns.flat[0]))
             if np.ptp(turns) > 0.0:
-                raise element.error("sigmas of angles that differ are not read")
+                raise problem(element, "sigmas of angles that differ are not read")
         block.observe_poses(poses, table.numbers(*SIGMAS), turn)
 
 
 def _add_estimates(block: BundleAdjustment, root: Element) -> None:
     """What the bundle estimates: of the camera only what is said to be true; skew never."""
-    operations = root.child("operations")
+    operations = child(root, "operations")
     for operation in operations.children if operations is not None else ():
-        chosen = operation.child("set_bundle_estimate_params")
+        chosen = child(operation, "set_bundle_estimate_params")
         if chosen is None:
             continue
         block.freeze_parameters(".*")
-        for tag, free in _flags(chosen.child("io")):
+        for tag, free in _flags(child(chosen, "io")):
             pattern = PARAMETERS.get(tag, ".*" if tag == "all" else "")
             if not pattern:
-                raise chosen.error(f"the camera parameter {tag!r} is not known here")
+                raise problem(chosen, f"the camera parameter {tag!r} is not known here")
             (block.free_parameters if free else block.freeze_parameters)(pattern)
-        for tag, free in _flags(chosen.child("eo")):
+        for tag, free in _flags(child(chosen, "eo")):
             if tag != "all":
-                raise chosen.error("poses are estimated as a whole or not at all here")
+                raise problem(chosen, "poses are estimated as a whole or not at all here")
             if not free:
                 block.freeze_centres()
                 block.freeze_rotations()
@@ -330,12 +332,12 @@ def _add_estimates(block: BundleAdjustment, root: Element) -> None:
 def _flags(element: Element | None) -> Iterator[tuple[str, bool]]:
     if element is None:
         return
-    if element.text:
+    if text(element):
         yield "all", _flag(element)
-    yield from ((child.tag, _flag(child)) for child in element.children if child.tag != "c")
+    yield from ((child.name, _flag(child)) for child in element.children if child.name != "c")
 
 
 def _flag(element: Element) -> bool:
-    if element.text not in ("true", "false", "default"):
-        raise element.error(f"true, false or default is expected, not {element.text!r}")
-    return element.text == "true"
+    if text(element) not in ("true", "false", "default"):
+        raise problem(element, f"true, false or default is expected, not {text(element)!r}")
+    return text(element) == "true"

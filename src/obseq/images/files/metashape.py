@@ -21,9 +21,9 @@ from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.files.fitted import fitted_camera
+from obseq.images.files.xml import Element, child, content, problem, read_xml, text, xml_of
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-from obseq.survey.files.xml_elements import Element, read_xml, xml_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -103,11 +103,11 @@ def _archived(path: Path) -> Element:
     inside = root.attributes.get("path", "").replace("{projectname}", path.stem)
     archive = path.parent / inside
     if not inside or not archive.is_file():
-        raise root.error(f"the files of the project ({inside or 'no path'}) are not beside it")
+        raise problem(root, f"the files of the project ({inside or 'no path'}) are not beside it")
     document = xml_of(_member(archive), f"{archive}:doc.xml")
     places = [item.attributes.get("path", "") for item in _items(document, "chunks", "chunk")]
     chunks = [xml_of(_member(archive.parent / place), str(archive.parent / place)) for place in places]
-    return Element("document", {}, 1, str(path), children=chunks)
+    return Element(root.file, "document", {}, root.line, chunks)
 
 
 def _member(archive: Path) -> bytes:
@@ -121,31 +121,31 @@ def _member(archive: Path) -> bytes:
 
 
 def _chunk(root: Element, wanted: str | None) -> Element:
-    found = [root] if root.tag == "chunk" else [item for item in root.children if item.tag == "chunk"]
+    found = [root] if root.name == "chunk" else [item for item in root.children if item.name == "chunk"]
     labels = [item.attributes.get("label", "") for item in found]
     if not found:
-        raise root.error("there is no chunk: export cameras (XML) or markers from Metashape")
+        raise problem(root, "there is no chunk: export cameras (XML) or markers from Metashape")
     if wanted is None and len(found) > 1:
-        raise root.error(f"there are {len(found)} chunks: choose one of {', '.join(labels)}")
+        raise problem(root, f"there are {len(found)} chunks: choose one of {', '.join(labels)}")
     if wanted is not None and wanted not in labels:
-        raise root.error(f"there is no chunk {wanted!r}, but {', '.join(labels)}")
+        raise problem(root, f"there is no chunk {wanted!r}, but {', '.join(labels)}")
     return found[labels.index(wanted)] if wanted is not None else found[0]
 
 
 def _items(root: Element, folder: str, tag: str) -> Iterator[Element]:
     """The elements of a list, groups of it included."""
-    for holder in (child for child in root.children if child.tag == folder):
+    for holder in (item for item in root.children if item.name == folder):
         for item in holder.children:
-            if item.tag == tag:
+            if item.name == tag:
                 yield item
-            elif item.tag == "group":
-                yield from (inner for inner in item.children if inner.tag == tag)
+            elif item.name == "group":
+                yield from item.named(tag)
 
 
 def _label(element: Element) -> str:
     label = element.attributes.get("label", "")
     if not label:
-        raise element.error("it has no label")
+        raise problem(element, "it has no label")
     return label
 
 
@@ -155,7 +155,7 @@ def _floats(element: Element, text: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        raise element.error(f"{count} finite numbers are expected, not {text[:60]!r}")
+        raise problem(element, f"{count} finite numbers are expected, not {text[:60]!r}")
     return values
 
 
@@ -169,27 +169,27 @@ def _camera(sensor: Element) -> Camera:
     name = f"{_label(sensor)} {sensor.attributes.get('id', '')}".strip()
     kind = sensor.attributes.get("type", "frame")
     if kind != "frame":
-        raise sensor.error(f"a camera of type {kind} is not read; only frame is")
-    if any("rolling_shutter" in child.tag for child in sensor.children):
-        raise sensor.error("a camera with rolling shutter is not read")
-    calibrations = [child for child in sensor.children if child.tag == "calibration"]
-    chosen = {child.attributes.get("class", "initial"): child for child in calibrations}
+        raise problem(sensor, f"a camera of type {kind} is not read; only frame is")
+    if any("rolling_shutter" in item.name for item in sensor.children):
+        raise problem(sensor, "a camera with rolling shutter is not read")
+    calibrations = [item for item in sensor.children if item.name == "calibration"]
+    chosen = {item.attributes.get("class", "initial"): item for item in calibrations}
     calibration = chosen.get("adjusted", chosen.get("initial"))
-    frame = sensor.child("resolution")
+    frame = child(sensor, "resolution")
     if frame is None:
-        raise sensor.error("it has no resolution")
+        raise problem(sensor, "it has no resolution")
     size = (int(_attribute(frame, "width")), int(_attribute(frame, "height")))
     if calibration is None:
         return _nominal(sensor, name, size)
-    given = {child.tag: child for child in calibration.children if child.text}
+    given = {item.name: item for item in calibration.children if text(item)}
     other = [
-        tag for tag, child in given.items() if tag not in KNOWN and _floats(child, child.text, 1)[0] != 0.0
+        tag for tag, item in given.items() if tag not in KNOWN and _floats(item, text(item), 1)[0] != 0.0
     ]
     if other:
-        raise given[other[0]].error(f"the parameter {other[0]} has no place in our cameras")
-    values = {tag: _floats(child, child.text, 1)[0] for tag, child in given.items() if tag in KNOWN}
+        raise problem(given[other[0]], f"the parameter {other[0]} has no place in our cameras")
+    values = {tag: _floats(item, text(item), 1)[0] for tag, item in given.items() if tag in KNOWN}
     if "f" not in values:
-        raise calibration.error("it has no focal length (f)")
+        raise problem(calibration, "it has no focal length (f)")
     return _brown(name, size, values)
 
 
@@ -212,18 +212,18 @@ def _brown(name: str, size: tuple[int, int], values: dict[str, float]) -> Camera
 
 def _nominal(sensor: Element, name: str, size: tuple[int, int]) -> Camera:
     """A camera that was never calibrated: its focal length and its pixels in millimetres."""
-    properties = {item.attributes.get("name"): item for item in sensor.children if item.tag == "property"}
+    properties = {item.attributes.get("name"): item for item in sensor.children if item.name == "property"}
     if not {"focal_length", "pixel_width"} <= properties.keys():
-        raise sensor.error("it has neither a calibration, nor focal_length and pixel_width")
+        raise problem(sensor, "it has neither a calibration, nor focal_length and pixel_width")
     focal, pixel = (_attribute(properties[key], "value") for key in ("focal_length", "pixel_width"))
     return Camera(name, *size, focal / pixel, degree=DEGREE)
 
 
 def _world(root: Element, markers: list[Element]) -> _World:
     """The frame of the block: local where the chunk is, a tangent frame where its system is on the Earth."""
-    transform = next((child for child in root.children if child.tag == "transform"), None)
+    transform = next((item for item in root.children if item.name == "transform"), None)
     scale, rotation, shift = _similarity(transform)
-    definition = next((child.text for child in root.children if child.tag == "reference"), "")
+    definition = next((text(item) for item in root.children if item.name == "reference"), "")
     if not definition or definition.startswith(LOCAL):
         return _World(scale, rotation, shift, "LocalNONE", None)
     reference = crs.parse(definition)
@@ -241,19 +241,19 @@ def _world(root: Element, markers: list[Element]) -> _World:
 def _similarity(transform: Element | None) -> tuple[float, FloatArray, FloatArray]:
     if transform is None:
         return 1.0, np.eye(3), np.zeros(3)
-    scale = _floats(transform, transform.content("scale", "1"), 1)[0]
-    rotation = np.array(_floats(transform, transform.content("rotation", "1 0 0 0 1 0 0 0 1"), 9)).reshape(
+    scale = _floats(transform, content(transform, "scale", "1"), 1)[0]
+    rotation = np.array(_floats(transform, content(transform, "rotation", "1 0 0 0 1 0 0 0 1"), 9)).reshape(
         3, 3
     )
-    shift = np.array(_floats(transform, transform.content("translation", "0 0 0"), 3))
+    shift = np.array(_floats(transform, content(transform, "translation", "0 0 0"), 3))
     if not scale > 0.0 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
-        raise transform.error("the transform of the chunk is no similarity")
+        raise problem(transform, "the transform of the chunk is no similarity")
     return scale, rotation, shift
 
 
 def _reference(element: Element) -> list[float] | None:
     """Enabled reference coordinates of a marker."""
-    reference = element.child("reference")
+    reference = child(element, "reference")
     if reference is None or not {"x", "y", "z"} <= reference.attributes.keys():
         return None
     if reference.attributes.get("enabled", "true").lower() not in ("true", "1"):
@@ -271,13 +271,13 @@ def _add_images(
     for camera in _items(root, "cameras", "camera"):
         name, sensor = _label(camera), camera.attributes.get("sensor_id", "")
         if sensor not in sensors:
-            raise camera.error(f"its sensor {sensor!r} is not there")
+            raise problem(camera, f"its sensor {sensor!r} is not there")
         images[camera.attributes.get("id", "")] = name
-        transform = camera.child("transform")
+        transform = child(camera, "transform")
         if transform is None:
             block.add_images([name], sensors[sensor].name)
             continue
-        matrix = np.array(_floats(transform, transform.text, 16)).reshape(4, 4)
+        matrix = np.array(_floats(transform, text(transform), 16)).reshape(4, 4)
         names.append(name)
         owners.append(sensors[sensor].name)
         centres.append(world.placed(matrix[:3, 3]))
@@ -287,7 +287,7 @@ def _add_images(
 
 
 def _setting(root: Element, name: str) -> float | None:
-    settings = root.child("settings")
+    settings = child(root, "settings")
     for item in settings.children if settings is not None else ():
         if item.attributes.get("name") == name:
             return _attribute(item, "value")
@@ -303,10 +303,10 @@ def _add_control(
         place = _reference(marker)
         if place is None:
             continue
-        reference = marker.child("reference")
+        reference = child(marker, "reference")
         assert reference is not None
         if default is None and "sx" not in reference.attributes:
-            raise reference.error("the accuracy of the marker is not said; give a sigma of control points")
+            raise problem(reference, "the accuracy of the marker is not said; give a sigma of control points")
         names.append(_label(marker))
         places.append(place)
         sigmas.append([_attribute(reference, f"s{axis}", default) for axis in "xyz"])
@@ -335,15 +335,15 @@ def _add_measures(
         for marker in _items(frame, "markers", "marker"):
             key = marker.attributes.get("marker_id", "")
             if key not in names:
-                raise marker.error(f"the marker {key!r} is not in the list of markers")
+                raise problem(marker, f"the marker {key!r} is not in the list of markers")
             rows += [
                 (images[_owner(place, images)], names[key], _attribute(place, "x"), _attribute(place, "y"))
                 for place in marker.children
-                if place.tag == "location" and _is_measured(place)
+                if place.name == "location" and _is_measured(place)
             ]
     spread = sigma if sigma is not None else _setting(root, "accuracy_projections")
     if spread is None:
-        raise root.error("the accuracy of image measures is not said; give an image sigma")
+        raise problem(root, "the accuracy of image measures is not said; give an image sigma")
     if rows:
         xy = np.array([row[2:] for row in rows], dtype=np.float64)
         points = ImagePoints.of([row[0] for row in rows], [row[1] for row in rows], xy, spread)
@@ -353,7 +353,7 @@ def _add_measures(
 def _owner(place: Element, images: dict[str, str]) -> str:
     key = place.attributes.get("camera_id", "")
     if key not in images:
-        raise place.error(f"the camera {key!r} is not in the list of cameras")
+        raise problem(place, f"the camera {key!r} is not in the list of cameras")
     return key
 
 
@@ -365,7 +365,7 @@ def _is_measured(place: Element) -> bool:
 
 def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str]) -> None:
     for bar in _items(root, "scalebars", "scalebar"):
-        reference = bar.child("reference")
+        reference = child(bar, "reference")
         if reference is None or "distance" not in reference.attributes:
             continue
         if reference.attributes.get("enabled", "true").lower() not in ("true", "1"):
@@ -373,6 +373,6 @@ def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str
         ends = [bar.attributes.get(key, "") for key in ("marker_1_id", "marker_2_id")]
         ends = ends if all(ends) else [bar.attributes.get(f"{key}_id", "") for key in ("start", "end")]
         if not set(ends) <= names.keys():
-            raise bar.error("its ends are not markers")
+            raise problem(bar, "its ends are not markers")
         accuracy = _attribute(reference, "accuracy", _setting(root, "accuracy_scalebars"))
         block.add_length(names[ends[0]], names[ends[1]], _attribute(reference, "distance"), accuracy)

@@ -107,13 +107,22 @@ def read_xml(path: Path) -> Element:
     Raises:
         InputError: It cannot be read, is broken, nested too deeply, or refers to something outside.
     """
-    from defusedxml.common import DefusedXmlException
-    from defusedxml.sax import make_parser
-
     data = read_bytes(path)
     if not data.strip():
         raise InputError(f"{path}: the file is empty")
-    file = TextFile(str(path), data.decode("utf-8", "replace").splitlines() or [""], True, "UTF-8")
+    return xml_of(data, str(path))
+
+
+def xml_of(data: bytes, name: str) -> Element:
+    """The root element of what a file of this name holds.
+
+    Raises:
+        InputError: It is broken, nested too deeply, or refers to something outside.
+    """
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.sax import make_parser
+
+    file = TextFile(name, data.decode("utf-8", "replace").splitlines() or [""], True, "UTF-8")
     parser = make_parser()
     builder = _Builder(file, parser.getLineNumber)
     parser.setContentHandler(builder)
@@ -121,12 +130,12 @@ def read_xml(path: Path) -> Element:
         parser.feed(data)
         parser.close()
     except DefusedXmlException as error:
-        raise InputError(f"{path}: refused: XML with entities or external references ({error})") from None
+        raise InputError(f"{name}: refused: XML with entities or external references ({error})") from None
     except SAXParseException as error:
         line = min(max(error.getLineNumber() or 1, 1), len(file.lines))
         raise file.error(line - 1, f"the XML is broken: {error.getMessage()}") from None
     except (SAXException, ValueError, LookupError) as error:
-        raise InputError(f"{path}: the XML is broken: {error}") from None
+        raise InputError(f"{name}: the XML is broken: {error}") from None
     return builder.finished()
 
 

@@ -1,0 +1,196 @@
+"""Where the block of `obseq bundle` comes from: tables, the files of other programs, other observations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.cli.parsing import positive_integer
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
+
+    from obseq.images import BundleAdjustment, Weighting
+
+OTHERS = {
+    "bal": ("FILE", "a problem of Bundle Adjustment in the Large"),
+    "bundler": ("FILE", "a bundle.out of Bundler"),
+    "colmap": ("DIR", "a sparse model of COLMAP, text or binary"),
+    "metashape": ("FILE", "cameras and markers of Metashape (XML), or a project (.psx)"),
+    "dbat": ("FILE", "a script of DBAT (XML)"),
+    "photomodeler": ("FILE", "a text export of PhotoModeler"),
+    "aicon": ("DIR", "files of AICON 3D Studio (needs --image-sigma)"),
+    "micmac": ("DIR", "a folder of orientations of MicMac v1, with --micmac-measures and --micmac-points"),
+}
+"""Blocks of other programs: option, what it takes, what it is."""
+
+DATUMS = ("control", "centres", "points")
+
+
+def add_sources(command: argparse.ArgumentParser) -> None:
+    """Add the options that say where a block is."""
+    files = command.add_argument_group("a block in tables")
+    files.add_argument("--cameras", type=Path, metavar="FILE", help="table of cameras")
+    files.add_argument("--images", type=Path, metavar="FILE", help="table of images, with poses or without")
+    files.add_argument("--opk", type=Path, metavar="FILE", help="poses as text, instead of --images")
+    files.add_argument("--opk-columns", default="NXYZOPK", metavar="LETTERS", help="of --opk (NXYZOPK)")
+    files.add_argument(
+        "--opk-unit", choices=("degree", "gon", "radian"), default="degree", help="of its angles (degree)"
+    )
+    files.add_argument("--measures", nargs="+", type=Path, metavar="FILE", help="tables of image measures")
+    files.add_argument(
+        "--control", nargs="+", type=Path, default=[], metavar="FILE", help="tables of control points"
+    )
+    others = command.add_argument_group("a block of another program")
+    for name, (kind, purpose) in OTHERS.items():
+        others.add_argument(f"--{name}", type=Path, metavar=kind, help=purpose)
+    others.add_argument("--chunk", metavar="LABEL", help="which one of --metashape")
+    others.add_argument(
+        "--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of --photomodeler"
+    )
+    others.add_argument("--micmac-measures", type=Path, metavar="FILE", help="points measured in images")
+    others.add_argument("--micmac-points", type=Path, metavar="FILE", help="their coordinates")
+    more = command.add_argument_group("other observations")
+    more.add_argument("--lengths", nargs="+", type=Path, default=[], metavar="FILE", help="tables of lengths")
+    more.add_argument(
+        "--positions", nargs="+", type=Path, default=[], metavar="FILE", help="tables of observed centres"
+    )
+    more.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="survey observations (OBS)")
+    more.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="points of the survey (COR)")
+    more.add_argument("--frame", metavar="SYSCO", help="frame of the survey, and of the block")
+
+
+def inputs(arguments: argparse.Namespace) -> list[Path]:
+    """The files that no output may replace."""
+    single = ("cameras", "images", "opk", "micmac_measures", "micmac_points", *OTHERS)
+    several = ("measures", "control", "lengths", "positions", "obs", "cor")
+    found = [getattr(arguments, name) for name in single]
+    return [path for path in found if path] + [p for name in several for p in getattr(arguments, name) or ()]
+
+
+def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | tuple[str, ...]]:
+    """The block that the options name, and its datum: the one asked for, or that of the file."""
+    given = {name: getattr(arguments, name) for name in OTHERS if getattr(arguments, name)}
+    tables = any((arguments.cameras, arguments.images, arguments.measures, arguments.opk))
+    if len(given) + tables != 1:
+        listed = ", ".join(f"--{name}" for name in OTHERS)
+        raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
+    datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
+    if given:
+        block, points = _read_other(arguments, *next(iter(given.items())))
+        datum = points if points and arguments.datum is None else datum
+        _add_control(block, arguments)
+    else:
+        block = _read_tables(arguments)
+    _add_observations(block, arguments)
+    if arguments.freeze:
+        block.freeze_parameters(arguments.freeze)
+    return block, datum
+
+
+def _read_other(
+    arguments: argparse.Namespace, kind: str, path: Path
+) -> tuple[BundleAdjustment, tuple[str, ...]]:
+    """The block of another program, and the points of its datum, if it says so."""
+    if kind == "aicon":
+        from obseq.images.files.aicon import read_aicon
+
+        if arguments.image_sigma is None:
+            raise InputError("--aicon needs --image-sigma: its files do not say how good the measures are")
+        return read_aicon(path, arguments.image_sigma)
+    return _readers(arguments)[kind](path), ()
+
+
+def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], BundleAdjustment]]:
+    from obseq.images.files.bal import read_bal, read_bundler
+    from obseq.images.files.colmap import read_colmap
+    from obseq.images.files.dbat import read_dbat
+    from obseq.images.files.metashape import read_metashape
+    from obseq.images.files.photomodeler import read_photomodeler
+    from obseq.project import read_v1_block
+
+    sigmas = arguments.image_sigma, arguments.control_sigma
+    size = tuple(arguments.size) if arguments.size else None
+    points = arguments.micmac_measures, arguments.micmac_points
+    return {
+        "bal": read_bal,
+        "bundler": read_bundler,
+        "colmap": read_colmap,
+        "dbat": read_dbat,
+        "metashape": lambda path: read_metashape(path, arguments.chunk, *sigmas)[0],
+        "photomodeler": lambda path: read_photomodeler(path, size),
+        "micmac": lambda path: read_v1_block(path, *points, arguments.image_sigma or 1.0),
+    }
+
+
+def _add_control(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    from obseq.images.files.block_tables import read_control
+
+    for path in arguments.control:
+        block.add_control_points(read_control(path, arguments.control_sigma))
+
+
+def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
+    from obseq.images import BundleAdjustment
+    from obseq.images.files.block_tables import BlockFiles, read_cameras, read_measures
+
+    needed = ("cameras", "measures") if arguments.opk else ("cameras", "images", "measures")
+    missing = [name for name in needed if not getattr(arguments, name)]
+    if missing:
+        raise InputError(f"--{missing[0]} is missing: a block in tables takes cameras, images and measures")
+    block = BundleAdjustment()
+    if not arguments.opk:
+        sigmas = arguments.image_sigma, arguments.control_sigma
+        files = arguments.cameras, arguments.images, arguments.measures, arguments.control
+        BlockFiles(*files, *sigmas).fill(block, _weighting(arguments))
+        return block
+    block.add_cameras(*read_cameras(arguments.cameras))
+    _add_opk(block, arguments)
+    _add_control(block, arguments)
+    for path in arguments.measures:
+        block.add_measures(read_measures(path, arguments.image_sigma), _weighting(arguments), path.name)
+    _check_convention(block)
+    return block
+
+
+def _add_opk(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    from obseq.images.files.opk import read_opk
+
+    block.add_poses(read_opk(arguments.opk, arguments.opk_columns, arguments.opk_unit))
+
+
+def _check_convention(block: BundleAdjustment) -> None:
+    """Poses as text are in the declared convention, as far as control points can tell."""
+    from obseq.images.files.opk import check_convention
+
+    cameras = {image: block.cameras[name] for image, name in block.camera_of.items()}
+    for part in block.sets:
+        if set(part.measures.point_names) & set(block.control.names):
+            check_convention(block.poses, part.measures, block.control, cameras)
+
+
+def _weighting(arguments: argparse.Namespace) -> Weighting | None:
+    from obseq.images import Weighting
+
+    if arguments.attenuation is None and arguments.threshold is None:
+        return None
+    if arguments.image_sigma is None:
+        raise InputError("--attenuation and --threshold go with --image-sigma: robust weights take one sigma")
+    return Weighting(arguments.image_sigma, arguments.attenuation, arguments.threshold)
+
+
+def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    from obseq.images.files.observations import add_lengths, observe_positions
+
+    for path in arguments.lengths:
+        add_lengths(block, path)
+    for path in arguments.positions:
+        observe_positions(block, path)
+    if bool(arguments.obs) != bool(arguments.cor):
+        raise InputError("--obs and --cor go together: survey observations and the points they start from")
+    if arguments.obs:
+        from obseq.survey import Network
+
+        block.add_survey(Network.read(arguments.obs, arguments.cor, frame=arguments.frame))
