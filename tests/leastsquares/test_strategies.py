@@ -130,3 +130,13 @@ def test_viscosity_halves_the_step_that_it_weighs_as_much_as_the_observation():
     system.add_prior(ids, [[10.0]], 1.0)
     system.add_viscosity(ids, 1.0)
     assert system.solve(max_iterations=1).values(ids)[0, 0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "controlled", "levenberg-marquardt", "dogleg"])
+def test_without_iterations_the_covariance_is_that_where_one_stands(strategy):
+    system, ids = network()
+    before = system.values(ids)
+    result = system.solve(max_iterations=0, covariance=True, strategy=strategy)
+    assert not result.converged
+    np.testing.assert_array_equal(result.values(ids), before)
+    assert (np.diagonal(result.covariance(ids, a_priori=True), axis1=1, axis2=2) > 0.0).all()

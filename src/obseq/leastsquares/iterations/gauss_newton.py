@@ -126,6 +126,8 @@ def _turns(step: FloatArray, last: FloatArray | None, weights: FloatArray) -> bo
 
 def _unfinished(iterations: list[Iteration], turns: list[bool]) -> StopReason:
     """What the iterations did whose number was not enough: diverge, oscillate, or no more than that."""
+    if not iterations:
+        return StopReason.ITERATIONS
     first, last, half, part = iterations[0], iterations[-1], len(turns) // 2, len(turns) // 4
     if part and last.length > first.length and last.cost > first.cost:
         return StopReason.DIVERGED
