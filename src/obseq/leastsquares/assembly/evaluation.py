@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.assembly.threads import in_threads, share_bounds
+from obseq.leastsquares.loops.tables import BatchArrays, Present, Span
 from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:
@@ -16,6 +17,28 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+def batch_arrays(batch: Batch) -> BatchArrays:
+    """A batch as the loops take it; no weights where clusters are added otherwise."""
+    shape = batch.shape
+    return BatchArrays(
+        shape.n_unknowns,
+        shape.n_residuals,
+        shape.first_row,
+        batch.roles,
+        batch.starts,
+        batch.contexts,
+        batch.observation_tiles,
+        batch.observation_rows,
+        batch.tile_weights,
+        batch.roots,
+    )
+
+
+def present_values(table: UnknownTable) -> Present:
+    """The current values, as the loops take them."""
+    return Present(table.padded_values, table.padded_context)
 
 
 def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
@@ -58,22 +81,11 @@ def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, thread
 
     results = np.empty((rows, padded_length(batch.n)))
     bounds = share_bounds([batch.n], threads)[:, 0]
+    arrays, present = batch_arrays(batch), present_values(table)
 
     def evaluate_share(share: int) -> None:
-        evaluate(
-            kernel,
-            batch.shape.new_tile(),
-            batch.dimensions_of(bounds[share], bounds[share + 1]),
-            batch.roles,
-            batch.starts,
-            batch.contexts,
-            table.padded_values,
-            table.padded_context,
-            batch.observation_tiles,
-            batch.observation_rows,
-            rows,
-            results,
-        )
+        span = Span(int(bounds[share]), int(bounds[share + 1]))
+        evaluate(kernel, batch.shape.new_tile(), arrays, span, present, rows, results)
 
     in_threads(evaluate_share, len(bounds) - 1)
     return results[:, : batch.n]

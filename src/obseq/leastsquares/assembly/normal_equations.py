@@ -9,16 +9,23 @@ import numpy as np
 
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
-from obseq.leastsquares.assembly.evaluation import jacobian_rows, residuals, used_blocks
+from obseq.leastsquares.assembly.evaluation import (
+    batch_arrays,
+    jacobian_rows,
+    present_values,
+    residuals,
+    used_blocks,
+)
 from obseq.leastsquares.assembly.store import aligned_zeros, part_width, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
 from obseq.leastsquares.diagnosis.singular import eliminated_error
+from obseq.leastsquares.loops.tables import Span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.assembly.store import BatchLayout
+    from obseq.leastsquares.loops.tables import BlockTable
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -268,7 +275,7 @@ class NormalEquations:
         bounds = self._shares.bounds
 
         def add_share(share: int) -> list[float]:
-            spans = zip(bounds[share], bounds[share + 1], strict=True)
+            spans = map(Span, bounds[share].tolist(), bounds[share + 1].tolist())
             parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
             return [self._assemble_batch(*part) for part in parts]
 
@@ -279,31 +286,12 @@ class NormalEquations:
             add_copies(self._store, self._shares.moves)
         return [sum(of_batch) for of_batch in zip(*totals, strict=True)]
 
-    def _assemble_batch(self, batch: Batch, layout: BatchLayout, kernel: int, span: tuple[int, int]) -> float:
+    def _assemble_batch(self, batch: Batch, table: BlockTable, kernel: int, span: Span) -> float:
         from obseq.leastsquares.loops.accumulation import assemble
 
-        return float(
-            assemble(
-                kernel,
-                batch.shape.new_tile(),
-                batch.dimensions_of(*span),
-                batch.roles,
-                batch.starts,
-                batch.contexts,
-                self.table.padded_values,
-                self.table.padded_context,
-                batch.observation_tiles,
-                batch.observation_rows,
-                batch.tile_weights,
-                batch.roots,
-                layout.record_rows,
-                layout.pairs,
-                layout.positions,
-                layout.heights,
-                aligned_zeros(layout.scratch),
-                self._store,
-            )
-        )
+        arrays, present = batch_arrays(batch), present_values(self.table)
+        tile, scratch = batch.shape.new_tile(), aligned_zeros(table.scratch)
+        return float(assemble(kernel, tile, arrays, span, present, table, scratch, self._store))
 
     def _poured(self) -> tuple[FloatArray, FloatArray]:
         from obseq.leastsquares.loops.blocks_to_matrix import pour_diagonal, pour_pairs

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.loops.groups import Groups
+from obseq.leastsquares.loops.tables import Groups
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

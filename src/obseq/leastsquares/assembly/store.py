@@ -19,6 +19,7 @@ from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
 from obseq.leastsquares.assembly.schur import elimination_groups, fill_keys, fill_offsets, placed
+from obseq.leastsquares.loops.tables import BlockTable
 from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray, PositionArray
     from obseq.leastsquares.assembly.pattern import BlockPairs
-    from obseq.leastsquares.loops.groups import Groups
+    from obseq.leastsquares.loops.tables import Groups
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -35,26 +36,6 @@ if TYPE_CHECKING:
 
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
-
-
-@dataclass(frozen=True)
-class BatchLayout:
-    """What the drivers need to scatter one batch (`accumulation.scatter` says how it is read).
-
-    Attributes:
-        record_rows: (width,) scaled row of each place of a record; -1 for zeros.
-        pairs: (n_pairs, 6) place of the row part, of the column part, quads of rows, columns, row of
-            `heights` or -1.
-        positions: (n_pairs, n) place of each small block in the store.
-        heights: (n_threes, n) height of the first column, twice, plus one for parts that change places.
-        scratch: number of doubles the driver needs for records and scaled rows.
-    """
-
-    record_rows: IntArray
-    pairs: IntArray
-    positions: PositionArray
-    heights: PositionArray
-    scratch: int
 
 
 @dataclass(frozen=True)
@@ -80,7 +61,7 @@ class StoreLayout:
     size: int
     diagonal: IntArray
     stored: IntArray
-    batches: tuple[BatchLayout, ...]
+    batches: tuple[BlockTable, ...]
     groups: Groups
     fill: PositionArray
     first_eliminated: int
@@ -215,7 +196,7 @@ def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntA
 
 def _batch_layouts(
     batches: Sequence[Batch], places: _Addresses, occurrence: IntArray
-) -> tuple[BatchLayout, ...]:
+) -> tuple[BlockTable, ...]:
     result, first = [], 0
     for batch in batches:
         last = first + batch.n * len(role_pairs(len(batch.blocks)))
@@ -224,7 +205,7 @@ def _batch_layouts(
     return tuple(result)
 
 
-def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BatchLayout:
+def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BlockTable:
     sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
     widths = part_width(sizes)
     part = np.cumsum(widths) - widths
@@ -246,7 +227,7 @@ def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> Bat
         if threes:
             heights.append(places.height[found])
     width = int(widths.sum())
-    return BatchLayout(
+    return BlockTable(
         _record_rows(batch, part, width),
         np.array(pairs, dtype=np.int64).reshape(-1, 6),
         np.array(positions, dtype=np.uint32).reshape(-1, batch.n),

@@ -18,6 +18,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
+from obseq.leastsquares.loops.tables import Span
 from obseq.leastsquares.problem.arguments import whole
 from obseq.pools import thread_pool
 
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import ByteArray, IntArray, IntRows, PositionArray
-    from obseq.leastsquares.assembly.store import BatchLayout, StoreLayout
+    from obseq.leastsquares.assembly.store import StoreLayout
+    from obseq.leastsquares.loops.tables import BlockTable
 
 
 Result = TypeVar("Result")
@@ -109,8 +111,9 @@ def share_out(layout: StoreLayout, counts: Sequence[int], threads: int) -> Share
     found, end = [], -(-layout.size // 8) * 8
     for share in range(len(bounds) - 1):
         copy[:] = 0
-        for batch, first, last in zip(layout.batches, bounds[share], bounds[share + 1], strict=True):
-            moves, end = _diverted(batch, int(first), int(last), share, layout.spare, owner, copy, end)
+        for table, first, last in zip(layout.batches, bounds[share], bounds[share + 1], strict=True):
+            span = Span(int(first), int(last))
+            moves, end = _diverted(table, span, share, layout.spare, owner, copy, end)
             found.append(moves)
         if end > np.iinfo(np.uint32).max:
             raise InputError("the normal matrix has more than 4e9 numbers: use fewer threads, or one")
@@ -118,9 +121,8 @@ def share_out(layout: StoreLayout, counts: Sequence[int], threads: int) -> Share
 
 
 def _diverted(
-    batch: BatchLayout,
-    first: int,
-    last: int,
+    table: BlockTable,
+    span: Span,
     share: int,
     spare: IntArray,
     owner: ByteArray,
@@ -131,22 +133,10 @@ def _diverted(
     from obseq.leastsquares.loops.shares import divert
 
     found, state = [np.empty((0, 4), dtype=np.int64)], np.array([0, 0, 0, end])
-    while state[0] < len(batch.pairs):
+    while state[0] < len(table.pairs):
         state[2] = 0
         moves = np.empty((MOVES_AT_ONCE, 4), dtype=np.int64)
-        divert(
-            batch.pairs,
-            batch.positions,
-            batch.heights,
-            first,
-            last,
-            share,
-            spare,
-            owner,
-            copy,
-            moves,
-            state,
-        )
+        divert(table, span, share, spare, owner, copy, moves, state)
         found.append(moves[: state[2]])
     return np.concatenate(found), int(state[3])
 

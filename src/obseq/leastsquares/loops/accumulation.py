@@ -21,9 +21,10 @@ from obseq.compilation.functions import SUMS
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.tiles import call_kernel
 from obseq.kernels.vectors import outer1, outer4, outer_threes, transpose3, transpose4
+from obseq.leastsquares.loops.tables import BatchArrays, BlockTable, Present, Span
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionArray, PositionRows
+    from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray
 
 
 U = np.uint64
@@ -65,29 +66,17 @@ def gather_rows(
 
 
 @compiled
-def fill_tile(
-    tile: FloatArray,
-    blocks: IntRows,
-    starts: PositionRows,
-    contexts: PositionRows,
-    values: FloatArray,
-    context: FloatArray,
-    observations: FloatRows,
-    observation_rows: IntArray,
-    first: int,
-) -> None:
-    """Gathers the unknowns, their context and the observations of 32 lanes.
-
-    `blocks` (n_blocks, 4): first row, size, first row of the context or -1, size of the context.
-    """
-    for b in range(len(blocks)):
-        gather_rows(tile, blocks[b, 0], blocks[b, 1], values, starts[b], first)
-        if blocks[b, 2] >= 0:
-            gather_rows(tile, blocks[b, 2], blocks[b, 3], context, contexts[b], first)
-    for k in range(len(observation_rows)):
-        row = U(observation_rows[k]) * ROW
+def fill_tile(tile: FloatArray, batch: BatchArrays, present: Present, first: int) -> None:
+    """Gathers the unknowns, their context and the observations of 32 lanes."""
+    for b in range(len(batch.blocks)):
+        block = batch.blocks[b]
+        gather_rows(tile, block[0], block[1], present.values, batch.starts[b], first)
+        if block[2] >= 0:
+            gather_rows(tile, block[2], block[3], present.context, batch.contexts[b], first)
+    for k in range(len(batch.observation_rows)):
+        row = U(batch.observation_rows[k]) * ROW
         for lane in range(LANES):
-            tile[row + U(lane)] = observations[U(k), U(first) + U(lane)]
+            tile[row + U(lane)] = batch.observations[U(k), U(first) + U(lane)]
 
 
 @compiled
@@ -199,34 +188,17 @@ def make_records(
 
 @compiled
 def scatter(
-    store: FloatArray,
-    pairs: IntRows,
-    positions: PositionRows,
-    heights: PositionRows,
-    records: FloatArray,
-    width: int,
-    n_residuals: int,
-    first: int,
-    lanes: int,
+    store: FloatArray, table: BlockTable, records: FloatArray, n_residuals: int, first: int, lanes: int
 ) -> None:
-    """Adds the products of record parts to their blocks in the store.
-
-    `pairs` (n_pairs, 6): place of the row part, place of the column part, quads of rows, columns, -1 or, for
-    two blocks of three, the row of `heights`, and 1 where neighbours mostly share their block.
-    `positions` (n_pairs, n): in units of four doubles; in doubles for two blocks of three. `heights`:
-    twice the height of the first column of the block, plus one when the parts change places.
-    """
-    for pair in range(len(pairs)):
-        threes = pairs[pair, 4]
-        codes = heights[threes] if threes >= 0 else positions[pair]
-        if pairs[pair, 5] == 1:
-            scatter_runs(
-                store, pairs[pair], positions[pair], codes, records, width, n_residuals, first, lanes
-            )
+    """Adds the products of record parts to their blocks in the store."""
+    width = len(table.record_rows)
+    for k in range(len(table.pairs)):
+        pair, positions = table.pairs[k], table.positions[k]
+        codes = table.heights[pair[4]] if pair[4] >= 0 else positions
+        if pair[5] == 1:
+            scatter_runs(store, pair, positions, codes, records, width, n_residuals, first, lanes)
         else:
-            scatter_each(
-                store, pairs[pair], positions[pair], codes, records, width, n_residuals, first, lanes
-            )
+            scatter_each(store, pair, positions, codes, records, width, n_residuals, first, lanes)
 
 
 @compiled
@@ -335,48 +307,34 @@ def scatter_each(
 def assemble(
     kernel: int,
     tile: FloatArray,
-    shape: IntArray,
-    blocks: IntRows,
-    starts: PositionRows,
-    contexts: PositionRows,
-    values: FloatArray,
-    context: FloatArray,
-    observations: FloatRows,
-    observation_rows: IntArray,
-    weights: FloatRows,
-    roots: FloatRows,
-    record_rows: IntArray,
-    pairs: IntRows,
-    positions: PositionRows,
-    heights: PositionRows,
+    batch: BatchArrays,
+    span: Span,
+    present: Present,
+    table: BlockTable,
     scratch: FloatArray,
     store: FloatArray,
 ) -> float:
-    """Adds normal equations of a batch to the store; returns the sum of weighted squared residuals.
+    """Adds normal equations of a span of a batch to the store; the sum of weighted squared residuals.
 
-    `shape`: end of the observations to treat, number of unknowns, of residuals, row of the first residual,
-    first observation to treat (a multiple of 32).
-    `kernel` is the address of a value-and-Jacobian kernel, or 0 for plain linear rows. `roots` is empty, or
-    holds the roots of the inverse covariances of correlated residuals.
+    `kernel` is the address of a value-and-Jacobian kernel, or 0 for plain linear rows.
     """
-    n, n_unknowns, n_residuals, first_row = shape[0], shape[1], shape[2], shape[3]
-    width = len(record_rows)
-    records = scratch[: LANES * n_residuals * width]
-    scaled = scratch[LANES * n_residuals * width :]
+    m, rows = batch.n_residuals, batch.n_unknowns + 1
+    size = LANES * m * len(table.record_rows)
+    records = scratch[:size]
+    scaled = scratch[size:]
     total = 0.0
-    for first in range(shape[4], n, LANES):
-        fill_tile(tile, blocks, starts, contexts, values, context, observations, observation_rows, first)
+    for first in range(span.first, span.last, LANES):
+        fill_tile(tile, batch, present, first)
         if kernel != 0:
             call_kernel(kernel, tile, 1)
         else:
-            linear_rows(tile, n_unknowns)
-        squares = scale_rows(tile, first_row, n_residuals, n_unknowns, weights, first, scaled)
-        if len(roots) > 0:
-            squares = whiten_rows(scaled, roots, n_residuals, n_unknowns + 1, first)
+            linear_rows(tile, batch.n_unknowns)
+        squares = scale_rows(tile, batch.first_row, m, batch.n_unknowns, batch.weights, first, scaled)
+        if len(batch.roots) > 0:
+            squares = whiten_rows(scaled, batch.roots, m, rows, first)
         total += squares
-        make_records(scaled, record_rows, n_residuals, n_unknowns + 1, records)
-        lanes = min(LANES, n - first)
-        scatter(store, pairs, positions, heights, records, width, n_residuals, first, lanes)
+        make_records(scaled, table.record_rows, m, rows, records)
+        scatter(store, table, records, m, first, min(LANES, span.last - first))
     return total
 
 
@@ -384,28 +342,20 @@ def assemble(
 def evaluate(
     kernel: int,
     tile: FloatArray,
-    shape: IntArray,
-    blocks: IntRows,
-    starts: PositionRows,
-    contexts: PositionRows,
-    values: FloatArray,
-    context: FloatArray,
-    observations: FloatRows,
-    observation_rows: IntArray,
+    batch: BatchArrays,
+    span: Span,
+    present: Present,
     rows: int,
     results: FloatRows,
 ) -> None:
-    """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded).
-
-    `shape` as in `assemble`.
-    """
-    for first in range(shape[4], shape[0], LANES):
-        fill_tile(tile, blocks, starts, contexts, values, context, observations, observation_rows, first)
+    """Copies `rows` rows of each tile, from the residuals on, to `results` (rows, n padded)."""
+    for first in range(span.first, span.last, LANES):
+        fill_tile(tile, batch, present, first)
         if kernel != 0:
             call_kernel(kernel, tile, 1)
         else:
-            linear_rows(tile, shape[1])
+            linear_rows(tile, batch.n_unknowns)
         for row in range(rows):
-            source = (shape[3] + row) * STRIDE
+            source = (batch.first_row + row) * STRIDE
             for lane in range(LANES):
                 results[row, first + lane] = tile[source + lane]

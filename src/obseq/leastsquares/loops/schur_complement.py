@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.compilation import compiled
 from obseq.kernels.vectors import outer_threes
-from obseq.leastsquares.loops.groups import Groups
+from obseq.leastsquares.loops.tables import Groups
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray

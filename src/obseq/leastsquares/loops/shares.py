@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
+from obseq.leastsquares.loops.tables import BlockTable, Span
 
 if TYPE_CHECKING:
-    from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray, PositionRows
+    from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray
 
 
 STORED_HEIGHT = 5
@@ -21,11 +22,8 @@ STORED_THREES = 12
 
 @compiled
 def divert(
-    pairs: IntRows,
-    positions: PositionRows,
-    heights: PositionRows,
-    first: int,
-    last: int,
+    table: BlockTable,
+    span: Span,
     share: int,
     spare: IntArray,
     owner: ByteArray,
@@ -36,11 +34,8 @@ def divert(
     """Sends one share of a batch to copies of the blocks that earlier shares own, as long as there is room.
 
     Args:
-        pairs: as in `BatchLayout`.
-        positions: as in `BatchLayout`; changed.
-        heights: as in `BatchLayout`; changed.
-        first: first observation of the share.
-        last: the one behind its last.
+        table: of the batch; its positions and heights are changed.
+        span: observations of the share.
         share: number of the share, from 0.
         spare: (2,) place and length of the block that takes what concerns frozen blocks.
         owner: (size,) one plus the share that owns the block at each place, 0 for none yet; changed.
@@ -49,12 +44,13 @@ def divert(
         state: (4,) pair and observation to go on from, moves written, where the next copy may begin; changed.
             All is done when the pair is the one behind the last.
     """
-    for pair in range(state[0], len(pairs)):
-        threes = pairs[pair, 4]
+    positions, heights = table.positions, table.heights
+    for pair in range(state[0], len(table.pairs)):
+        threes = table.pairs[pair, 4]
         unit = 1 if threes >= 0 else 4
-        length = STORED_THREES if threes >= 0 else 4 * pairs[pair, 2] * pairs[pair, 3]
-        begin = max(first, state[1]) if pair == state[0] else first
-        for k in range(begin, last):
+        length = STORED_THREES if threes >= 0 else 4 * table.pairs[pair, 2] * table.pairs[pair, 3]
+        begin = max(span.first, state[1]) if pair == state[0] else span.first
+        for k in range(begin, span.last):
             place = unit * np.int64(positions[pair, k])
             if owner[place] == 0:
                 owner[place] = share + 1
@@ -76,7 +72,7 @@ def divert(
             positions[pair, k] = copy[place] // unit
             if is_direct:
                 heights[threes, k] = 2 * STORED_HEIGHT + (code & 1)
-    state[0] = len(pairs)
+    state[0] = len(table.pairs)
 
 
 @compiled

@@ -70,7 +70,6 @@ class Batch:
         "blocks",
         "clusters",
         "contexts",
-        "dimensions",
         "is_constraint",
         "n",
         "observation_rows",
@@ -348,10 +347,6 @@ class Batch:
         """(n,) what the loss makes of the weight of each observation: 1 full, 0 none."""
         return np.square(self.weights[0, : self.n] * self.sigmas[:, 0])
 
-    def dimensions_of(self, first: int, last: int) -> IntArray:
-        """What the drivers are told of the observations from `first` to before `last`."""
-        return np.array([last, *self.dimensions[1:4], first])
-
     def label(self, row: int) -> str:
         """What to call one observation in a message: its label, or the blocks it joins."""
         if self._labels is not None:
@@ -423,9 +418,6 @@ class Batch:
         self.starts = _padded(table.start[self.blocks], np.uint32)
         self.contexts = _padded(contexts, np.uint32)
         self.observation_rows = np.array(shape.observation_rows, dtype=np.int64)
-        self.dimensions = np.array(
-            [self.n, shape.n_unknowns, shape.n_residuals, shape.first_row, 0], dtype=np.int64
-        )
 
 
 def _refuse_other_names(what: str, expected: Set[str], given: Set[str]) -> None:

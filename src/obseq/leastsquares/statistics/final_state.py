@@ -10,6 +10,8 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
+from obseq.leastsquares.assembly.evaluation import batch_arrays
+from obseq.leastsquares.loops.tables import Present, Span
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
 from obseq.leastsquares.problem.weights import root_weights
@@ -163,20 +165,13 @@ class FinalState:
 
         shape, padded = batch.shape, np.append(index, np.repeat(index[-1:], -len(index) % LANES))
         results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(len(index))))
-        evaluate(
-            shape.kernel(),
-            shape.new_tile(),
-            np.array([len(index), *batch.dimensions[1:]]),
-            batch.roles,
-            np.ascontiguousarray(batch.starts[:, padded]),
-            np.ascontiguousarray(batch.contexts[:, padded]),
-            self._values,
-            self._context,
-            np.ascontiguousarray(batch.observation_tiles[:, padded]),
-            batch.observation_rows,
-            len(results),
-            results,
+        arrays = batch_arrays(batch)._replace(
+            starts=np.ascontiguousarray(batch.starts[:, padded]),
+            contexts=np.ascontiguousarray(batch.contexts[:, padded]),
+            observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
         )
+        span, present = Span(0, len(index)), Present(self._values, self._context)
+        evaluate(shape.kernel(), shape.new_tile(), arrays, span, present, len(results), results)
         return results[:, : len(index)]
 
 
