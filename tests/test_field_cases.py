@@ -1,6 +1,6 @@
 """Field cases: every row of their README is held by a test, here or where `ELSEWHERE` says.
 
-The scripts of `engine` run as they are, in place; a module that has moved since is found under its former name.
+The scripts of `engine` run as they are, in place; a module that has moved is found under its former name.
 """
 
 import re
