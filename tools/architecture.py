@@ -80,6 +80,9 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "network": ("screening", "adjustment", "initial", "files", "model"),
         "epochs": ("adjustment", "model"),
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
+        "point_files": ("files", "model"),
+        "maps": (),
+        "conversion": ("network", "point_files", "maps", "files", "model", "kinds"),
     },
 }
 """The same for the rooms, and single files, inside a room."""

@@ -48,6 +48,11 @@ class Frame:
         return self.system.kind is crs.Kind.LOCAL
 
     @property
+    def has_place(self) -> bool:
+        """Whether it has a place on the Earth."""
+        return not self.is_plane
+
+    @property
     def has_vertical(self) -> bool:
         """Whether stations have a vertical."""
         return self.is_plane or self.system.kind is crs.Kind.LOCAL_TANGENT

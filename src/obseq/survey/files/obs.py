@@ -228,24 +228,6 @@ def _check_measure(
         raise file.error(index, f"point {fields[1]} is observed from itself; correct one of the two names")
 
 
-def _any_non_zero(fields: list[str]) -> bool:
-    """True when numbers directly after the sigma are not all zero; other text is a remark."""
-    for text in fields[:3]:
-        try:
-            if float(text) != 0.0:
-                return True
-        except ValueError:
-            return False
-    return False
-
-
-def _surplus_warning(file: TextFile, indices: list[int]) -> str:
-    return (
-        f"{file.name}: {len(indices)} lines carry numbers after the sigma that are not 0 (first: line "
-        f"{indices[0] + 1}); relative sigmas and heights of instrument or target are not used"
-    )
-
-
 @expecting(path=PATH, book=instance(FieldBook))
 def write_obs(path: str | Path, book: FieldBook) -> None:
     """Writes a field book as one OBS file; `read_obs` gives it back, stations in the same order.
@@ -257,13 +239,21 @@ def write_obs(path: str | Path, book: FieldBook) -> None:
 
 
 def obs_text(book: FieldBook) -> str:
-    """The text of an OBS file.
+    """The text of an OBS file, as `write_obs` writes it.
 
     Raises:
-        InputError: a name cannot be written (blank or `*` inside).
+        InputError: a name or an observation cannot be written.
     """
     for name in book.point_names:
         check_writable(name)
+    rows = book.observations
+    without = np.flatnonzero(~np.isin(rows.types, [kind.code for kind in KINDS if kind.is_line]))
+    if without.size:
+        words = BY_CODE[int(rows.types[without[0]])].words
+        raise InputError(f"{book.label(int(without[0]))}: an OBS file has no line for this ({words})")
+    if book.clusters:
+        first = book.label(int(book.clusters[0].rows[0]))
+        raise InputError(f"{first}: it is correlated with others, which an OBS file cannot say")
     return "\n".join(_obs_lines(book)) + "\n"
 
 

@@ -1,0 +1,207 @@
+"""Results on maps: points, error ellipses and observations as GeoJSON and GeoPackage.
+
+GeoJSON (RFC 7946) is in longitude, latitude (degrees, WGS 84) and ellipsoidal height, x first. A
+GeoPackage is in the system of the points where PROJ knows it, else in longitude and latitude; a plane without
+a place on the Earth is an undefined Cartesian system there, and no GeoJSON at all.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq import crs
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.record import AdjustmentRecord
+
+RING = 48
+"""Corners of an ellipse."""
+DEGREES = 9
+"""Decimals of longitude and latitude: 0.1 mm."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Features of one kind.
+
+    Attributes:
+        name: Of the layer.
+        geometry: "Point", "LineString" or "Polygon".
+        shapes: Corners (k, 3) of each feature in the computation frame.
+        properties: Of each feature.
+    """
+
+    name: str
+    geometry: str
+    shapes: Sequence[FloatArray]
+    properties: Sequence[dict[str, Any]]
+
+
+def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
+    """Points, ellipses and observations of a result.
+
+    Args:
+        record: The result.
+        ellipse_scale: How many times larger than they are ellipses are drawn.
+    """
+    places = {point.name: np.array([point.x, point.y, point.z]) for point in record.points}
+    points = [
+        {key: getattr(point, key) for key in ("name", "sx", "sy", "sz", "crs_sx", "crs_sy", "crs_sz")}
+        for point in record.points
+    ]
+    drawn = [p for p in record.points if p.ellipse is not None and p.ellipse.semi_major]
+    ends = places.keys()
+    seen = [o for o in record.observations if {o.origin, o.target} <= ends and o.origin != o.target]
+    return [
+        Layer("points", "Point", [places[p.name][None] for p in record.points], points),
+        Layer(
+            "ellipses",
+            "Polygon",
+            [_ring(places[p.name], p.ellipse, ellipse_scale) for p in drawn],
+            [_of_ellipse(p.name, p.ellipse, ellipse_scale) for p in drawn],
+        ),
+        Layer(
+            "observations",
+            "LineString",
+            [np.array([places[o.origin], places[o.target]]) for o in seen],
+            [_of_observation(o) for o in seen],
+        ),
+    ]
+
+
+def _of_ellipse(name: str, ellipse: Any, scale: float) -> dict[str, Any]:
+    return {
+        "name": name,
+        "semi_major_m": ellipse.semi_major,
+        "semi_minor_m": ellipse.semi_minor,
+        "bearing_rad": ellipse.bearing,
+        "drawn_larger": scale,
+    }
+
+
+def _of_observation(observation: Any) -> dict[str, Any]:
+    keys = ("type", "value", "sigma", "residual", "normalised_residual", "redundancy", "unit", "active")
+    found = {key: getattr(observation, key) for key in keys}
+    ends = {"from": observation.origin, "to": observation.target}
+    return ends | found | {"place": f"{observation.file}:{observation.line}"}
+
+
+def _ring(centre: FloatArray, ellipse: Any, scale: float) -> FloatArray:
+    """(RING + 1, 3) corners counter-clockwise, the last one the first."""
+    along = np.array([np.sin(ellipse.bearing), np.cos(ellipse.bearing), 0.0])
+    across = np.array([-along[1], along[0], 0.0])
+    angles = np.linspace(0.0, 2.0 * np.pi, RING + 1)[:, None]
+    offsets = ellipse.semi_major * np.cos(angles) * along + ellipse.semi_minor * np.sin(angles) * across
+    corners = centre + scale * offsets
+    corners[-1] = corners[0]
+    return np.asarray(corners)
+
+
+def geojson(record: AdjustmentRecord, ellipse_scale: float) -> str:
+    """The text of a GeoJSON file.
+
+    Raises:
+        InputError: The frame has no place on the Earth.
+    """
+    frame = crs.parse(record.frame)
+    if frame.kind is crs.Kind.LOCAL:
+        raise InputError(
+            f"GeoJSON is in longitude and latitude, and the frame {record.frame} has no place on the Earth: "
+            "adjust the network with the system of its points (--points-crs), or write a GeoPackage"
+        )
+    layers = layers_of(record, ellipse_scale)
+    features = [feature for layer in layers for feature in _features(layer, frame)]
+    return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False, indent=1) + "\n"
+
+
+def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[dict[str, Any]]:
+    if not layer.shapes:
+        return
+    geodetic = frame.geodetic(np.concatenate(layer.shapes))
+    degrees = np.column_stack([np.round(np.degrees(geodetic[:, :2]), DEGREES), np.round(geodetic[:, 2], 4)])
+    ends = np.cumsum([len(shape) for shape in layer.shapes])[:-1]
+    for corners, properties in zip(np.split(degrees, ends), layer.properties, strict=True):
+        points = corners.tolist()
+        nested = {"Point": points[0], "LineString": points, "Polygon": [points]}[layer.geometry]
+        yield {
+            "type": "Feature",
+            "geometry": {"type": layer.geometry, "coordinates": nested},
+            "properties": {"layer": layer.name} | properties,
+        }
+
+
+def geopackage(record: AdjustmentRecord, ellipse_scale: float) -> bytes:
+    """The content of a GeoPackage, a layer for each kind of features.
+
+    Raises:
+        InputError: pyogrio is not installed.
+    """
+    try:
+        from pyogrio.raw import write
+    except ImportError as error:
+        raise InputError("a GeoPackage needs pyogrio; install it (pip install obseq[maps])") from error
+    frame = crs.parse(record.frame)
+    target, definition = _system_of(record, frame)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that a plane has no system is meant
+        path = Path(folder) / "map.gpkg"
+        for layer in layers_of(record, ellipse_scale):
+            if layer.shapes:
+                columns = _columns(layer.properties)
+                options = {"geometry_type": f"{layer.geometry} Z", "crs": definition, "driver": "GPKG"}
+                corners = _well_known(layer, frame, target)
+                write(path, corners, list(columns.values()), list(columns), layer=layer.name, **options)
+        return path.read_bytes()
+
+
+def _system_of(
+    record: AdjustmentRecord, frame: crs.CoordinateSystem
+) -> tuple[crs.CoordinateSystem, str | None]:
+    """The system of the file, and its definition for PROJ; None for a plane."""
+    given = crs.parse(record.points_crs)
+    if frame.kind is crs.Kind.LOCAL:
+        return given, None
+    if given.kind is crs.Kind.PROJ:
+        from pyproj import CRS
+
+        return given, CRS.from_user_input(given.definition).to_wkt()
+    return crs.parse("Geog"), "OGC:CRS84"
+
+
+def _well_known(layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem) -> Any:
+    """(n,) shapes as well-known binary, x first."""
+    corners = crs.Transformer(frame, target).forward(np.concatenate(layer.shapes))
+    parts = np.split(corners, np.cumsum([len(shape) for shape in layer.shapes])[:-1])
+    codes = {"Point": (1001, ()), "LineString": (1002, ("n",)), "Polygon": (1003, ("1", "n"))}
+    code, counts = codes[layer.geometry]
+    found = np.empty(len(parts), object)
+    for k, part in enumerate(parts):
+        heads = [code, *(len(part) if count == "n" else 1 for count in counts)]
+        found[k] = b"\x01" + np.array(heads, "<u4").tobytes() + part.astype("<f8").tobytes()
+    return found
+
+
+def _columns(properties: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Arrays by name: numbers with NaN for what is missing, truths, texts."""
+    columns = {}
+    for name in properties[0]:
+        values = [row[name] for row in properties]
+        given = next((value for value in values if value is not None), "")
+        if isinstance(given, bool):
+            columns[name] = np.array(values, np.bool_)
+        elif isinstance(given, int | float):
+            columns[name] = np.array([np.nan if value is None else value for value in values], np.float64)
+        else:
+            columns[name] = np.array(["" if value is None else value for value in values], object)
+    return columns

@@ -1,0 +1,172 @@
+"""Networks and results in other formats: what is written is read back to the same adjustment."""
+
+import csv
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.survey import Network, read_cor
+from obseq.survey.conversion import write_gama
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+NETWORKS = sorted(path.relative_to(DATA).as_posix() for path in DATA.glob("gama-*/*.gkf"))
+PLUMB = """
+<point id="A" x="0" y="0" z="10" fix="xyz" /> <point id="B" x="100" y="0" z="12" fix="xyz" />
+<point id="P" x="60" y="80" z="15" adj="xyz" />
+<obs from="A"> <direction to="B" val="0" stdev="10" /> <direction to="P" val="59.0334" stdev="10" />
+<z-angle to="P" val="96.8196" stdev="10" from_dh="1.6" to_dh="1.6" /> </obs>
+<obs> <distance from="B" to="P" val="89.443" stdev="5" /> <s-distance from="B" to="P" val="89.49" stdev="5" />
+<distance from="A" to="P" val="100.003" stdev="5" /> </obs>
+"""
+
+
+@pytest.fixture
+def gkf(tmp_path):
+    path = tmp_path / "plumb.gkf"
+    head = '<network axes-xy="ne"><points-observations>'
+    path.write_text(f"<gama-local>{head}{PLUMB}</points-observations></network></gama-local>")
+    return path
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_gama_networks_come_back(tmp_path, shared_data, name):
+    first = Network.read_project(shared_data / name)
+    write_gama(tmp_path / "again.gkf", first)
+    before, after = first.adjust(), Network.read_project(tmp_path / "again.gkf").adjust()
+    assert after.sigma0 == pytest.approx(before.sigma0, rel=1e-9)
+    assert after.solution.redundancy == before.solution.redundancy
+    rows = [after.points.names.index(point) for point in before.points.names]
+    free = before.points.points.is_free
+    assert after.points.crs_coordinates[rows][free] == pytest.approx(
+        before.points.crs_coordinates[free], abs=1e-9
+    )
+    assert after.points.crs_precisions[rows] == pytest.approx(before.points.crs_precisions, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_gama_adjusts_what_is_written(tmp_path, shared_data, name):
+    program = shutil.which("gama-local")
+    if program is None:
+        pytest.skip(reason="gama-local is not installed (the package gama of some distributions)")
+    network = Network.read_project(shared_data / name)
+    write_gama(tmp_path / "written.gkf", network)
+    command = [program, "written.gkf", "--xml", "out.xml"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=60)
+    space = "{http://www.gnu.org/software/gama/gama-local-adjustment}"
+    adjusted = ElementTree.parse(tmp_path / "out.xml").getroot().find(f"{space}coordinates/{space}adjusted")
+    ours = network.adjust()
+    for point in adjusted:
+        row = ours.points.names.index(point.find(f"{space}id").text)
+        for axis, letter in enumerate("xyz"):
+            for found in (point.find(space + letter), point.find(space + letter.upper())):
+                if found is not None:
+                    given = ours.points.crs_coordinates[row, axis]
+                    assert float(found.text) == pytest.approx(given, abs=1e-5)
+
+
+def test_obs_and_cor_of_a_gama_network_adjust_to_the_same(tmp_path, capfd, gkf):
+    obs, cor = tmp_path / "n.obs", tmp_path / "n.cor"
+    assert main(["convert", str(gkf), "--to", str(obs), str(cor)]) == 0
+    assert "--refraction 1" in capfd.readouterr().out
+    there = Network.read_project(gkf).adjust()
+    back = Network.read(obs, cor, points_crs="Local*ne", refraction=1.0).adjust()
+    assert back.points.coordinates == pytest.approx(there.points.coordinates, abs=1e-9)
+    assert back.sigma0 == pytest.approx(there.sigma0, rel=1e-9)
+    assert main(["convert", "--obs", str(obs), "--cor", str(cor), "--refraction", "1", "--to", str(gkf)]) == 0
+    again = Network.read_project(gkf).adjust()
+    assert again.points.coordinates == pytest.approx(there.points.coordinates, abs=1e-9)
+
+
+def test_adjusted_coordinates_become_a_point_file(tmp_path, gkf):
+    result = tmp_path / "r.json"
+    assert main(["adjust", str(gkf), "--json", str(result)]) == 0
+    cor, table = tmp_path / "a.cor", tmp_path / "a.csv"
+    assert main(["convert", str(result), "--to", str(cor), str(table)]) == 0
+    adjusted = Network.read_project(gkf).adjust()
+    points = read_cor(cor)
+    assert points.names == adjusted.points.names
+    assert points.coordinates == pytest.approx(adjusted.points.crs_coordinates, abs=1e-9)
+    assert points.sigmas == pytest.approx(adjusted.points.crs_precisions, abs=1e-12)
+    rows = list(csv.DictReader(table.open(encoding="utf-8")))
+    assert [row["name"] for row in rows] == list(points.names)
+    assert float(rows[2]["x"]) == points.coordinates[2, 0]
+
+
+@pytest.fixture
+def demo(tmp_path):
+    assert main(["demo", "--out", str(tmp_path / "demo")]) == 0
+    return tmp_path / "demo" / "adjustment.json"
+
+
+def test_geojson_is_longitude_latitude_and_counter_clockwise(tmp_path, demo):
+    assert main(["convert", str(demo), "--to", str(tmp_path / "m.geojson")]) == 0
+    record = json.loads(demo.read_text(encoding="utf-8"))
+    collection = json.loads((tmp_path / "m.geojson").read_text(encoding="utf-8"))
+    assert "crs" not in collection
+    layers = {feature["properties"]["layer"] for feature in collection["features"]}
+    assert layers == {"points", "ellipses", "observations"}
+    point = collection["features"][0]
+    assert point["properties"]["name"] == record["points"][0]["name"]
+    longitude, latitude, _ = point["geometry"]["coordinates"]
+    assert 2.0 < longitude < 3.0
+    assert 48.0 < latitude < 49.0
+    for feature in collection["features"]:
+        if feature["geometry"]["type"] == "Polygon":
+            (ring,) = np.array(feature["geometry"]["coordinates"])
+            x, y = (ring[:, :2] - ring[0, :2]).T
+            assert ring[0].tolist() == ring[-1].tolist()
+            assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0.0
+
+
+def test_a_geopackage_holds_a_layer_for_each_kind(tmp_path, demo, gkf):
+    pyogrio = pytest.importorskip("pyogrio", reason="pyogrio is an extra: pip install obseq[maps]")
+    package = tmp_path / "m.gpkg"
+    assert main(["convert", str(demo), "--to", str(package)]) == 0
+    record = json.loads(demo.read_text(encoding="utf-8"))
+    assert set(pyogrio.list_layers(package)[:, 0]) == {"points", "ellipses", "observations"}
+    meta, _, shapes, _ = pyogrio.raw.read(package, layer="points")
+    assert meta["crs"] == "EPSG:2154"
+    first = np.frombuffer(shapes[0][5:], "<f8")
+    given = [record["points"][0][f"crs_{axis}"] for axis in "xyz"]
+    assert first == pytest.approx(given, abs=1e-6)
+    result = tmp_path / "plane.json"
+    assert main(["adjust", str(gkf), "--json", str(result)]) == 0
+    assert main(["convert", str(result), "--to", str(package)]) == 0
+    assert set(pyogrio.list_layers(package)[:, 0]) == {"points", "ellipses", "observations"}
+
+
+def refused(capfd, *arguments):
+    assert main([str(argument) for argument in arguments]) == 2
+    return capfd.readouterr().err
+
+
+def test_what_a_format_cannot_say_is_refused_by_name(tmp_path, capfd, gkf, demo):
+    result = tmp_path / "r.json"
+    assert main(["adjust", str(gkf), "--json", str(result)]) == 0
+    capfd.readouterr()
+    assert "no place on the Earth" in refused(capfd, "convert", result, "--to", tmp_path / "m.geojson")
+    assert ".gkf" in refused(capfd, "convert", gkf, "--to", tmp_path / "n.xyz")
+    assert "replace an input" in refused(capfd, "convert", gkf, "--to", gkf)
+    vectors = DATA / "gama-local-small" / "cube-1.gkf"
+    if vectors.exists():
+        said = refused(capfd, "convert", vectors, "--to", tmp_path / "n.obs")
+        assert f"{vectors}:27" in said
+    assert not (tmp_path / "n.obs").exists()
+
+
+def test_gama_gets_no_corrections_nor_places_on_the_earth(tmp_path, gkf):
+    network = Network.read_project(gkf, refraction=0.13)
+    with pytest.raises(InputError, match=r"plumb\.gkf:\d+\): zenith angles are corrected"):
+        write_gama(tmp_path / "n.gkf", network)
+    book, points = tmp_path / "n.obs", tmp_path / "n.cor"
+    assert main(["convert", str(gkf), "--to", str(book), str(points)]) == 0
+    placed = Network.read(book, points, frame="RTL*2*48*0*EPSG:4326", points_crs="RTL*2*48*0*EPSG:4326")
+    with pytest.raises(InputError, match="Gama computes in a plane"):
+        write_gama(tmp_path / "n.gkf", placed)
