@@ -283,15 +283,21 @@ class ObservationReader:
                 )
 
     def _add(self, scalars: list[_Scalar]) -> list[int]:
-        """Adds the values; returns their rows."""
-        first = len(self._columns)
-        for scalar in scalars:
+        """Adds the values, those of one element by the axes of the frame; returns their rows."""
+        elements = {id(scalar.element): k for k, scalar in reversed(list(enumerate(scalars)))}
+        order = sorted(
+            range(len(scalars)),
+            key=lambda k: (elements[id(scalars[k].element)], scalars[k].measure.kind.code),
+        )
+        rows = [0] * len(scalars)
+        for k in order:
+            scalar, rows[k] = scalars[k], len(self._columns)
             measure = scalar.measure
             if scalar.problem:
                 measure = replace_activity(measure)
                 self.passive.setdefault(scalar.problem, []).append(self._label(scalar))
             self._columns.append(measure, self._file, scalar.element.line - 1)
-        return list(range(first, len(self._columns)))
+        return rows
 
     def _add_correlated(self, scalars: list[_Scalar], band: Band) -> None:
         scaled = band.scaled(np.array([scalar.unit * scalar.sign for scalar in scalars]))
@@ -308,7 +314,7 @@ class ObservationReader:
         """A cluster for each family of kinds in a block of a matrix."""
         families = [scalar.measure.kind.group for scalar in scalars]
         for family in dict.fromkeys(families):
-            chosen = [k for k, other in enumerate(families) if other == family]
+            chosen = sorted((k for k, other in enumerate(families) if other == family), key=rows.__getitem__)
             part = matrix[np.ix_(chosen, chosen)]
             if len(chosen) > 1 and np.count_nonzero(part - np.diag(np.diag(part))):
                 self._columns.correlate([rows[k] for k in chosen], part)
