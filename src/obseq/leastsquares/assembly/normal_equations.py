@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
+from obseq.leastsquares.assembly.elimination import Elimination
 from obseq.leastsquares.assembly.evaluation import (
     batch_arrays,
     jacobian_rows,
@@ -16,15 +17,14 @@ from obseq.leastsquares.assembly.evaluation import (
     residuals,
     used_blocks,
 )
-from obseq.leastsquares.assembly.store import aligned_zeros, part_width, store_layout
+from obseq.leastsquares.assembly.store import aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
-from obseq.leastsquares.diagnosis.singular import eliminated_error
 from obseq.leastsquares.loops.tables import Span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.loops.tables import BlockTable
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
@@ -103,6 +103,7 @@ class NormalEquations:
         self._poured_blocks = self.layout.diagonal.copy()
         self._poured_blocks[self.layout.groups.blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
+        self._elimination = Elimination(table, self.layout, len(self._shares))
         self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = aligned_zeros(self._shares.size)
@@ -176,14 +177,7 @@ class NormalEquations:
         """(n_scalars,) diagonal of N, eliminated unknowns included; 0 where frozen."""
         diagonal = np.zeros(self.table.n_scalars)
         diagonal[self.free.scalars] = values[self.pattern.diagonal]
-        blocks = self.layout.groups.blocks
-        if len(blocks):
-            size = self.table.size[blocks]
-            within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
-            scalars = np.repeat(self.table.start[blocks], size) + within
-            places = np.repeat(4 * self.layout.diagonal[blocks], size)
-            places += within * np.repeat(part_width(size) + 1, size)
-            diagonal[scalars] = np.where(self.table.frozen[scalars], 0.0, self._store[places])
+        diagonal[self._elimination.scalars] = self._store[self._elimination.places]
         return diagonal
 
     def _reduced(self, whole: _Whole, damping: float, floor: FloatArray | None) -> Linearisation:
@@ -194,7 +188,7 @@ class NormalEquations:
             values[self.pattern.diagonal] += damping * (
                 diagonal if floor is None else np.maximum(diagonal, floor)
             )
-        eliminated = self._eliminate(gradient, damping) if len(self.layout.groups.blocks) else 0.0
+        eliminated = self._elimination.eliminate(self._store, gradient, damping)
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
         return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
@@ -225,24 +219,8 @@ class NormalEquations:
         """(n_scalars,) as `step`, from the matrix as it was assembled last, with this damping."""
         step = np.zeros(self.table.n_scalars)
         step[self.free.scalars] = solved
-        if len(self.layout.groups.blocks):
-            self._substitute_back(damping, step)
+        self._elimination.substitute_back(self._store, damping, step)
         return step
-
-    def _substitute_back(self, damping: float, step: FloatArray) -> None:
-        """Writes the steps of eliminated unknowns."""
-        from obseq.leastsquares.loops.schur_complement import substitute_back
-
-        table, layout = self.table, self.layout
-        room = self._elimination_room()
-        substitute_back(
-            self._store, layout.diagonal, layout.groups, table.start, table.size, damping, step, *room
-        )
-
-    def _elimination_room(self) -> tuple[FloatArray, FloatArray]:
-        """Room for the factor and for the gradient of one eliminated group."""
-        most = self.layout.groups.most
-        return np.empty((most, most)), np.empty(most)
 
     def sums_of_squares(self) -> dict[str, float]:
         """Sum of weighted squared residuals by group, from values alone."""
@@ -316,8 +294,8 @@ class NormalEquations:
             weight, pull = np.square(prior.weights), prior.weights * misfit
             np.add.at(values, self.pattern.diagonal[row], weight[free])
             np.add.at(gradient, row, pull[free])
-            if len(self.layout.groups.blocks):
-                self._add_to_eliminated(prior.scalars, weight, pull)
+            if self._elimination:
+                self._elimination.add(self._store, prior.scalars, weight, pull)
 
     def _add_clusters(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
         """Adds the observations that are correlated with one another."""
@@ -334,46 +312,9 @@ class NormalEquations:
             row = self.free.number[viscosity.scalars]
             free = row >= 0
             np.add.at(values, self.pattern.diagonal[row[free]], viscosity.weights[free])
-            if len(self.layout.groups.blocks):
+            if self._elimination:
                 none = np.zeros_like(viscosity.weights)
-                self._add_to_eliminated(viscosity.scalars, viscosity.weights, none)
-
-    def _add_to_eliminated(self, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
-        """Adds priors to the diagonal blocks and gradients of eliminated blocks."""
-        table = self.table
-        block = np.searchsorted(table.start, scalars, side="right") - 1
-        chosen = np.isin(block, self.layout.groups.blocks)
-        block, scalars = block[chosen], scalars[chosen]
-        size, within = table.size[block], scalars - table.start[block]
-        width, at = part_width(size), 4 * self.layout.diagonal[block]
-        np.add.at(self._store, at + within * width + within, weight[chosen])
-        np.add.at(self._store, at + size * width + within, pull[chosen])
-
-    def _eliminate(self, gradient: FloatArray, damping: float) -> float:
-        from obseq.leastsquares.loops.schur_complement import eliminate
-
-        table, layout, free = self.table, self.layout, self.free
-        failed = np.full(1, -1, dtype=np.int64)
-        decrease = eliminate(
-            self._store,
-            layout.diagonal,
-            layout.groups,
-            table.start,
-            table.size,
-            free.number,
-            free.first,
-            free.count,
-            self.pattern.indptr,
-            layout.fill,
-            damping,
-            gradient,
-            failed,
-            *self._elimination_room(),
-            np.empty(2 * layout.groups.most * layout.groups.widest),
-        )
-        if failed[0] >= 0:
-            raise eliminated_error(table, int(failed[0]))
-        return float(decrease)
+                self._elimination.add(self._store, viscosity.scalars, viscosity.weights, none)
 
     def _explain(self, *batches: Batch) -> str:
         for batch in batches:

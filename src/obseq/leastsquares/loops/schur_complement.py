@@ -7,15 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.kernels.vectors import outer_threes
+from obseq.kernels.vectors import outer_padded_threes, outer_threes
 from obseq.leastsquares.loops.tables import Groups
+from obseq.leastsquares.loops.temporaries import (
+    backward,
+    entry,
+    factored,
+    forward,
+    gathered,
+    is_one_three,
+    scalar_of,
+)
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray
-
-
-TINY = 1e-14
-"""A pivot below this share of its diagonal entry vanishes: the observations do not determine the unknown."""
 
 
 @compiled
@@ -32,95 +37,12 @@ def neighbour_pairs(
 
 
 @compiled
-def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns: int) -> float:
-    """One entry of a pair in the store: columns of three rows are packed when both blocks are threes."""
-    if rows == 3 and columns == 3:
-        return float(store[at + column * (9 - column) // 2 + row])
-    return float(store[at + column * ((rows + 4) // 4 * 4) + row])
-
-
-@compiled
-def factored(normal: FloatRows, n: int, damping: float) -> int:
-    """Cholesky factor, in place, of a damped lower triangle; the first vanishing pivot, or -1."""
-    for j in range(n):
-        for i in range(j, n):
-            value = normal[i, j]
-            if i == j:
-                value *= 1.0 + damping
-            diagonal = value
-            for k in range(j):
-                value -= normal[i, k] * normal[j, k]
-            if i == j:
-                if not value > TINY * diagonal:
-                    return j
-                normal[j, j] = np.sqrt(value)
-            else:
-                normal[i, j] = value / normal[j, j]
-    return -1
-
-
-@compiled
-def gathered(
-    store: FloatArray,
-    diagonal: IntArray,
-    groups: Groups,
-    group: int,
-    start: IntArray,
-    size: IntArray,
-    normal: FloatRows,
-    right: FloatArray,
-) -> int:
-    """Copies N_tt (lower triangle) and g_t of a group from the store; returns the number of its unknowns."""
-    n, local = 0, groups.local
-    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
-        t = groups.blocks[member]
-        for i in range(size[t]):
-            n = max(n, local[start[t] + i] + 1)
-    normal[:n, :n] = 0.0
-    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
-        t = groups.blocks[member]
-        at, width = 4 * diagonal[t], (size[t] + 4) // 4 * 4
-        for j in range(size[t]):
-            column = local[start[t] + j]
-            if column < 0:
-                continue
-            right[column] = store[at + size[t] * width + j]
-            for i in range(j, size[t]):
-                row = local[start[t] + i]
-                if row >= 0:
-                    normal[row, column] += store[at + j * width + i]
-    for pair in range(groups.inner_bounds[group], groups.inner_bounds[group + 1]):
-        place, p, q = groups.inner[pair, 0], groups.inner[pair, 1], groups.inner[pair, 2]
-        for j in range(size[q]):
-            column = local[start[q] + j]
-            for i in range(size[p]):
-                row = local[start[p] + i]
-                if row < 0 or column < 0:
-                    continue
-                value = entry(store, place, i, j, size[p], size[q])
-                normal[max(row, column), min(row, column)] += value if row != column else 2.0 * value
-    return n
-
-
-@compiled
-def forward(factor: FloatRows, n: int, vector: FloatArray) -> None:
-    """Solves L y = vector in place."""
-    for i in range(n):
-        value = vector[i]
-        for k in range(i):
-            value -= factor[i, k] * vector[k]
-        vector[i] = value / factor[i, i]
-
-
-@compiled
-def backward(factor: FloatRows, n: int, vector: FloatArray) -> None:
-    """Solves L' x = vector in place."""
-    for back in range(n):
-        i = n - 1 - back
-        value = vector[i]
-        for k in range(i + 1, n):
-            value -= factor[k, i] * vector[k]
-        vector[i] = value / factor[i, i]
+def add_threes(store: FloatArray, place: int, turned: int, record: FloatArray, at: int, width: int) -> None:
+    """Adds a pair of threes, columns 0, 4 and 7 from its place on, to three rows; its transpose if turned."""
+    for i in range(3):
+        for j in range(3):
+            row, column = (j, i) if turned else (i, j)
+            record[at + i * width + j] += store[place + column * (9 - column) // 2 + row]
 
 
 @compiled
@@ -131,14 +53,22 @@ def coupling_rows(
     start: IntArray,
     size: IntArray,
     number: IntArray,
+    count: IntArray,
     record: FloatArray,
     width: int,
 ) -> None:
     """Adds the coupling of a group to the rows of a record, each neighbour from its part on."""
+    is_three = is_one_three(groups, group, start, size)
     for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
         place, slot, k = groups.links[link, 0], groups.links[link, 1], groups.links[link, 2]
         t, turned = groups.links[link, 3], groups.links[link, 4]
         column = groups.part[slot]
+        if is_three and size[k] == 3 and count[k] == 3:
+            if turned:
+                add_threes(store, place, 1, record, column, width)
+            else:
+                add_threes(store, place, 0, record, column, width)
+            continue
         for j in range(size[k]):
             if number[start[k] + j] < 0:
                 continue
@@ -165,6 +95,49 @@ def forward_rows(factor: FloatRows, n: int, record: FloatArray, width: int) -> N
 
 
 @compiled
+def subtract_square_of_three(
+    store: FloatArray, at: int, height: int, record: FloatArray, part: int, width: int, n: int
+) -> None:
+    """Subtracts y' y of three columns from the diagonal block of a neighbour, lower triangle."""
+    aa, ba, ca, bb, cb, cc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
+        a, b, c = (record[part + k * width], record[part + k * width + 1], record[part + k * width + 2])
+        aa, ba, ca = aa + a * a, ba + b * a, ca + c * a
+        bb, cb, cc = bb + b * b, cb + c * b, cc + c * c
+    second, third = at + height, at + 2 * height - 1
+    store[at], store[at + 1], store[at + 2] = store[at] - aa, store[at + 1] - ba, store[at + 2] - ca
+    store[second], store[second + 1] = store[second] - bb, store[second + 1] - cb
+    store[third] -= cc
+
+
+@compiled
+def subtract_pull(
+    gradient: FloatArray,
+    first: int,
+    count: int,
+    record: FloatArray,
+    part: int,
+    width: int,
+    right: FloatArray,
+    n: int,
+) -> None:
+    """Subtracts y' right from the gradient of a neighbour."""
+    if count == 3:
+        a, b, c = 0.0, 0.0, 0.0
+        for k in range(n):
+            at = part + k * width
+            a, b, c = a + record[at] * right[k], b + record[at + 1] * right[k], c + record[at + 2] * right[k]
+        gradient[first], gradient[first + 1] = gradient[first] - a, gradient[first + 1] - b
+        gradient[first + 2] -= c
+        return
+    for i in range(count):
+        value = 0.0
+        for k in range(n):
+            value += record[k * width + part + i] * right[k]
+        gradient[first + i] -= value
+
+
+@compiled
 def subtract_squares(
     store: FloatArray,
     slots: IntArray,
@@ -186,7 +159,11 @@ def subtract_squares(
     opposite, w, rows = n * width, np.uint64(width), np.uint64(n)
     for a in range(slots[0], slots[1]):
         high = neighbours[a]
-        for j in range(count[high]):
+        if count[high] == 3:
+            top = indptr[first[high]]
+            height = indptr[first[high] + 1] - top
+            subtract_square_of_three(store, top, height, record, part[a], width, n)
+        for j in range(0 if count[high] == 3 else count[high]):
             target = indptr[first[high] + j]
             for i in range(j, count[high]):
                 value = 0.0
@@ -200,7 +177,10 @@ def subtract_squares(
             if count[high] == 3 and count[low] == 3:
                 at, height = np.uint64(top + offset), np.uint64(indptr[first[low] + 1] - top)
                 left, right = np.uint64(opposite + part[a]), np.uint64(part[b])
-                outer_threes(store, at, height, record, left, right, w, rows)
+                if n == 3:
+                    outer_padded_threes(store, at, height, record, left, right, w)
+                else:
+                    outer_threes(store, at, height, record, left, right, w, rows)
                 continue
             for j in range(count[low]):
                 target = indptr[first[low] + j] + offset - j
@@ -210,17 +190,6 @@ def subtract_squares(
                         value += record[k * width + part[a] + i] * record[k * width + part[b] + j]
                     store[target + i] -= value
     return pair
-
-
-@compiled
-def scalar_of(groups: Groups, group: int, wanted: int, start: IntArray, size: IntArray) -> int:
-    """The unknown, among all, that has a number within a group."""
-    for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
-        t = groups.blocks[member]
-        for i in range(size[t]):
-            if groups.local[start[t] + i] == wanted:
-                return int(start[t] + i)
-    return -1
 
 
 @compiled
@@ -236,16 +205,18 @@ def eliminate(
     indptr: IntArray,
     offsets: PositionArray,
     damping: float,
+    span: IntArray,
+    target: FloatArray,
     gradient: FloatArray,
     failed: IntArray,
     factor: FloatRows,
     right: FloatArray,
     record: FloatArray,
 ) -> float:
-    """Subtracts the effect of all eliminated blocks from the matrix and from the gradient.
+    """Subtracts the effect of some groups of eliminated blocks from a matrix and from a gradient.
 
     Args:
-        store: the matrix at its front, small blocks behind it.
+        store: the small blocks, behind the matrix.
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles.
         groups: the eliminated blocks.
         start: (n_blocks,) first unknown of each block.
@@ -256,6 +227,8 @@ def eliminate(
         indptr: columns of the matrix.
         offsets: (n_pairs,) offset of each pair of neighbours below the top of its block column.
         damping: share of the diagonal of the eliminated blocks that is added to it.
+        span: (3,) first group, last one excluded, and place of the first one's pairs in `offsets`.
+        target: the entries of the matrix, changed; no other thread works on them.
         gradient: (n_free,) changed.
         failed: (1,) written: the first unknown that its observations do not determine; -1 when all is well.
         factor: (most, most) room for the factor of a group.
@@ -263,12 +236,12 @@ def eliminate(
         record: (2 most widest,) room for its rows, and for their opposites.
 
     Returns:
-        Sum of g_t' N_tt^-1 g_t over the eliminated blocks.
+        Sum of g_t' N_tt^-1 g_t over the blocks of these groups.
     """
     bounds, neighbours, part = groups.bounds, groups.neighbours, groups.part
-    decrease, pair = 0.0, 0
+    decrease, pair = 0.0, span[2]
     failed[0] = -1
-    for group in range(len(bounds) - 1):
+    for group in range(span[0], span[1]):
         n = gathered(store, diagonal, groups, group, start, size, factor, right)
         bad = factored(factor, n, damping)
         if bad >= 0:
@@ -283,20 +256,28 @@ def eliminate(
         last = slots[1] - 1
         width = part[last] + (count[neighbours[last]] + 3) // 4 * 4
         record[: n * width] = 0.0
-        coupling_rows(store, groups, group, start, size, number, record, width)
+        coupling_rows(store, groups, group, start, size, number, count, record, width)
         forward_rows(factor, n, record, width)
         for i in range(n * width):
             record[n * width + i] = -record[i]
         for a in range(slots[0], slots[1]):
-            for i in range(count[neighbours[a]]):
-                value = 0.0
-                for k in range(n):
-                    value += record[k * width + part[a] + i] * right[k]
-                gradient[first[neighbours[a]] + i] -= value
+            k = neighbours[a]
+            subtract_pull(gradient, first[k], count[k], record, part[a], width, right, n)
         pair = subtract_squares(
-            store, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n
+            target, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n
         )
     return decrease
+
+
+@compiled
+def add_product_of_threes(
+    store: FloatArray, place: int, turned: int, step: FloatArray, at: int, right: FloatArray
+) -> None:
+    """Adds a pair of threes, or its transpose, times three steps."""
+    for i in range(3):
+        for j in range(3):
+            row, column = (j, i) if turned else (i, j)
+            right[i] += step[at + j] * store[place + column * (9 - column) // 2 + row]
 
 
 @compiled
@@ -307,20 +288,28 @@ def substitute_back(
     start: IntArray,
     size: IntArray,
     damping: float,
+    span: IntArray,
     step: FloatArray,
     factor: FloatRows,
     right: FloatArray,
 ) -> None:
-    """Writes the step of the eliminated unknowns, from that of the others (n_scalars,).
+    """Writes the step of the eliminated unknowns of some groups, from that of the others (n_scalars,).
 
-    `factor` and `right` are room as in `eliminate`.
+    `span`, `factor` and `right` are as in `eliminate`.
     """
-    for group in range(len(groups.bounds) - 1):
+    for group in range(span[0], span[1]):
         n = gathered(store, diagonal, groups, group, start, size, factor, right)
         factored(factor, n, damping)
+        is_three = is_one_three(groups, group, start, size)
         for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
             place, k = groups.links[link, 0], groups.links[link, 2]
             t, turned = groups.links[link, 3], groups.links[link, 4]
+            if is_three and size[k] == 3:
+                if turned:
+                    add_product_of_threes(store, place, 1, step, start[k], right)
+                else:
+                    add_product_of_threes(store, place, 0, step, start[k], right)
+                continue
             for i in range(size[t]):
                 row = groups.local[start[t] + i]
                 if row < 0:

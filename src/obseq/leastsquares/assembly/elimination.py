@@ -1,0 +1,151 @@
+"""The eliminated blocks of a set of equations: taken out of the matrix, and found again afterwards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.assembly.store import part_width
+from obseq.leastsquares.assembly.threads import in_threads
+from obseq.leastsquares.diagnosis.singular import eliminated_error
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray, IntRows
+    from obseq.leastsquares.assembly.store import StoreLayout
+    from obseq.leastsquares.loops.tables import Groups
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+class Elimination:
+    """Works on a store that is filled; false when nothing is eliminated.
+
+    Groups of blocks are shared among threads. Each thread but the first has a matrix and a gradient of its
+    own, which are added at the end in a fixed order: the numbers are the same at each run.
+
+    Args:
+        table: the unknowns.
+        layout: where the store has their blocks.
+        threads: how many share the groups.
+    """
+
+    def __init__(self, table: UnknownTable, layout: StoreLayout, threads: int) -> None:
+        self._table = table
+        self._layout = layout
+        self._spans = _spans(layout.groups, threads)
+        blocks = layout.groups.blocks
+        size = table.size[blocks]
+        within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
+        scalars = np.repeat(table.start[blocks], size) + within
+        free = ~table.frozen[scalars]
+        places = np.repeat(4 * layout.diagonal[blocks], size) + within * np.repeat(part_width(size) + 1, size)
+        self.scalars: IntArray = scalars[free]
+        self.places: IntArray = places[free]
+
+    def __bool__(self) -> bool:
+        return len(self._layout.groups.blocks) > 0
+
+    def add(self, store: FloatArray, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
+        """Adds to the diagonal and to the gradient of those unknowns that are eliminated."""
+        table = self._table
+        block = np.searchsorted(table.start, scalars, side="right") - 1
+        chosen = np.isin(block, self._layout.groups.blocks)
+        block, scalars = block[chosen], scalars[chosen]
+        size, within = table.size[block], scalars - table.start[block]
+        width, at = part_width(size), 4 * self._layout.diagonal[block]
+        np.add.at(store, at + within * width + within, weight[chosen])
+        np.add.at(store, at + size * width + within, pull[chosen])
+
+    def eliminate(self, store: FloatArray, gradient: FloatArray, damping: float) -> float:
+        """Subtracts the effect of all groups; sum of g_t' N_tt^-1 g_t over them.
+
+        Args:
+            store: the matrix at its front, changed, and small blocks behind it.
+            gradient: (n_free,) changed.
+            damping: share of the diagonal of the eliminated blocks that is added to it.
+
+        Raises:
+            SingularSystemError: the observations of an eliminated block do not determine it.
+        """
+        if not self:
+            return 0.0
+        entries = store[: self._layout.matrix.nnz]
+        results = [(entries, gradient)]
+        results += [(np.zeros_like(entries), np.zeros_like(gradient)) for _ in self._spans[1:]]
+        failed = np.full((len(self._spans), 1), -1, dtype=np.int64)
+
+        def eliminate_share(share: int) -> float:
+            return self._eliminated(store, share, damping, *results[share], failed[share])
+
+        decrease = sum(in_threads(eliminate_share, len(self._spans)))
+        wrong = failed[failed >= 0]
+        if wrong.size:
+            raise eliminated_error(self._table, int(wrong[0]))
+        for matrix, vector in results[1:]:
+            entries += matrix
+            gradient += vector
+        return decrease
+
+    def _eliminated(
+        self,
+        store: FloatArray,
+        share: int,
+        damping: float,
+        target: FloatArray,
+        gradient: FloatArray,
+        failed: IntArray,
+    ) -> float:
+        from obseq.leastsquares.loops.schur_complement import eliminate
+
+        table, layout = self._table, self._layout
+        free, groups = layout.free, layout.groups
+        record = np.empty(2 * groups.most * groups.widest)
+        return eliminate(
+            store,
+            layout.diagonal,
+            groups,
+            table.start,
+            table.size,
+            free.number,
+            free.first,
+            free.count,
+            layout.matrix.indptr,
+            layout.fill,
+            damping,
+            self._spans[share],
+            target,
+            gradient,
+            failed,
+            *self._room(),
+            record,
+        )
+
+    def substitute_back(self, store: FloatArray, damping: float, step: FloatArray) -> None:
+        """Writes the steps of eliminated unknowns in a step (n_scalars,) that has the others."""
+        if not self:
+            return
+        from obseq.leastsquares.loops.schur_complement import substitute_back
+
+        table, layout = self._table, self._layout
+
+        def substitute_share(share: int) -> None:
+            span, room = self._spans[share], self._room()
+            substitute_back(
+                store, layout.diagonal, layout.groups, table.start, table.size, damping, span, step, *room
+            )
+
+        in_threads(substitute_share, len(self._spans))
+
+    def _room(self) -> tuple[FloatArray, FloatArray]:
+        """Room for the factor and for the gradient of one eliminated group."""
+        most = self._layout.groups.most
+        return np.empty((most, most)), np.empty(most)
+
+
+def _spans(groups: Groups, threads: int) -> IntRows:
+    """(n_shares, 3) groups of each share, with about as many pairs, and where its first pair is."""
+    met = np.diff(groups.bounds)
+    pairs = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
+    wanted = np.arange(1, threads) * int(pairs[-1]) // threads
+    bounds = np.concatenate([[0], np.searchsorted(pairs, wanted), [len(met)]])
+    return np.column_stack([bounds[:-1], bounds[1:], pairs[bounds[:-1]]]).astype(np.int64)
