@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.kernels import Calculator
 
 
@@ -303,6 +303,24 @@ class Camera:
         if self.projection == "EquiRect":
             return np.asarray(np.hypot(x, z) > 0.0)
         return np.asarray((np.hypot(x, y) > 0.0) | (z > 0.0))
+
+
+def are_in_front(
+    cameras: Sequence[Camera], image: IntArray, arms: FloatArray, rotations: FloatArray
+) -> BoolArray:
+    """(n,) whether points are where the projection of their camera is defined.
+
+    Args:
+        cameras: camera of each image.
+        image: (n,) image of each point.
+        arms: (n, 3) from the centre of the image to the point, in the world.
+        rotations: (k, 3, 3) of the images.
+    """
+    seen = np.einsum("ni,ni->n", arms, rotations[:, :, 2][image]) > 0.0
+    for row in np.flatnonzero(~seen):  # in front, every projection is defined; behind, some are
+        local = arms[row] @ rotations[image[row]]
+        seen[row] = cameras[image[row]].is_in_front(local[None])[0]
+    return np.asarray(seen)
 
 
 def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:

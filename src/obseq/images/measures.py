@@ -98,9 +98,11 @@ class ImagePoints:
         wrong = np.flatnonzero(~((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all(axis=1))
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: the sigma must be positive and finite")
-        order = np.lexsort((self.point, self.image))
-        image, point = self.image[order], self.point[order]
-        twice = np.flatnonzero((image[1:] == image[:-1]) & (point[1:] == point[:-1]))
+        keys = self.image * len(self.point_names) + self.point
+        if (np.diff(keys) > 0).all():
+            return  # by image and, in each, by point: nothing comes twice
+        order = np.argsort(keys, kind="stable")
+        twice = np.flatnonzero(np.diff(keys[order]) == 0)
         if twice.size:
             raise InputError(f"{self.label(int(order[twice[0] + 1]))}: measured twice in the image")
 

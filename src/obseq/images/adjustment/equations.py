@@ -199,7 +199,7 @@ class Equations:
             blocks,
             measures.xy[rows],
             measures.sigmas[rows],
-            measures.labels(rows),
+            lambda row: measures.label(int(rows[row])),
             part.given.name,
             loss=None if weighting is None else weighting.loss,
         )

@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
+from obseq.images.camera import are_in_front
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
@@ -342,12 +343,7 @@ class BundleSolution:
         """(n,) image points, as in `residuals`, whose point is behind the camera in the solution."""
         found = self.residuals
         arms = self.coordinates[found.point] - self.poses.centres[found.image]
-        local = (arms[:, None, :] @ self.poses.rotations[found.image])[:, 0]
-        behind = np.zeros(len(local), dtype=bool)
-        for number, camera in enumerate(self.start.cameras):
-            rows = found.image == number
-            behind[rows] = ~camera.is_in_front(local[rows])
-        return behind
+        return ~are_in_front(self.start.cameras, found.image, arms, self.poses.rotations)
 
 
 def _correlations(covariance: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.images.camera import are_in_front
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
@@ -57,7 +58,8 @@ class NumberedSet:
     def rows(self) -> IntArray:
         """Rows of the measures that are used, by image and, in each, by point."""
         rows = np.flatnonzero(self.is_used)
-        return np.asarray(rows[np.lexsort((self.point[rows], self.image[rows]))])
+        keys = self.image[rows] * (int(self.point.max(initial=0)) + 1) + self.point[rows]
+        return rows if (np.diff(keys) > 0).all() else rows[np.argsort(keys, kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,11 +234,7 @@ def _require_in_front(
         rows = np.flatnonzero(np.isfinite(coordinates[part.point]).all(axis=1))
         image, point = part.image[rows], part.point[rows]
         arms = coordinates[point] - poses.centres[image]
-        local = (arms[:, None, :] @ poses.rotations[image])[:, 0]
-        seen = np.ones(len(rows), dtype=bool)
-        for number, camera in enumerate(cameras):
-            here = image == number
-            seen[here] = camera.is_in_front(local[here])
+        seen = are_in_front(cameras, image, arms, poses.rotations)
         if not seen.all():
             k = int(np.flatnonzero(~seen)[0])
             raise InputError(

@@ -16,7 +16,7 @@ from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence, Set
+    from collections.abc import Callable, Iterator, Sequence, Set
 
     from numpy.typing import ArrayLike, NDArray
     from scipy.sparse import csr_array
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.shapes import Role, Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
+
+    Labels = Sequence[str] | Callable[[int], str] | None
+    """What to call observations: a name for each, a function of their row, or nothing."""
 
 
 def padded_length(n: int) -> int:
@@ -61,7 +64,7 @@ class Batch:
     __slots__ = (
         "_active",
         "_group",
-        "_labels",
+        "_label",
         "_loss",
         "_sigmas",
         "_table",
@@ -88,7 +91,7 @@ class Batch:
         blocks: Mapping[str, ArrayLike],
         observations: ArrayLike | Mapping[str, ArrayLike] | None,
         sigmas: ArrayLike,
-        labels: Sequence[str] | None,
+        labels: Labels,
         group: str | None,
         active: ArrayLike | None,
     ) -> None:
@@ -98,9 +101,7 @@ class Batch:
         columns = self._checked_columns(blocks)
         self.n: int = max(_rows_of(shape, observations, columns))
         self.blocks = self._broadcast(columns)
-        self._labels = None if labels is None else texts(labels, f"{shape.name}, labels")
-        if self._labels is not None and len(self._labels) != self.n:
-            raise InputError(f"{shape.name}: {len(self._labels)} labels for {self.n} observations")
+        self._label = self._labelling(labels)
         self.observation_tiles = np.zeros((len(shape.observation_rows), padded_length(self.n)))
         self.observations = observations
         self._loss: Loss | None = None
@@ -349,10 +350,18 @@ class Batch:
 
     def label(self, row: int) -> str:
         """What to call one observation in a message: its label, or the blocks it joins."""
-        if self._labels is not None:
-            return f"{self.name} {self._labels[row]}"
+        if self._label is not None:
+            return f"{self.name} {self._label(int(row))}"
         names = dict.fromkeys(self._table.names[block] for block in self.blocks[:, row])
         return f"{self.name} {' -> '.join(names)} (row {row})"
+
+    def _labelling(self, labels: Labels) -> Callable[[int], str] | None:
+        if labels is None or callable(labels):
+            return labels
+        names = texts(labels, f"{self.shape.name}, labels")
+        if len(names) != self.n:
+            raise InputError(f"{self.shape.name}: {len(names)} labels for {self.n} observations")
+        return names.__getitem__
 
     def _checked_columns(self, blocks: Mapping[str, ArrayLike]) -> list[IntArray]:
         if not isinstance(blocks, Mapping):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray
     from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.problem.batches import Labels
     from obseq.leastsquares.problem.losses import Loss
 
 
@@ -52,7 +53,7 @@ class Problem:
         blocks: Mapping[str, ArrayLike],
         observations: ArrayLike | None,
         sigmas: ArrayLike | None = None,
-        labels: Sequence[str] | None = None,
+        labels: Labels = None,
         group: str | None = None,
         active: ArrayLike | None = None,
         loss: Loss | str | None = None,
@@ -66,7 +67,7 @@ class Problem:
             blocks: ids (n,) for each block of the formula; one id alone stands for all rows.
             observations: (n, m) what was measured, or (n,) when m is 1; None when the formula takes none.
             sigmas: one number, (n,) or (n, n_residuals), positive, in the unit of the residuals.
-            labels: (n,) what to call the observations in messages.
+            labels: (n,) what to call the observations in messages, or a function of their row.
             group: name under which sums of squares are kept; the formula's when None.
             active: (n,) False for observations that have residuals but no influence; all are active when
                 None.
