@@ -147,7 +147,11 @@ def test_the_wheel_holds_every_file_of_the_packages(built: Path) -> None:
         for path in folder_of(package).iterdir()
         if path.is_file()
     }
-    data = {"obseq/codegen/templates": "codegen/templates", "obseq/survey/data": "src/obseq/survey/data"}
+    data = {
+        "obseq/codegen/templates": "codegen/templates",
+        "obseq/report/web": "src/obseq/report/web",
+        "obseq/survey/data": "src/obseq/survey/data",
+    }
     expected |= {
         f"{inside}/{path.name}" for inside, folder in data.items() for path in (ROOT / folder).iterdir()
     }

@@ -24,6 +24,7 @@ FILES = (
     "pools",
     "printable",
     "record",
+    "record_quality",
     "stopwatch",
     "writing",
 )

@@ -17,6 +17,18 @@ from typing import TYPE_CHECKING, Any
 
 from obseq.errors import InputError
 from obseq.plain import from_plain, to_plain
+from obseq.record_quality import (
+    EffectRecord,
+    EllipseRecord,
+    EllipsoidRecord,
+    GlobalTestRecord,
+    RejectionRecord,
+    RelativeRecord,
+    ReliabilityRecord,
+    SnoopingRecord,
+    StatisticsRecord,
+    VarianceComponentRecord,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,6 +36,33 @@ if TYPE_CHECKING:
 
 FORMAT = "obseq-adjustment"
 VERSION = 1
+__all__ = [
+    "AdjustmentRecord",
+    "ConstraintRecord",
+    "EffectRecord",
+    "EllipseRecord",
+    "EllipsoidRecord",
+    "GlobalTestRecord",
+    "GrossErrorRecord",
+    "IterationRecord",
+    "LeftOutRecord",
+    "ObservationRecord",
+    "OperationRecord",
+    "PhaseRecord",
+    "PointRecord",
+    "RejectionRecord",
+    "RelativeRecord",
+    "ReliabilityRecord",
+    "ReplacedRecord",
+    "RunRecord",
+    "SnoopingRecord",
+    "StationRecord",
+    "StatisticsRecord",
+    "VarianceComponentRecord",
+    "defined",
+    "new_run",
+]
+
 MAIN_PACKAGES = ("obseq", "numpy", "scipy", "numba", "pyproj")
 
 
@@ -51,15 +90,6 @@ class IterationRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class EllipseRecord:
-    """An error ellipse in x and y: semi-axes (m), bearing of the major one (rad, clockwise from y)."""
-
-    semi_major: float
-    semi_minor: float
-    bearing: float
-
-
-@dataclass(frozen=True, slots=True)
 class PointRecord:
     """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
 
@@ -68,6 +98,11 @@ class PointRecord:
         crs_sx: Precision (m), as crs_sy and crs_sz: along the axes of that system when it is in metres, or
             east, north and up.
         ellipse: In the computation frame.
+        ellipsoid: In the computation frame; None when it was not asked for.
+        known: Which of its coordinates are known, of "xyz"; those held fixed in capitals.
+        moved: Adjusted minus given coordinates, in the computation frame (m); None where none were given.
+        inner: Precisions of x, y, z when nothing is held but the datum is that of inner constraints (m);
+            None when they were not asked for.
     """
 
     name: str
@@ -85,6 +120,10 @@ class PointRecord:
     crs_sz: float | None = None
     covariance: tuple[float | None, ...] | None = None
     ellipse: EllipseRecord | None = None
+    ellipsoid: EllipsoidRecord | None = None
+    known: str | None = None
+    moved: tuple[float, ...] | None = None
+    inner: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +149,7 @@ class ObservationRecord:
         blunder: Estimate of the error of the value, if it were the only one; too large when positive.
         rejected: True when data snooping left it out.
         backsight: Of an angle, the point from which it counts.
+        effect: What its detectable bias does to coordinates; None when it was not asked for.
     """
 
     type: str
@@ -131,6 +171,7 @@ class ObservationRecord:
     blunder: float | None = None
     rejected: bool | None = None
     backsight: str | None = None
+    effect: EffectRecord | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,143 +191,18 @@ class ConstraintRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ReliabilityRecord:
-    """What stands behind the reliability of single observations.
-
-    Attributes:
-        level: Probability that the test of one observation rejects it where nothing is wrong.
-        power: Probability that it finds a bias of the detectable size.
-        non_centrality: What the two amount to, in standard deviations of a residual.
-        critical: Limit of standardised residuals at that level.
-        tau_critical: Limit of tau at that level; None with redundancy 1.
-        uncontrolled: How many observations nothing controls.
-        tests: How many are tested.
-    """
-
-    level: float
-    power: float
-    non_centrality: float
-    critical: float
-    tau_critical: float | None
-    uncontrolled: int
-    tests: int
-
-
-@dataclass(frozen=True, slots=True)
-class RejectionRecord:
-    """An observation that data snooping left out.
-
-    Attributes:
-        observation: Its type, points, file and line.
-        row: Its place in `observations`, from 0.
-        statistic: The w or tau that failed its test.
-        p_value: Probability that the largest of all is larger still without any blunder.
-        blunder: Estimate of the error of its value, m or rad.
-        detectable: Its minimal detectable bias.
-    """
-
-    observation: str
-    row: int
-    statistic: float
-    p_value: float
-    blunder: float
-    detectable: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class SnoopingRecord:
-    """What data snooping did.
-
-    Attributes:
-        statistic: What was tested: "w" or "tau".
-        level: Probability of leaving out anything where nothing is wrong.
-        end: Why it ended.
-        suspects: Observations that could not be told apart, or without which unknowns are undetermined.
-        rejections: What was left out, in the order found.
-        most_moved: The point that this moved most.
-        moved: By how much (m).
-    """
-
-    statistic: str
-    level: float
-    end: str
-    suspects: tuple[str, ...]
-    rejections: tuple[RejectionRecord, ...]
-    most_moved: str | None = None
-    moved: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class VarianceComponentRecord:
-    """The variance of one kind of observation, as the residuals show it.
-
-    Attributes:
-        group: The kind.
-        factor: What multiplies the given variances.
-        sigma_factor: What multiplies the given sigmas.
-        precision: Standard deviation of the factor.
-        redundancy: Share of the kind in the redundancy.
-        supported: False when the observations do not support it: it is held at the smallest value.
-    """
-
-    group: str
-    factor: float
-    sigma_factor: float
-    precision: float | None
-    redundancy: float
-    supported: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RelativeRecord:
-    """The precision of two points relative to each other.
-
-    Attributes:
-        first: A point.
-        second: Another, which an observation joins with it.
-        distance: Between them (m).
-        precision: Of the distance (m).
-        bearing_precision: Of the bearing (rad); None for a vertical line.
-        ellipse: Where the second is, seen from the first.
-    """
-
-    first: str
-    second: str
-    distance: float
-    precision: float
-    bearing_precision: float | None
-    ellipse: EllipseRecord
-
-
-@dataclass(frozen=True, slots=True)
-class GlobalTestRecord:
-    """The two-sided chi-square test of the variance factor against 1.
-
-    Attributes:
-        sigma0: What is tested: the root of the variance factor, in which residuals of known points count.
-        lower: Smallest sigma0 that the test accepts.
-        upper: Largest sigma0 that the test accepts.
-        level: Probability of rejecting sigmas that are right.
-        p_value: Probability of a sigma0 at least as far out if the sigmas are right.
-        passed: Whether sigma0 lies between the limits.
-    """
-
-    sigma0: float
-    lower: float
-    upper: float
-    level: float
-    p_value: float
-    passed: bool
-
-
-@dataclass(frozen=True, slots=True)
 class LeftOutRecord:
-    """A point or a station that nothing determines, and that was left out with its observations."""
+    """A point or a station that nothing determines, and that was left out with its observations.
+
+    Attributes:
+        place: Approximate x, y, z in the computation frame; None where none were given.
+    """
 
     what: str
     name: str
     reason: str
     observations: tuple[str, ...]
+    place: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,6 +243,21 @@ class GrossErrorRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class OperationRecord:
+    """The operation of PROJ between a coordinate system and geocentric WGS 84.
+
+    Attributes:
+        system: Definition of the system.
+        description: What PROJ calls the operation.
+        accuracy: As PROJ announces it (m); None where it does not.
+    """
+
+    system: str
+    description: str
+    accuracy: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseRecord:
     """How long a part of the work took."""
 
@@ -354,6 +285,12 @@ class AdjustmentRecord:
         ellipse_level: Probability that the true point is inside its ellipse; None: standard ellipses, 39 %.
         relative: Pairs of points that observations join; None when it was not asked for.
         run: Which run made it.
+        title: What the user calls it.
+        files: The files it was made from.
+        refraction: Coefficient of refraction of zenith angles.
+        operations: How PROJ leads from the systems to the Earth.
+        types: How the observations of each type fit.
+        setups: How the observations from each point fit.
     """
 
     n_observations: int
@@ -388,6 +325,12 @@ class AdjustmentRecord:
     gross_errors: tuple[GrossErrorRecord, ...] = ()
     phases: tuple[PhaseRecord, ...] = ()
     run: RunRecord | None = None
+    title: str | None = None
+    files: tuple[str, ...] | None = None
+    refraction: float | None = None
+    operations: tuple[OperationRecord, ...] | None = None
+    types: tuple[StatisticsRecord, ...] | None = None
+    setups: tuple[StatisticsRecord, ...] | None = None
     format: str = FORMAT
     version: int = VERSION
 

@@ -36,11 +36,13 @@ class Request:
         source: The files, and how they are read.
         solving: Keyword arguments of `Network.adjust`.
         outputs: Where the results go.
+        title: What the reports call it.
     """
 
     source: Source
     solving: dict[str, Any]
     outputs: Outputs
+    title: str | None = None
 
 
 def register(commands: Commands) -> None:
@@ -59,6 +61,7 @@ def register(commands: Commands) -> None:
         action="store_true",
         help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
     )
+    command.add_argument("--title", metavar="TEXT", help="what the reports call this adjustment")
     add_quality_arguments(command)
     add_result_arguments(command)
 
@@ -70,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
         "strict": arguments.strict,
         "quality": quality_of(arguments),
     }
-    return adjust(Request(source_of(arguments), given(solving), outputs_of(arguments)))
+    return adjust(Request(source_of(arguments), given(solving), outputs_of(arguments), arguments.title))
 
 
 def adjust(request: Request) -> int:
@@ -91,5 +94,5 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
     network = request.source.read()
-    record = network.adjust(progress=watch.progress, **request.solving).record()
+    record = network.adjust(progress=watch.progress, **request.solving).record(request.title)
     return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))

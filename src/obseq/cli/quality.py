@@ -45,6 +45,14 @@ def add_quality_arguments(command: argparse.ArgumentParser) -> None:
         "--ellipses", type=probability, metavar="P", help="confidence of the ellipses (standard ones: 0.39)"
     )
     quality.add_argument(
+        "--effects",
+        action="store_true",
+        help="which point the detectable bias of each observation moves most, and by how much",
+    )
+    quality.add_argument(
+        "--ellipsoids", action="store_true", help="error ellipsoids too (standard ones: 20 %%)"
+    )
+    quality.add_argument(
         "--relative", action="store_true", help="precision of each pair of points that observations join"
     )
     quality.add_argument(
@@ -62,6 +70,6 @@ def quality_of(arguments: argparse.Namespace) -> "Quality":
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
     flags = {
         name: getattr(arguments, name)
-        for name in ("reliability", "variance_components", "relative", "a_priori")
+        for name in ("reliability", "variance_components", "ellipsoids", "effects", "relative", "a_priori")
     }
     return Quality(**given, **flags)

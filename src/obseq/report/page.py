@@ -1,89 +1,117 @@
-"""The HTML report: one file that needs nothing else, with a plan of the network."""
+"""The HTML report: one file that needs nothing else, with a plan and tables that are linked."""
 
-from collections.abc import Iterator
+import json
 from importlib.resources import files
 from string import Template
+from typing import Any
 
 from obseq.arguments import expecting, instance
-from obseq.record import AdjustmentRecord
-from obseq.report import rows
-from obseq.report.figure import network_figure
+from obseq.plain import finite
+from obseq.record import AdjustmentRecord, OperationRecord
+from obseq.report.content import content
 from obseq.report.html import escaped
-from obseq.report.quality import quality_tables, single_tests, snooping_lines, suspects
-from obseq.report.summary import expected, how_it_ended, kinds, notes, run_line, warnings
+from obseq.report.quality import single_tests, snooping_lines, suspects
+from obseq.report.summary import (
+    expected,
+    gross_errors,
+    how_it_ended,
+    kinds,
+    left_out,
+    notes,
+    run_line,
+    warnings,
+)
 from obseq.report.units import significant
-from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
+from obseq.report.verdict import Verdict
 
-MOST_ROWS = 2000
+SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "plan", "charts", "main")
 MOST_WARNINGS = 20
+MOST_FILES = 12
+
+Facts = list[tuple[str, str, str]]
 
 
 @expecting(record=instance(AdjustmentRecord))
 def page(record: AdjustmentRecord) -> str:
-    """The report as an HTML document; of a large network, the worst observations and the first points."""
-    template = Template(files("obseq.report").joinpath("page.html").read_text(encoding="utf-8"))
-    return template.substitute(
-        title=escaped(f"{len(record.points)} points, {record.n_observations} observations"),
+    """The report as an HTML document that loads nothing: its script and all numbers are inside."""
+    return Template(_part("page.html")).substitute(
+        title=escaped(title(record)),
+        style=_part("page.css"),
         facts=_facts(record),
-        figure=network_figure(record),
-        tables="\n".join(_sections(record)),
+        content=_embedded(content(record)),
+        script="\n".join(_part(f"{name}.js") for name in SCRIPTS),
     )
 
 
+def title(record: AdjustmentRecord) -> str:
+    """What the user calls the adjustment, or what it is of."""
+    return record.title or f"Adjustment: {len(record.points)} points, {record.n_observations} observations"
+
+
+def _part(name: str) -> str:
+    return files("obseq.report").joinpath("web", name).read_text(encoding="utf-8")
+
+
+def _embedded(plain: dict[str, Any]) -> str:
+    """JSON inside an element of HTML: nothing in it ends the element."""
+    text = json.dumps(finite(plain), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
+
+
 def _facts(record: AdjustmentRecord) -> str:
-    verdict = Verdict(record)
-    sigma0 = f"{significant(record.sigma0)} {verdict.headline}"
-    if verdict.test:
-        sigma0 = f"{sigma0}; {expected(record, verdict.test)}"
-    items = [
-        ("result", how_it_ended(record), "good" if record.converged else "bad"),
-        ("observations", f"{record.n_observations} ({kinds(record)})", ""),
-        ("constraints", f"{record.n_constraints}", ""),
-        ("unknowns", f"{record.n_unknowns}", ""),
-        ("redundancy", f"{record.redundancy}", ""),
-        ("sigma0 by iteration", ", ".join(significant(row.sigma0) for row in record.iterations), ""),
-        ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
-        ("", verdict.explanation, ""),
-        *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
-        *(("snooping", line, "") for line in snooping_lines(record)),
-        ("run", run_line(record), ""),
-        *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
-        *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
-    ]
+    items = [*_outcome(record), *_basis(record), *_remarks(record)]
     cells = (
         f'<dt>{escaped(name)}</dt><dd class="{style}">{escaped(text)}</dd>' for name, text, style in items
     )
     return f"<dl>{''.join(cells)}</dl>"
 
 
-def _sections(record: AdjustmentRecord) -> Iterator[str]:
-    worst, points = worst_first(record), record.points
-    title = f"Observations by {worst_title(record)}"
-    yield _section(rows.observation_table(record, title, worst[:MOST_ROWS]), len(worst))
-    known = worst_constraints_first(record)
-    if known:
-        title = "Known coordinates, the worst normalised residual first"
-        yield _section(rows.constraint_table(record, title, known[:MOST_ROWS]), len(known))
-    yield _section(rows.frame_table(record, points[:MOST_ROWS]), len(points))
-    if record.points_crs != record.frame:
-        yield _section(rows.crs_table(record, points[:MOST_ROWS]), len(points))
-    yield _section(rows.station_table(record), len(record.stations))
-    for table in quality_tables(record):
-        yield _section(table, len(table.rows))
+def _outcome(record: AdjustmentRecord) -> Facts:
+    verdict = Verdict(record)
+    sigma0 = f"{significant(record.sigma0)} {verdict.headline}"
+    if verdict.test:
+        sigma0 = f"{sigma0}; {expected(record, verdict.test)}"
+    return [
+        ("result", how_it_ended(record), "good" if record.converged else "bad"),
+        *(("", line.strip(), "bad") for line in left_out(record)),
+        ("observations", f"{record.n_observations} ({kinds(record)})", ""),
+        ("constraints", f"{record.n_constraints}", ""),
+        ("unknowns", f"{record.n_unknowns}", ""),
+        ("redundancy", f"{record.redundancy}", ""),
+        ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
+        ("", verdict.explanation, ""),
+        *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
+        *(("snooping", line, "") for line in snooping_lines(record)),
+        ("precisions", record.precision or "not said", ""),
+    ]
 
 
-def _section(table: rows.Table, count: int) -> str:
-    """A table, and a note when it has not all of so many rows."""
-    body = "\n".join(_row(row, table.left, "td") for row in table.rows)
-    hidden = count - len(table.rows)
-    note = f"<p>and {hidden} more rows, which the text listing and the JSON file have</p>" if hidden else ""
-    return (
-        f'<h2>{escaped(table.title)}</h2>\n<div class="scroll"><table>\n'
-        f"{_row(table.header, table.left, 'th')}\n{body}\n</table></div>{note}"
-    )
+def _basis(record: AdjustmentRecord) -> Facts:
+    """What it was made from: files, versions, frame, refraction, operations."""
+    names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
+    more = f" and {len(names) - MOST_FILES} more" if len(names) > MOST_FILES else ""
+    return [
+        ("files", ", ".join(names[:MOST_FILES]) + more, ""),
+        ("run", run_line(record), ""),
+        ("frame", record.frame, ""),
+        *([("points in", record.points_crs, "")] if record.points_crs != record.frame else []),
+        *(
+            [("refraction", f"coefficient {record.refraction:g}", "")]
+            if record.refraction is not None
+            else []
+        ),
+        *(("PROJ operation", _operation(item), "") for item in record.operations or ()),
+    ]
 
 
-def _row(cells: tuple[str, ...], left: int, tag: str) -> str:
-    styles = ('class="name"' if k < left else "" for k in range(len(cells)))
-    texts = (f"<{tag} {style}>{escaped(cell)}</{tag}>" for style, cell in zip(styles, cells, strict=True))
-    return f"<tr>{''.join(texts)}</tr>"
+def _operation(item: OperationRecord) -> str:
+    accuracy = "accuracy not announced" if item.accuracy is None else f"accuracy {item.accuracy:g} m"
+    return f"{item.system} to WGS 84: {item.description} ({accuracy})"
+
+
+def _remarks(record: AdjustmentRecord) -> Facts:
+    return [
+        *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
+        *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
+        *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
+    ]

@@ -91,9 +91,10 @@ def _component_table(record: AdjustmentRecord) -> Table:
     )
 
 
-def ellipse_level(record: AdjustmentRecord) -> str:
-    """How the ellipses are to be read."""
-    level = "39 % (standard)" if record.ellipse_level is None else f"{100.0 * record.ellipse_level:g} %"
+def ellipse_level(record: AdjustmentRecord, shape: str = "ellipse") -> str:
+    """How the ellipses, or ellipsoids, are to be read."""
+    standard = "39 % (standard)" if shape == "ellipse" else "20 % (standard)"
+    level = standard if record.ellipse_level is None else f"{100.0 * record.ellipse_level:g} %"
     return f"{level}, {record.precision}" if record.precision else level
 
 

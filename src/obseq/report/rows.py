@@ -92,7 +92,7 @@ def observation_table(
     """Observations of the record with their residuals, and where they were read."""
     judged = JUDGED if record.reliability else ("normalised",)
     header = ("type", "from", "to", "file", "observed", "sigma", "residual", *judged)
-    names = _short_names({row.file for row in record.observations})
+    names = short_names({row.file for row in record.observations})
     rows = [
         _observation_cells(row, names[row.file])
         + (_judged_cells(row) if record.reliability else _normalised_cells(row))
@@ -101,14 +101,14 @@ def observation_table(
     return Table(title, header, tuple(rows), 4)
 
 
-def _short_names(files: set[str]) -> dict[str, str]:
+def short_names(files: set[str]) -> dict[str, str]:
     """What tables call each file: its name without folders, unless two files have the same."""
     count = Counter(PurePath(file).name for file in files)
     return {file: name if count[name := PurePath(file).name] == 1 else file for file in files}
 
 
 def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
-    unit = _unit(row)
+    unit = unit_of(row)
     return (
         row.type,
         row.origin,
@@ -126,7 +126,7 @@ def _normalised_cells(row: ObservationRecord) -> tuple[str, ...]:
 
 def _judged_cells(row: ObservationRecord) -> tuple[str, ...]:
     """Redundancy, standardised residual, detectable bias and its effect."""
-    unit = _unit(row)
+    unit = unit_of(row)
     return (
         units.fixed(row.redundancy, 2),
         units.fixed(row.standardised_residual, 2),
@@ -135,7 +135,8 @@ def _judged_cells(row: ObservationRecord) -> tuple[str, ...]:
     )
 
 
-def _unit(row: ObservationRecord) -> str:
+def unit_of(row: ObservationRecord) -> str:
+    """The unit of an observation: m or rad."""
     return row.unit or ("rad" if row.type in ANGLES else "m")
 
 

@@ -28,6 +28,7 @@ from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
+from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
@@ -461,6 +462,8 @@ class Network:
             phases={},
             run=new_run(),
             quality=quality,
+            refraction=self.frame.refraction_coefficient,
+            operations=operations((self.frame.system, self.points_crs)),
         )
 
     def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:

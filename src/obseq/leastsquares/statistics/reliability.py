@@ -202,6 +202,11 @@ class Reliability:
             for row in np.flatnonzero((part.active & ~part.controlled).any(axis=1))
         )
 
+    @property
+    def state(self) -> FinalState:
+        """The solved system behind the numbers."""
+        return self._state
+
     def residual_cofactors(self, batch: Batch) -> FloatArray:
         """(n, n_residuals, n_residuals) cofactors of residual vectors, in squared units of residuals."""
         leverages = self._state.leverages(batch, crossed=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.record import (
     AdjustmentRecord,
@@ -22,6 +22,14 @@ from obseq.record import (
     defined,
 )
 from obseq.survey.adjustment.adjusted_quality import ellipse_records
+from obseq.survey.adjustment.adjusted_records import (
+    Fit,
+    by_setup,
+    by_type,
+    ellipsoids,
+    known_letters,
+    moves,
+)
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
@@ -34,7 +42,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import GrossErrorRecord, RunRecord
+    from obseq.record import EllipsoidRecord, GrossErrorRecord, OperationRecord, RunRecord
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
@@ -129,6 +137,8 @@ class Adjustment:
         phases: Seconds of each phase of the work.
         run: Which run made it.
         quality: Reliability, snooping, variance components, relative precisions: what was asked for.
+        refraction: Coefficient of refraction of zenith angles.
+        operations: How PROJ leads from the systems to the Earth.
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
@@ -150,6 +160,8 @@ class Adjustment:
     phases: Mapping[str, float]
     run: RunRecord
     quality: AdjustedQuality
+    refraction: float | None = None
+    operations: tuple[OperationRecord, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
@@ -185,9 +197,11 @@ class Adjustment:
         """(n,) residual over sigma; NaN for inactive observations."""
         return np.asarray(self.residuals / self.sigmas)
 
-    def record(self) -> AdjustmentRecord:
-        """What the result file holds and the reports print."""
-        solution = self.solution
+    def record(self, title: str | None = None) -> AdjustmentRecord:
+        """What the result file holds and the reports print, under a title of the user's."""
+        solution, numbers = self.solution, self.quality.observations
+        judged = (None, None) if numbers is None else (numbers.standardised, numbers.redundancy)
+        fit = Fit(self.book, self.normalised_residuals, *judged)
         return AdjustmentRecord(
             n_observations=solution.n_observations,
             n_constraints=solution.n_constraints,
@@ -210,7 +224,7 @@ class Adjustment:
             points_crs_unit=self.points_crs_units[0].name,
             points_crs_height_unit=self.points_crs_units[1].name,
             points_crs_is_angular=self.points_crs_units[0].is_angle,
-            points=tuple(_point_records(self.points, self._ellipses())),
+            points=tuple(self._points()),
             stations=tuple(self._stations()),
             observations=tuple(self._observations()),
             constraints=tuple(self._constraints()),
@@ -221,7 +235,31 @@ class Adjustment:
             gross_errors=self.gross_errors,
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
+            title=title,
+            files=tuple(dict.fromkeys((*self.book.files, *self.points.points.files))),
+            refraction=self.refraction,
+            operations=self.operations,
+            types=by_type(fit),
+            setups=by_setup(fit),
         )
+
+    def _points(self) -> Iterator[PointRecord]:
+        points = self.points
+        records = _point_records(points, self._ellipses())
+        extras = zip(
+            known_letters(points.points),
+            moves(points.points, points.coordinates),
+            self._ellipsoids(),
+            strict=True,
+        )
+        for record, (known, moved, ellipsoid) in zip(records, extras, strict=True):
+            yield replace(record, known=known, moved=moved, ellipsoid=ellipsoid)
+
+    def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
+        if not self.quality.ellipsoids:
+            return [None] * len(self.points.names)
+        redundancy = None if self.quality.a_priori else self.solution.redundancy
+        return ellipsoids(self.points.covariances, confidence_factor(self.quality.ellipses, 3, redundancy))
 
     def _ellipses(self) -> Iterator[EllipseRecord]:
         points = self.points
@@ -277,6 +315,7 @@ class Adjustment:
             strict=True,
         )
         numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
+        effects = self.quality.effects
         for k, row in enumerate(columns):
             code, origin, target, value, sigma, residual, normalised, file, line, active, backsight = row
 
@@ -293,12 +332,13 @@ class Adjustment:
                 file=book.files[file],
                 line=line,
                 active=active,
-                **{name: column[k] for name, column in numbers.items()},
                 rejected=rejected[k] or None,
                 backsight=book.point_names[backsight] if backsight >= 0 else None,
+                effect=None if effects is None else effects[k],
+                **{name: column[k] for name, column in numbers.items()},
             )
 
-    def _reliability_columns(self) -> dict[str, list[float | None]]:
+    def _reliability_columns(self) -> dict[str, list[Any]]:
         """Fields of observations that say how reliable they are, if that was asked for."""
         numbers = self.quality.observations
         if numbers is None:

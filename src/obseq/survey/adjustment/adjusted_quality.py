@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.record import (
+    EffectRecord,
     EllipseRecord,
     RejectionRecord,
     RelativeRecord,
@@ -19,9 +20,10 @@ from obseq.survey.adjustment.known_coordinates import GROUP
 from obseq.survey.adjustment.quality import Examination, left_out, numbers, of_observations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import ErrorEllipses
     from obseq.leastsquares.statistics.reliability import Reliability
     from obseq.survey.adjustment.equations import Equations
@@ -66,6 +68,8 @@ class AdjustedQuality:
         relative: Precision of pairs of points that observations join; None when not asked for.
         ellipses: Probability that the true point is inside its ellipse; None: standard ellipses.
         a_priori: Whether precisions are those of the given sigmas.
+        ellipsoids: Whether ellipsoids are wanted.
+        effects: (n) what the detectable biases do to coordinates; None when not asked for.
     """
 
     observations: ReliabilityNumbers | None
@@ -77,6 +81,8 @@ class AdjustedQuality:
     relative: tuple[RelativeRecord, ...] | None
     ellipses: float | None
     a_priori: bool
+    ellipsoids: bool
+    effects: list[EffectRecord | None] | None
 
 
 def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) -> AdjustedQuality:
@@ -93,6 +99,8 @@ def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) 
         None if found.relative is None else tuple(_relative(found)),
         found.wanted.ellipses,
         found.a_priori,
+        found.wanted.ellipsoids,
+        None if found.effects is None else _effects(equations, found.effects, n, book),
     )
 
 
@@ -154,6 +162,21 @@ def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> Sno
         most_moved=book.point_names[most] if rejections else None,
         moved=float(moved[most]) if rejections else None,
     )
+
+
+def _effects(
+    equations: Equations, effects: Mapping[int, Effects], n: int, book: FieldBook
+) -> list[EffectRecord | None]:
+    """What the detectable bias of each observation does, by row of the field book."""
+    found: list[EffectRecord | None] = [None] * n
+    for rows, batch in equations.batches.values():
+        moved = effects[id(batch)]
+        for row, point, shift in zip(
+            rows.tolist(), moved.places.tolist(), moved.shifts.tolist(), strict=True
+        ):
+            if np.isfinite(shift).all():
+                found[row] = EffectRecord(book.point_names[point], *shift)
+    return found
 
 
 def _components(found: Examination) -> tuple[VarianceComponentRecord, ...] | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.arguments import NOTHING, NUMBER, TRUTH, Expected, require
 from obseq.errors import InputError
+from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.ellipses import ErrorEllipses, relative_precision
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.leastsquares.statistics.reliability import reliability
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares import Batch, LeastSquaresResult, Prior
+    from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import RelativePrecision
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.statistics.snooping import Snooping
@@ -42,6 +44,8 @@ _KINDS = {
     "snooping_level": NUMBER,
     "variance_components": TRUTH,
     "ellipses": NUMBER | NOTHING,
+    "ellipsoids": TRUTH,
+    "effects": TRUTH,
     "relative": TRUTH,
     "a_priori": TRUTH,
 }
@@ -60,6 +64,8 @@ class Quality:
         snooping_level: Probability that snooping leaves out anything where nothing is wrong.
         variance_components: Estimate a factor of the variances of each kind of observation, and use it.
         ellipses: Probability that the true point is inside its ellipse; None: standard ellipses (39 %).
+        effects: What the detectable bias of each observation does to the coordinates: one solve for each.
+        ellipsoids: Error ellipsoids of points, with the probability of the ellipses (standard ones: 20 %).
         relative: Precisions and relative ellipses of all pairs of points that observations join.
         a_priori: Precisions from the given sigmas as they are, instead of scaled by the estimated sigma0.
     """
@@ -71,6 +77,8 @@ class Quality:
     snooping_level: float = 0.05
     variance_components: bool = False
     ellipses: float | None = None
+    ellipsoids: bool = False
+    effects: bool = False
     relative: bool = False
     a_priori: bool = False
 
@@ -94,6 +102,7 @@ class Examination:
         change: (n, 3) what leaving out changed in the coordinates of the points (m); None likewise.
         components: The variance components; None when not asked for.
         relative: Precision of pairs of points that observations join; None when not asked for.
+        effects: What detectable biases do, by the identity of the batch; None when not asked for.
     """
 
     wanted: Quality
@@ -103,6 +112,7 @@ class Examination:
     change: FloatArray | None
     components: VarianceComponents | None
     relative: RelativePrecision | None
+    effects: Mapping[int, Effects] | None = None
 
     @property
     def a_priori(self) -> bool:
@@ -144,7 +154,14 @@ def examine(
     solution = components.result if components else solution
     quality = reliability(system, solution, wanted.level, wanted.power) if wanted.reliability else None
     relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
-    return Examination(wanted, solution, quality, snooping, change, components, relative)
+    effects = _effects(equations, quality) if wanted.effects and quality else None
+    return Examination(wanted, solution, quality, snooping, change, components, relative, effects)
+
+
+def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:
+    """What the detectable bias of each observation does to the points, by the identity of its batch."""
+    batches = [batch for _, batch in equations.batches.values()]
+    return {id(batch): effects_of_biases(quality, batch, equations.points) for batch in batches}
 
 
 def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any]) -> VarianceComponents:

@@ -31,16 +31,18 @@ class LeftOut:
         name: of the point, or of the origin of the station.
         reason: why, and what would help.
         observations: the active observations that are left out with it, as labels with file and line.
+        place: of a point, the coordinates that were given for it (m, in the frame); None without.
     """
 
     what: str
     name: str
     reason: str
     observations: tuple[str, ...]
+    place: tuple[float, ...] | None = None
 
     def record(self) -> LeftOutRecord:
         """Its entry in the record of the adjustment."""
-        return LeftOutRecord(self.what, self.name, self.reason, self.observations)
+        return LeftOutRecord(self.what, self.name, self.reason, self.observations, self.place)
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""
@@ -159,7 +161,9 @@ def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
         mine = rows.stations == item.station
     lost = np.flatnonzero(mine & rows.active & ~active)
     labels = tuple(given.book.label(row) for row in lost.tolist())
-    return LeftOut(item.what, given.points.names[item.point], item.reason, labels)
+    given_here = item.station is None and bool(given.points.has_coordinates[item.point])
+    place = tuple(given.points.coordinates[item.point].tolist()) if given_here else None
+    return LeftOut(item.what, given.points.names[item.point], item.reason, labels, place)
 
 
 def _without(

@@ -1,0 +1,200 @@
+"""Parts of the record of an adjustment that say its quality; metres and radians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class EllipseRecord:
+    """An error ellipse in x and y: semi-axes (m), bearing of the major one (rad, clockwise from y)."""
+
+    semi_major: float
+    semi_minor: float
+    bearing: float
+
+
+@dataclass(frozen=True, slots=True)
+class EllipsoidRecord:
+    """An error ellipsoid.
+
+    Attributes:
+        axes: Semi-axes (m), the longest first.
+        bearings: Of the axes (rad, clockwise from y).
+        elevations: Of the axes above the plane of x and y (rad), from 0 to a right angle.
+    """
+
+    axes: tuple[float, ...]
+    bearings: tuple[float, ...]
+    elevations: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EffectRecord:
+    """What the detectable bias of an observation does to the coordinates, in the computation frame.
+
+    Attributes:
+        point: The point that it moves most.
+        x: By how much (m), as y and z.
+    """
+
+    point: str
+    x: float
+    y: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class StatisticsRecord:
+    """How the active observations of one type, or of one station, fit.
+
+    Attributes:
+        name: The type, or the point of the station.
+        count: How many there are.
+        unused: How many more are not used.
+        redundancy: Sum of their redundancy numbers; None where reliability was not asked for.
+        rms: Root of the mean squared normalised residual.
+        mean: Mean normalised residual.
+        largest: Largest standardised residual (normalised without reliability) in absolute value.
+        sigma_factor: Root of the weighted sum of squares over the redundancy: what would multiply their
+            sigmas; None without redundancy.
+    """
+
+    name: str
+    count: int
+    unused: int
+    redundancy: float | None
+    rms: float | None
+    mean: float | None
+    largest: float | None
+    sigma_factor: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReliabilityRecord:
+    """What stands behind the reliability of single observations.
+
+    Attributes:
+        level: Probability that the test of one observation rejects it where nothing is wrong.
+        power: Probability that it finds a bias of the detectable size.
+        non_centrality: What the two amount to, in standard deviations of a residual.
+        critical: Limit of standardised residuals at that level.
+        tau_critical: Limit of tau at that level; None with redundancy 1.
+        uncontrolled: How many observations nothing controls.
+        tests: How many are tested.
+    """
+
+    level: float
+    power: float
+    non_centrality: float
+    critical: float
+    tau_critical: float | None
+    uncontrolled: int
+    tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class RejectionRecord:
+    """An observation that data snooping left out.
+
+    Attributes:
+        observation: Its type, points, file and line.
+        row: Its place in `observations`, from 0.
+        statistic: The w or tau that failed its test.
+        p_value: Probability that the largest of all is larger still without any blunder.
+        blunder: Estimate of the error of its value, m or rad.
+        detectable: Its minimal detectable bias.
+    """
+
+    observation: str
+    row: int
+    statistic: float
+    p_value: float
+    blunder: float
+    detectable: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SnoopingRecord:
+    """What data snooping did.
+
+    Attributes:
+        statistic: What was tested: "w" or "tau".
+        level: Probability of leaving out anything where nothing is wrong.
+        end: Why it ended.
+        suspects: Observations that could not be told apart, or without which unknowns are undetermined.
+        rejections: What was left out, in the order found.
+        most_moved: The point that this moved most.
+        moved: By how much (m).
+    """
+
+    statistic: str
+    level: float
+    end: str
+    suspects: tuple[str, ...]
+    rejections: tuple[RejectionRecord, ...]
+    most_moved: str | None = None
+    moved: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VarianceComponentRecord:
+    """The variance of one kind of observation, as the residuals show it.
+
+    Attributes:
+        group: The kind.
+        factor: What multiplies the given variances.
+        sigma_factor: What multiplies the given sigmas.
+        precision: Standard deviation of the factor.
+        redundancy: Share of the kind in the redundancy.
+        supported: False when the observations do not support it: it is held at the smallest value.
+    """
+
+    group: str
+    factor: float
+    sigma_factor: float
+    precision: float | None
+    redundancy: float
+    supported: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeRecord:
+    """The precision of two points relative to each other.
+
+    Attributes:
+        first: A point.
+        second: Another, which an observation joins with it.
+        distance: Between them (m).
+        precision: Of the distance (m).
+        bearing_precision: Of the bearing (rad); None for a vertical line.
+        ellipse: Where the second is, seen from the first.
+    """
+
+    first: str
+    second: str
+    distance: float
+    precision: float
+    bearing_precision: float | None
+    ellipse: EllipseRecord
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalTestRecord:
+    """The two-sided chi-square test of the variance factor against 1.
+
+    Attributes:
+        sigma0: What is tested: the root of the variance factor, in which residuals of known points count.
+        lower: Smallest sigma0 that the test accepts.
+        upper: Largest sigma0 that the test accepts.
+        level: Probability of rejecting sigmas that are right.
+        p_value: Probability of a sigma0 at least as far out if the sigmas are right.
+        passed: Whether sigma0 lies between the limits.
+    """
+
+    sigma0: float
+    lower: float
+    upper: float
+    level: float
+    p_value: float
+    passed: bool

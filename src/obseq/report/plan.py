@@ -1,0 +1,62 @@
+"""The plan of a network for the interactive page: places, kinds of points, ellipses, displacements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from obseq.report.quality import ellipse_level
+
+if TYPE_CHECKING:
+    from obseq.record import AdjustmentRecord, PointRecord
+
+KNOWN, STATION, UNDETERMINED = 1, 2, 4
+"""Marks of points, added up; the script of the page has the same."""
+
+
+def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, Any]:
+    """The plan; `rows` gives the number of each name, points of the record first."""
+    stations = {row.origin for row in record.observations if row.active}
+    places: list[tuple[float | None, float | None]] = [(None, None)] * len(rows)
+    marks = [0] * len(rows)
+    for k, point in enumerate(record.points):
+        places[k] = (round(point.x, 4), round(point.y, 4))
+        marks[k] = (KNOWN if _is_known(record, point) else 0) | (STATION if point.name in stations else 0)
+    for item in record.left_out:
+        row = rows.get(item.name)
+        if row is not None and item.place and row >= len(record.points):
+            places[row] = (item.place[0], item.place[1])
+            marks[row] = UNDETERMINED
+    padding = len(rows) - len(record.points)
+    return {
+        "x": [x for x, _ in places],
+        "y": [y for _, y in places],
+        "marks": marks,
+        **_ellipses(record, padding),
+        "moved": _moved(record, padding),
+        "title": "triangles: known points; circles: stations; dots: other points",
+        "ellipses": f"ellipses {ellipse_level(record)}",
+        "displacements": "displacements, adjusted minus given",
+    }
+
+
+def _is_known(record: AdjustmentRecord, point: PointRecord) -> bool:
+    if point.known is not None:
+        return point.known != ""
+    return point.name in {row.point for row in record.constraints}
+
+
+def _ellipses(record: AdjustmentRecord, padding: int) -> dict[str, list[float | None]]:
+    found = [point.ellipse for point in record.points] + [None] * padding
+    return {
+        "major": [None if item is None else float(f"{item.semi_major:.4g}") for item in found],
+        "minor": [None if item is None else float(f"{item.semi_minor:.4g}") for item in found],
+        "bearing": [None if item is None else round(item.bearing, 4) for item in found],
+    }
+
+
+def _moved(record: AdjustmentRecord, padding: int) -> list[list[float] | None] | None:
+    """How far points came from where they were given, in x and y; None where none were given."""
+    found = [
+        None if point.moved is None else [round(v, 5) for v in point.moved[:2]] for point in record.points
+    ]
+    return [*found, *[None] * padding] if any(found) else None

@@ -1,0 +1,90 @@
+// Numbers as the reader wants them: unit of angles, decimal mark. What the page holds is in metres and radians.
+
+const settings = { angles: "gon", language: "en" };
+
+const PER_RADIAN = { gon: 200 / Math.PI, degree: 180 / Math.PI, dms: 180 / Math.PI };
+const SMALL_PER_RADIAN = { gon: 200e3 / Math.PI, degree: 648e3 / Math.PI, dms: 648e3 / Math.PI };
+const ANGLE_UNIT = { gon: "gon", degree: "°", dms: "" };
+const SMALL_UNIT = { gon: "mgon", degree: "″", dms: "″" };
+const ABSENT = "-";
+
+/** What the text of a cell is made of: factor to the unit shown, decimals, unit. */
+const QUANTITIES = {
+  count: () => ({ factor: 1, decimals: 0, unit: "" }),
+  number: () => ({ factor: 1, decimals: 2, unit: "" }),
+  fine: () => ({ factor: 1, decimals: 4, unit: "" }),
+  length: () => ({ factor: 1, decimals: 4, unit: "m" }),
+  small_length: () => ({ factor: 1e3, decimals: 2, unit: "mm" }),
+  angle: () => ({ factor: PER_RADIAN[settings.angles], decimals: 5, unit: ANGLE_UNIT[settings.angles] }),
+  small_angle: () => ({
+    factor: SMALL_PER_RADIAN[settings.angles],
+    decimals: settings.angles === "gon" ? 3 : 2,
+    unit: SMALL_UNIT[settings.angles],
+  }),
+  bearing: () => ({ factor: PER_RADIAN[settings.angles], decimals: 1, unit: settings.angles === "gon" ? "gon" : "°" }),
+};
+
+const MIXED = { observed: ["length", "angle"], small: ["small_length", "small_angle"] };
+
+/** How a column shows one of its rows: mixed columns hold lengths and angles. */
+function scaleOf(column, isAngular) {
+  if (MIXED[column.quantity]) return QUANTITIES[MIXED[column.quantity][isAngular ? 1 : 0]]();
+  const scale = QUANTITIES[column.quantity]();
+  if (column.decimals !== undefined) scale.decimals = column.decimals;
+  return scale;
+}
+
+/** The unit that the title of a column shows: none where each cell has its own. */
+function titleUnit(column) {
+  if (column.unit) return column.unit;
+  return isText(column) || MIXED[column.quantity] ? "" : scaleOf(column, false).unit;
+}
+
+const isText = (column) => ["text", "choice", "point"].includes(column.quantity);
+
+function fixed(value, decimals) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+  let text = value.toFixed(decimals);
+  if (Number(text) === 0) text = text.replace("-", "");
+  return settings.language === "fr" ? text.replace(".", ",") : text;
+}
+
+/** An angle in degrees, minutes and seconds to a tenth of a second. */
+function sexagesimal(radians) {
+  const tenths = Math.round(Math.abs(radians) * 6480e3 / Math.PI);
+  const two = (number) => String(number).padStart(2, "0");
+  const [degrees, minutes, rest] = [Math.floor(tenths / 36000), Math.floor(tenths / 600) % 60, tenths % 600];
+  const seconds = fixed(rest / 10, 1).padStart(4, "0");
+  return `${radians < 0 && tenths ? "-" : ""}${degrees}° ${two(minutes)}′ ${seconds}″`;
+}
+
+/** A value of a column as text. */
+function shown(column, value, isAngular) {
+  if (value === null || value === undefined) return ABSENT;
+  const isSexagesimal = settings.angles === "dms" && (column.quantity === "angle" || (column.quantity === "observed" && isAngular));
+  if (isSexagesimal) return sexagesimal(value);
+  const scale = scaleOf(column, isAngular);
+  const text = fixed(value * scale.factor, scale.decimals);
+  return MIXED[column.quantity] && text !== ABSENT ? `${text} ${scale.unit}` : text;
+}
+
+/** Four significant digits, for axes and sentences. */
+function significant(value) {
+  const text = Number(value.toPrecision(4)).toString();
+  return settings.language === "fr" ? text.replace(".", ",") : text;
+}
+
+/** What a filter of numbers keeps: `> 3`, `< 0.5`, `1..2`, `3`, and between bars for the size: `|> 3|`. */
+function numberFilter(text) {
+  const bare = text.replaceAll(",", ".").replaceAll(" ", "");
+  const size = bare.startsWith("|") ? Math.abs : (value) => value;
+  const wish = bare.replaceAll("|", "");
+  const range = wish.match(/^(-?[\d.]+?)\.\.(-?[\d.]+)$/);
+  if (range) return (value) => size(value) >= Number(range[1]) && size(value) <= Number(range[2]);
+  const limit = wish.match(/^(>=|<=|>|<|=)?(-?\d*\.?\d+)$/);
+  if (!limit) return null;
+  const bound = Number(limit[2]);
+  const tests = { ">": (v) => v > bound, ">=": (v) => v >= bound, "<": (v) => v < bound, "<=": (v) => v <= bound };
+  const test = tests[limit[1]] ?? ((v) => Math.abs(v - bound) <= 0.5 * 10 ** -(limit[2].split(".")[1] ?? "").length);
+  return (value) => test(size(value));
+}

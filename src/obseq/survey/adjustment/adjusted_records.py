@@ -1,0 +1,112 @@
+"""Parts of the record of an adjusted network: what is known of points, how they fit, operations of PROJ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq import crs
+from obseq.record import EllipsoidRecord, OperationRecord, StatisticsRecord, defined
+from obseq.survey.kinds.registry import BY_CODE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.crs import CoordinateSystem
+    from obseq.survey.model import FieldBook, Points
+
+_LEAST_REDUNDANCY = 1e-6
+"""Redundancy of a group below which nothing is said of its sigmas."""
+
+
+def known_letters(points: Points) -> list[str]:
+    """Which coordinates of each point are known, of "xyz"; those held fixed in capitals."""
+    letters = np.where(points.is_free, "", np.where(points.is_held, ["X", "Y", "Z"], ["x", "y", "z"]))
+    return ["".join(row) for row in letters.tolist()]
+
+
+def moves(points: Points, coordinates: FloatArray) -> list[tuple[float, ...] | None]:
+    """How far each point came from the coordinates that were given (m); None where none were."""
+    shifts = (coordinates - points.coordinates).tolist()
+    return [
+        tuple(shift) if given else None
+        for shift, given in zip(shifts, points.has_coordinates.tolist(), strict=True)
+    ]
+
+
+def operations(systems: Sequence[CoordinateSystem]) -> tuple[OperationRecord, ...]:
+    """How PROJ leads from those systems that it knows to geocentric WGS 84."""
+    found: dict[str, OperationRecord] = {}
+    for system in systems:
+        base = system.base if isinstance(system, crs.LocalTangent) else system
+        if isinstance(base, crs.ProjSystem):
+            operation = base.operation
+            accuracy = operation.accuracy if operation.accuracy >= 0.0 else None
+            found[base.definition] = OperationRecord(base.definition, operation.description, accuracy)
+    return tuple(found.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How observations fit, all (n,).
+
+    Attributes:
+        book: The observations.
+        normalised: Residuals over sigmas; NaN for those not used.
+        standardised: Residuals over their own sigmas; None where reliability was not asked for.
+        redundancy: Redundancy numbers; None likewise.
+    """
+
+    book: FieldBook
+    normalised: FloatArray
+    standardised: FloatArray | None
+    redundancy: FloatArray | None
+
+
+def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
+    """How the observations of each type fit."""
+    types = fit.book.observations.types
+    codes, groups = np.unique(types, return_inverse=True)
+    return tuple(_statistics(fit, groups, [BY_CODE[code].name for code in codes.tolist()]))
+
+
+def by_setup(fit: Fit) -> tuple[StatisticsRecord, ...]:
+    """How the observations from each point fit."""
+    book = fit.book
+    rows, groups = np.unique(book.observations.from_points, return_inverse=True)
+    return tuple(_statistics(fit, groups, [book.point_names[row] for row in rows.tolist()]))
+
+
+def _statistics(fit: Fit, groups: IntArray, names: Sequence[str]) -> Iterator[StatisticsRecord]:
+    """One record for each group of observations; groups (n,) are numbers of names."""
+    n, used = len(names), np.isfinite(fit.normalised)
+    residuals = np.where(used, fit.normalised, 0.0)
+    counts = np.bincount(groups, used, n).astype(np.int64)
+    unused = np.bincount(groups, ~used, n).astype(np.int64)
+    squares, sums = np.bincount(groups, residuals**2, n), np.bincount(groups, residuals, n)
+    largest = np.zeros(n)
+    judged = residuals if fit.standardised is None else np.where(used, fit.standardised, 0.0)
+    np.maximum.at(largest, groups, np.abs(np.nan_to_num(judged)))
+    parts = np.full(n, np.nan)
+    if fit.redundancy is not None:
+        parts = np.bincount(groups, np.nan_to_num(np.where(used, fit.redundancy, 0.0)), n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        controlled = np.where(parts > _LEAST_REDUNDANCY, parts, np.nan)
+        numbers = (parts, np.sqrt(squares / counts), sums / counts, largest, np.sqrt(squares / controlled))
+    columns = (names, counts.tolist(), unused.tolist(), *map(defined, numbers))
+    yield from map(StatisticsRecord, *columns)
+
+
+def ellipsoids(covariances: FloatArray, factor: float) -> list[EllipsoidRecord]:
+    """The ellipsoids of covariances (n, 3, 3), their axes enlarged by a factor; ends above the horizon."""
+    squares, vectors = np.linalg.eigh(covariances)
+    axes = factor * np.sqrt(np.clip(squares[:, ::-1], 0.0, None))
+    ends = np.swapaxes(vectors, 1, 2)[:, ::-1]
+    ends = np.where(ends[:, :, 2:] < 0.0, -ends, ends)
+    bearings = np.mod(np.arctan2(ends[:, :, 0], ends[:, :, 1]), 2.0 * np.pi)
+    elevations = np.arcsin(np.clip(ends[:, :, 2], 0.0, 1.0))
+    columns = (axes.tolist(), bearings.tolist(), elevations.tolist())
+    return [EllipsoidRecord(*map(tuple, row)) for row in zip(*columns, strict=True)]

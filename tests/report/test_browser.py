@@ -1,0 +1,258 @@
+"""The page in a browser: it sorts, filters and links tables with the plan, loads nothing and logs nothing."""
+
+import importlib.util
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from obseq.report import page, read_json, to_json
+from obseq.survey import Network, Quality
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def module(path: Path) -> Any:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+browsing = module(Path(__file__).with_name("browsing.py"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with browsing.chromium() as found:
+        yield found
+
+
+def demo() -> Network:
+    data = files("obseq.survey") / "data"
+    return Network.read(str(data / "demo.obs"), str(data / "demo.cor"), points_crs="IGNF:LAMB93")
+
+
+def synthetic(folder: Path, count: int, observations: int) -> Network:
+    """A network of the bench, of any size."""
+    made = module(ROOT / "tools" / "benchmarks" / "make_network.py")
+    chance = np.random.default_rng(1)
+    true = made.terrain(count, 50.0, chance)
+    names = [f"P{row + 1}" for row in range(count)]
+    book = made.measured(names, true, made.sights(count, observations), chance)
+    made.write_obs(folder / "n.obs", book)
+    made.write_cor(folder / "n.cor", made.known_points(names, true, 100, made.FRAME, chance), "")
+    return Network.read(folder / "n.obs", folder / "n.cor", frame=made.FRAME)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory, browser):
+    """Reports by name, made when first asked for, by way of the result file."""
+    folder = tmp_path_factory.mktemp("pages")
+
+    def made(name: str, shared: Path | None = None) -> Path:
+        path = folder / f"{name}.html"
+        if path.exists():
+            return path
+        if name == "demo":
+            network = demo()
+        elif name == "polygon":
+            network = Network.read_project(shared / "comp3d-polygone-k06" / "project.comp")
+        else:
+            network = synthetic(folder, 10_000, 60_000)
+        record = network.adjust(quality=Quality(relative=name != "large", ellipsoids=True)).record()
+        (folder / f"{name}.json").write_text(to_json(record), encoding="utf-8")
+        again = read_json(folder / f"{name}.json")
+        path.write_text(page(again), encoding="utf-8")
+        assert path.stat().st_size <= 3_000_000 + 150 * len(record.observations)
+        return path
+
+    return made
+
+
+@pytest.fixture(params=["demo", "polygon", pytest.param("large", marks=pytest.mark.slow)])
+def report(request, pages, browser) -> Path:
+    shared = request.getfixturevalue("shared_data") if request.param == "polygon" else None
+    path = pages(request.param, shared)
+    browsing.opened(browser, path)
+    return path
+
+
+def cells(browser, table: str, title: str) -> list[str]:
+    """What a column shows, in the rows that are in sight."""
+    return browser.execute_script(
+        "const [id, title] = arguments; const section = document.getElementById(id);"
+        "const k = [...section.querySelectorAll('th')].findIndex((th) => th.textContent.startsWith(title));"
+        "return [...section.querySelectorAll('tbody tr[data-row]')].map((tr) => tr.children[k].textContent)",
+        table,
+        title,
+    )
+
+
+def click(browser, selector: str) -> None:
+    browser.execute_script("document.querySelector(arguments[0]).click()", selector)
+
+
+def write(browser, label: str, text: str) -> None:
+    """Writes in the field whose label begins so."""
+    browser.execute_script(
+        "const field = document.querySelector(`[aria-label^='${arguments[0]}']`); field.value = arguments[1];"
+        "field.dispatchEvent(new Event('input', { bubbles: true }))",
+        label,
+        text,
+    )
+
+
+def test_rows_sort_by_any_column(report, browser) -> None:
+    worst = [abs(float(text)) for text in cells(browser, "observations", "standardised") if text != "-"]
+    assert len(worst) > 5 and worst == sorted(worst, reverse=True)
+    sort = "#observations th:nth-child(4) button"
+    click(browser, sort)
+    state = "return document.querySelector('#observations th:nth-child(4)').getAttribute('aria-sort')"
+    assert browser.execute_script(state) == "ascending"
+    rows = browser.execute_script("return page.tables[0].rows")
+    values = json.loads(browser.execute_script("return document.getElementById('content').textContent"))
+    column = values["tables"][0]["columns"][3]["values"]
+    assert [column[row] for row in rows] == sorted(column)
+    click(browser, sort)
+    assert browser.execute_script(state) == "descending"
+
+
+def test_filters_keep_what_they_say(report, browser) -> None:
+    write(browser, "filter Observations: type", "Dist")
+    assert set(cells(browser, "observations", "type")) == {"Dist"}
+    write(browser, "filter Observations: standardised", "|> 1|")
+    kept = [float(text) for text in cells(browser, "observations", "standardised")]
+    assert all(abs(value) > 1.0 for value in kept)
+    write(browser, "filter Observations: type", "")
+    write(browser, "filter Observations: standardised", "")
+    counted = browser.execute_script("return page.tables[0].rows.length === page.tables[0].size")
+    assert counted
+
+
+def test_a_row_shows_its_sight_and_a_point_its_rows(report, browser) -> None:
+    click(browser, "#observations tbody tr[data-row]")
+    ends = [cells(browser, "observations", title)[0] for title in ("from", "to")]
+    drawn = browser.execute_script("return page.plan.selection.points.map((k) => page.content.names[k])")
+    assert drawn == ends
+    assert ends[0] in browser.execute_script("return document.getElementById('picked').textContent")
+    name = browser.execute_script(
+        "const plan = page.plan; const k = page.observations.columns[1].values[0];"
+        "plan.follow({ points: [k] });"
+        "plan.scale *= 30; plan.middle = [plan.content.x[k], plan.content.y[k]]; plan.draw();"
+        "plan.pick(...plan.place(k)); return page.content.names[k]"
+    )
+    both = zip(cells(browser, "observations", "from"), cells(browser, "observations", "to"), strict=True)
+    assert all(name in ends for ends in both)
+    assert set(cells(browser, "points", "point")) == {name}
+    browser.execute_script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))")
+    assert browser.execute_script("return page.tables[0].rows.length === page.tables[0].size")
+
+
+def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    canvas = browser.find_element(By.ID, "map")
+    browser.execute_script("document.getElementById('plan').scrollIntoView()")
+    before = browser.execute_script("return [page.plan.scale, ...page.plan.middle]")
+    ActionChains(browser).move_to_element(canvas).click_and_hold().move_by_offset(80, 30).release().perform()
+    moved = browser.execute_script("return [page.plan.scale, ...page.plan.middle]")
+    assert moved[0] == before[0]
+    assert moved[1] - before[1] == pytest.approx(-80 / before[0], rel=0.05)
+    assert moved[2] - before[2] == pytest.approx(30 / before[0], rel=0.05)
+    browser.find_element(By.CSS_SELECTOR, "[data-zoom='2']").click()
+    assert browser.execute_script("return page.plan.scale") == pytest.approx(2 * before[0])
+    canvas.send_keys("0")
+    assert browser.execute_script("return page.plan.scale") == pytest.approx(before[0], rel=1e-6)
+    place = browser.execute_script(
+        "const p = page.plan; const [k, x, y] = p.inside[0]; return [x - p.width / 2, y - p.height / 2]"
+    )
+    ActionChains(browser).move_to_element_with_offset(canvas, *map(round, place)).click().perform()
+    assert browser.execute_script("return page.plan.selection.points.length") >= 1
+
+
+def test_types_are_switched_on_the_plan(report, browser) -> None:
+    drawn = (
+        "const { sights, visible } = page.plan;"
+        "return sights.list.filter((pair) => [...pair.types].some((type) => visible.has(type))).length"
+    )
+    before = browser.execute_script(drawn)
+    boxes = "#layers fieldset:nth-child(2) input"
+    browser.execute_script(f"for (const box of document.querySelectorAll('{boxes}')) box.click()")
+    assert before > 0
+    assert browser.execute_script(drawn) == 0
+
+
+def test_units_and_decimal_marks_are_chosen(report, browser) -> None:
+    def choose(name: str, value: str) -> None:
+        browser.execute_script(
+            "const form = document.getElementById('settings');"
+            "form.elements[arguments[0]].value = arguments[1];"
+            "form.dispatchEvent(new Event('change'))",
+            name,
+            value,
+        )
+
+    write(browser, "filter Observations: type", "Hz")
+    (gon,) = cells(browser, "observations", "observed")[:1]
+    choose("angles", "degree")
+    (degrees,) = cells(browser, "observations", "observed")[:1]
+    choose("angles", "dms")
+    (sexagesimal,) = cells(browser, "observations", "observed")[:1]
+    choose("language", "fr")
+    (french,) = cells(browser, "observations", "observed")[:1]
+    assert float(degrees.split()[0]) == pytest.approx(0.9 * float(gon.split()[0]), abs=2e-5)
+    whole, minutes, seconds = (float(part[:-1]) for part in sexagesimal.split())
+    assert whole + minutes / 60 + seconds / 3600 == pytest.approx(float(degrees.split()[0]), abs=3e-5)
+    assert french == sexagesimal.replace(".", ",")
+    assert "," in cells(browser, "points", "x")[0]
+
+
+def test_nothing_is_logged_and_nothing_is_asked_of_a_network(report, browser) -> None:
+    assert browser.get_log("browser") == []
+    messages = [json.loads(row["message"])["message"] for row in browser.get_log("performance")]
+    asked = [
+        row["params"]["request"]["url"] for row in messages if row["method"] == "Network.requestWillBeSent"
+    ]
+    assert asked
+    assert {url.split(":")[0] for url in asked} <= {"file", "data"}
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing(report, browser, theme) -> None:
+    browser.execute_script(
+        "const form = document.getElementById('settings'); form.elements.theme.value = arguments[0];"
+        "form.dispatchEvent(new Event('change'))",
+        theme,
+    )
+    dark = browser.execute_script("return document.documentElement.hasAttribute('data-dark')")
+    assert dark == (theme == "dark")
+    assert browsing.violations(browser) == []
+
+
+def test_a_phone_shows_it_without_sideways_scrolling(report, browser) -> None:
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", browsing.PHONE)
+    try:
+        browsing.opened(browser, report)
+        wide = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
+        assert wide == [375, 375]
+        if report.stem == "demo":
+            assert browsing.violations(browser) == []
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_paper_has_all_rows(report, browser) -> None:
+    if report.stem == "large":
+        pytest.skip("three thousand rows of each table take long, and show nothing new")
+    browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+    shown = "const t = page.tables[0]; return [t.body.querySelectorAll('tr[data-row]').length, t.size]"
+    printed, size = browser.execute_script(shown)
+    assert printed == min(size, 3000)
+    browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
+    assert browser.execute_script(shown)[0] < max(size, 80)
