@@ -27,11 +27,12 @@ class FormulaError(ObseqError):
 
 
 class SingularSystemError(ObseqError):
-    """The observations do not determine some unknowns; `unknowns` names them."""
+    """The observations do not determine some unknowns; `unknowns` names them, `defect` counts them."""
 
-    def __init__(self, message: str, unknowns: tuple[str, ...] = ()) -> None:
+    def __init__(self, message: str, unknowns: tuple[str, ...] = (), defect: int | None = None) -> None:
         super().__init__(message)
         self.unknowns = unknowns
+        self.defect = defect
 
 
 class CrsError(InputError):

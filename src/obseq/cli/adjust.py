@@ -51,6 +51,18 @@ def register(commands: Commands) -> None:
     add_network_arguments(command)
     computation = command.add_argument_group("iterations")
     computation.add_argument(
+        "--datum",
+        choices=("given", "fixed", "inner"),
+        help="what the network rests on: known coordinates with their sigmas (given), or exactly (fixed); or "
+        "inner constraints, free of them (without it: what a project says, else given)",
+    )
+    computation.add_argument(
+        "--datum-points",
+        nargs="+",
+        metavar="NAME",
+        help="with --datum inner: the points that carry the constraints (without it: all)",
+    )
+    computation.add_argument(
         "--iterations",
         type=positive_integer,
         metavar="N",
@@ -72,8 +84,20 @@ def run(arguments: argparse.Namespace) -> int:
         "max_iterations": arguments.iterations,
         "strict": arguments.strict,
         "quality": quality_of(arguments),
+        "datum": _datum(arguments),
     }
     return adjust(Request(source_of(arguments), given(solving), outputs_of(arguments), arguments.title))
+
+
+def _datum(arguments: argparse.Namespace) -> Any:
+    """What the network rests on; None when nothing is said."""
+    if arguments.datum is None:
+        if arguments.datum_points:
+            raise InputError("--datum-points goes with --datum inner")
+        return None
+    from obseq.survey import Datum
+
+    return Datum(arguments.datum, tuple(arguments.datum_points or ()))
 
 
 def adjust(request: Request) -> int:

@@ -7,7 +7,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 from obseq.arrays import FloatArray
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
 from obseq.crs.normals import Normals
-from obseq.crs.operations import Operation
+from obseq.crs.operations import KEPT_HEIGHTS, Operation
 from obseq.crs.proj import ProjSystem
 from obseq.crs.refraction import (
     EQUATORIAL_RADIUS,
@@ -28,6 +28,7 @@ __all__ = [
     "ALIASES",
     "AXES",
     "EQUATORIAL_RADIUS",
+    "KEPT_HEIGHTS",
     "METRE",
     "REFRACTION_COEFFICIENT",
     "SQUARED_ECCENTRICITY",

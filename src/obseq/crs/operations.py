@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 GEOCENTRIC = "EPSG:4978"
 GEOGRAPHIC = "+proj=latlong +datum=WGS84"
+KEPT_HEIGHTS = "@h"
+"""What follows a definition whose heights are kept: no change of datum moves them."""
 ROUNDING = 4e-9
 """What a geocentric coordinate may lose on the way there and back, metres: four units of its last place."""
 
@@ -65,6 +67,31 @@ class Operation:
         return np.stack(converted, axis=-1).reshape(points.shape)
 
 
+class HeightKeeping(Operation):
+    """A transformation of the plan only: heights are taken as above the ellipsoid of WGS 84, as they are."""
+
+    def _apply(self, points: FloatArray, direction: str) -> FloatArray:
+        if direction == "FORWARD":
+            return _at_heights(super()._apply(_level(points), direction), points[..., 2])
+        place = geodetic_from_geocentric(points)
+        found = super()._apply(_at_heights(points, np.zeros(points.shape[:-1])), direction)
+        found = super()._apply(_at_heights(points, -found[..., 2]), direction)
+        found[..., 2] = place[..., 2]
+        return found
+
+
+def _level(points: FloatArray) -> FloatArray:
+    """The points (..., 3) at height 0."""
+    return np.concatenate([points[..., :2], np.zeros_like(points[..., 2:])], axis=-1)
+
+
+def _at_heights(geocentric: FloatArray, heights: FloatArray) -> FloatArray:
+    """Geocentric points (..., 3) moved along their verticals to heights (...) above the ellipsoid."""
+    degrees = geodetic_from_geocentric(geocentric)
+    degrees[..., :2], degrees[..., 2] = np.rad2deg(degrees[..., :2]), heights
+    return operation_of(GEOGRAPHIC).forward(degrees)
+
+
 def from_geocentric(definition: str, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
     """Coordinates in the system of a PROJ definition of geocentric WGS 84 points (metres)."""
     given = as_points(points)
@@ -85,6 +112,9 @@ def operation_of(definition: str) -> Operation:
     """The operation from a PROJ definition to geocentric WGS 84, chosen once."""
     import pyproj
 
+    if definition.endswith(KEPT_HEIGHTS):
+        plain = operation_of(definition.removesuffix(KEPT_HEIGHTS))
+        return HeightKeeping(f"{plain.description}, heights kept", plain.accuracy, plain.transformer)
     group = _candidates(definition)
     if not group.best_available:
         raise CrsError(_missing_grids(definition, group))
@@ -118,6 +148,7 @@ def known_crs(definition: str) -> "pyproj.CRS":
     from pyproj import CRS
     from pyproj.exceptions import CRSError as ProjError
 
+    definition = definition.removesuffix(KEPT_HEIGHTS)
     if "proj=pipeline" in definition:
         raise CrsError(f"{definition!r} is a transformation, not a coordinate system.")
     with warnings.catch_warnings():  # "+init=" is deprecated, and unambiguous here

@@ -1,6 +1,7 @@
 """Survey networks: points, observations, stations, files and initial values."""
 
 from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.adjustment.datum import Datum
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.epochs.comparison import Comparison, compare
 from obseq.survey.files.cor import read_cor, write_cor
@@ -28,6 +29,7 @@ __all__ = [
     "KINDS",
     "Adjustment",
     "Comparison",
+    "Datum",
     "FieldBook",
     "InitialValues",
     "Network",

@@ -23,13 +23,14 @@ from obseq.arguments import (
     expecting,
     instance,
 )
-from obseq.errors import ObseqError, SingularSystemError
+from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
+from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held, is_free_standing, without_azimuths
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.notes import notes, of_unit_weight
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 25
 _LOG = logging.getLogger(__name__)
 QUALITY = Quality()
+GIVEN = Datum()
 
 
 def _described(step: Iteration) -> str:
@@ -89,6 +91,7 @@ class Network:
         phases: Seconds spent reading.
         unit_sigma: By what another program multiplies sigma0 where it reports it (Gama's sigma-apr); None for
             no such program.
+        datum: What it rests on, unless the adjustment is told otherwise.
 
     Example:
         >>> from obseq.survey import Network
@@ -103,6 +106,7 @@ class Network:
     points_crs: crs.CoordinateSystem
     phases: dict[str, float] = field(default_factory=dict)
     unit_sigma: float | None = None
+    datum: Datum = GIVEN
 
     @classmethod
     @expecting(
@@ -205,7 +209,8 @@ class Network:
         network = cls._assembled(
             project.points, project.book, definition, project.points_crs, coefficient, watch
         )
-        return replace(network, unit_sigma=project.unit_sigma)
+        datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
+        return replace(network, unit_sigma=project.unit_sigma, datum=datum)
 
     @classmethod
     def _assembled(
@@ -265,6 +270,7 @@ class Network:
         progress=FUNCTION | NOTHING,
         quality=instance(Quality),
         start=instance(InitialValues) | NOTHING,
+        datum=instance(Datum) | NOTHING,
     )
     def adjust(
         self,
@@ -275,6 +281,7 @@ class Network:
         strict: bool = False,
         quality: Quality = QUALITY,
         start: InitialValues | None = None,
+        datum: Datum | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -290,16 +297,67 @@ class Network:
             quality: What is wanted beside residuals and precisions.
             start: Where the iterations start; by default initial values from the known points and the
                 observations.
+            datum: What the network rests on; None for what the files say, or the known coordinates.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
+        chosen = self.datum if datum is None else datum
+        arguments = (max_iterations, tolerance, Stopwatch(progress), quality)
+        if chosen.kind is DatumKind.INNER:
+            return self._adjusted_freely(chosen, *arguments, strict=strict)
+        network = self if chosen.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
+        return network._adjusted_as_given(*arguments, strict=strict, start=start)
+
+    def _adjusted_freely(
+        self,
+        datum: Datum,
+        max_iterations: int,
+        tolerance: float,
+        watch: Stopwatch,
+        quality: Quality,
+        *,
+        strict: bool,
+    ) -> Adjustment:
+        """Adjusts by inner constraints, from where known coordinates, if there are any, put the points."""
+        points, before = self.points, None
+        if not is_free_standing(points):
+            plain = replace(
+                quality, reliability=False, relative=False, variance_components=False, snooping=None
+            )
+            before = self._adjusted_as_given(max_iterations, tolerance, watch, plain, strict=strict)
+            points = before.points.points
+        place = points.coordinates if before is None else before.points.coordinates
+        book, told = without_azimuths(self.book)
+        free, book = join(freed(points, place, datum), book)
+        network = replace(self, points=free, book=book)
+        adjustment = network._adjusted_as_given(max_iterations, tolerance, watch, quality, strict=strict)
+        if before is None:
+            return replace(adjustment, warnings=(*told, *adjustment.warnings))
+        return replace(
+            adjustment,
+            warnings=(*told, *before.warnings),
+            left_out=before.left_out,
+            replaced=before.replaced,
+            gross_errors=before.gross_errors,
+        )
+
+    def _adjusted_as_given(
+        self,
+        max_iterations: int,
+        tolerance: float,
+        watch: Stopwatch,
+        quality: Quality,
+        *,
+        strict: bool,
+        start: InitialValues | None = None,
+    ) -> Adjustment:
+        """Adjusts with the known coordinates, or the datum, that the points have."""
         from obseq.survey.screening.search import blame, refuse
 
-        watch = Stopwatch(progress)
         with watch.phase("initial values"):
-            check_datum(self.points, self.book)
+            self._check_datum()
             given = Determined(self.points, self.book, start or self._initial_values())
             if strict:
                 given.initial.require_complete()
@@ -316,6 +374,20 @@ class Network:
             if strict and errors:
                 refuse(errors)
         return adjustment.announcing(errors, replaced)
+
+    def _check_datum(self) -> None:
+        """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""
+        try:
+            check_datum(self.points, self.book)
+        except InputError as error:
+            start = Determined(self.points, self.book, self._initial_values())
+            if start.initial.unplaced:
+                raise
+            try:
+                self._equations(start).system.solve(max_iterations=1)
+            except SingularSystemError as free:
+                raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
+            raise
 
     def _determined(
         self,

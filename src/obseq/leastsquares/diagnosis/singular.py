@@ -26,7 +26,7 @@ def untouched_error(table: UnknownTable, untouched: IntArray) -> SingularSystemE
     """The error for blocks (ids) that no equation touches and that are not frozen."""
     scalars = np.concatenate([table.start[block] + np.arange(table.size[block]) for block in untouched])
     names = table.component_names(scalars[~table.frozen[scalars]])
-    return SingularSystemError(f"no equation touches {_listed(names)}: {REMEDY}", names)
+    return SingularSystemError(f"no equation touches {_listed(names)}: {REMEDY}", names, len(names))
 
 
 def singular_error(
@@ -42,7 +42,7 @@ def singular_error(
     meaning = free_movements(table, free, pattern, solver.null_vectors())
     if meaning:
         message += f". Nothing fixes {'; nor '.join(meaning)}"
-    return SingularSystemError(f"{message}: {REMEDY}", involved or pivots)
+    return SingularSystemError(f"{message}: {REMEDY}", involved or pivots, len(pivots))
 
 
 def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:

@@ -88,6 +88,7 @@ class Equations:
         self._plumb = Plumb(frame, points)
         self._book = book
         self._origins = book.stations.origins.astype(np.int64)
+        self._has_grid = bool((book.stations.orientations == Orientation.GRID).any())
         self.system = LeastSquares() if system is None else system
         self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
         self._verticals = self._plumb.axes(self._origins, initial.coordinates)
@@ -210,6 +211,8 @@ class Equations:
         measured = np.empty((len(rows), parts[0][1].shape[1]))
         for chosen, part in parts:
             measured[chosen] = part
+        if self._has_grid and measured.shape[1]:
+            measured[:, -1] *= self._grid_scales(rows, coordinates)
         if self._has_offsets(rows):
             measured = np.hstack([self._plumb.offsets(self._book, rows, coordinates), measured])
         return measured
@@ -219,18 +222,31 @@ class Equations:
         values = kind.values(self._site, rows, coordinates).reshape(len(rows), -1)
         return np.hstack([kind.context(self._site, rows, coordinates), values])
 
+    def _grid_scales(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) lengths at the height of the station for one at height 0: differences of grid coordinates."""
+        result, stations = np.ones(len(rows)), self._book.observations.stations[rows]
+        grid = np.flatnonzero(stations >= 0)
+        grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID]
+        if grid.size and not self._frame.is_plane:
+            _, radius = self._site.sphere(rows[grid])
+            origins = coordinates[self._book.observations.from_points[rows[grid]]]
+            result[grid] += self._frame.system.geodetic(origins)[:, 2] / radius
+        return result
+
     def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) sigmas of observations, with their relative parts at the distances between points there."""
         observations = self._book.observations
         relative = observations.relative_sigmas[rows]
-        if not relative.any():
+        if not relative.any() and not self._has_grid:
             return observations.sigmas[rows]
         sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]
         sights = sights + self._plumb.offsets(self._book, rows, coordinates)
         distances = np.linalg.norm(sights, axis=1)
         is_angle = IS_ANGLE[observations.types[rows]]
         share = np.where(is_angle, 1.0 / np.maximum(distances, SHORTEST_SIGHT), distances)
-        return np.asarray(observations.sigmas[rows] + relative * share)
+        return np.asarray(
+            self._grid_scales(rows, coordinates) * (observations.sigmas[rows] + relative * share)
+        )
 
     def follow(self, system: LeastSquares, _: int) -> None:
         """Before an evaluation: turns the stations with their verticals, renews what depends on positions."""
@@ -242,10 +258,10 @@ class Equations:
             system.set_values(self.stations, rotations)
             self._verticals = verticals
         for (_family, is_correlated), (rows, batch) in self.batches.items():
-            moves = any(kind.depends_on_place for kind, _ in self._kinds(rows))
+            moves = self._has_grid or any(kind.depends_on_place for kind, _ in self._kinds(rows))
             if moves or self._has_heights(rows) or self._plumb.is_deflected:
                 batch.observations = self._measured(rows, coordinates)
-            if not is_correlated and self._book.observations.relative_sigmas[rows].any():
+            if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
                 batch.sigmas = self.sigmas(rows, coordinates)
 
     def fitted(self, solution: LeastSquaresResult | LeastSquares) -> tuple[FloatArray, FloatArray]:
@@ -254,9 +270,10 @@ class Equations:
         sigmas = self._book.observations.sigmas.copy()
         for rows, batch in self.batches.values():
             found = solution.residuals(batch)
-            sigmas[rows] = sigmas_of(batch)
+            scales = self._grid_scales(rows, solution.values(self.points))
+            sigmas[rows] = sigmas_of(batch) / scales
             for kind, chosen in self._kinds(rows):
-                residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0]
+                residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
         return residuals, sigmas
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:

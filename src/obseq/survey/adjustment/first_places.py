@@ -15,24 +15,28 @@ from obseq.survey.kinds.vectors import LOCAL_X, VECTOR
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.kinds.kind import ObservationKind
+    from obseq.survey.model import FieldBook, Observations, Points
 
 
 def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     """The points, with places for those observed in position, at the end of a vector, or of an axis."""
     observations = book.observations
-    positions, vectors, local, circles = (
-        np.flatnonzero((observations.types == kind.code) & observations.active)
-        for kind in (GEO_X, VECTOR, LOCAL_X, AXIS_RADIUS)
-    )
+    circles = np.flatnonzero((observations.types == AXIS_RADIUS.code) & observations.active)
+    positions, coordinates = _triples(observations, GEO_X)
+    vectors, geocentric = _triples(observations, VECTOR)
+    local, steps = _triples(observations, LOCAL_X)
     if not (positions.size or vectors.size or local.size or circles.size):
         return points
     xyz = points.coordinates.copy()
-    _place_by_positions(frame, book, positions, xyz)
+    if positions.size:
+        rotation, translation = frame.to_geocentric(book, positions)
+        targets = observations.to_points[positions]
+        new = np.isnan(xyz[targets]).any(axis=1)
+        xyz[targets[new]] = (coordinates[new] - translation) @ rotation
     rotation = frame.to_geocentric(book, vectors)[0] if vectors.size else np.eye(3)
-    values = observations.values
-    steps = [values[vectors[:, None] + np.arange(3)] @ rotation, values[local[:, None] + np.arange(3)]]
-    _place_by_vectors(book, np.concatenate([vectors, local]), np.concatenate(steps), xyz)
+    both = np.concatenate([geocentric @ rotation, steps])
+    _place_by_vectors(book, np.concatenate([vectors, local]), both, xyz)
     for origin in np.unique(observations.from_points[circles]).tolist():
         seen = observations.to_points[circles[observations.from_points[circles] == origin]]
         placed = xyz[seen][np.isfinite(xyz[seen]).all(axis=1)]
@@ -41,14 +45,32 @@ def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     return replace(points, coordinates=xyz)
 
 
-def _place_by_positions(frame: Frame, book: FieldBook, rows: IntArray, xyz: FloatArray) -> None:
-    if not rows.size:
-        return
-    rotation, translation = frame.to_geocentric(book, rows)
-    targets = book.observations.to_points[rows]
-    new = np.flatnonzero(np.isnan(xyz[targets]).any(axis=1))
-    geocentric = book.observations.values[rows[new][:, None] + np.arange(3)]
-    xyz[targets[new]] = (geocentric - translation) @ rotation
+def _triples(observations: Observations, lead: ObservationKind) -> tuple[IntArray, FloatArray]:
+    """First rows (n,) and values (n, 3) of the vectors or positions whose three components are all active.
+
+    Args:
+        observations: All observations.
+        lead: The kind of their first components; those of the others have the next codes.
+    """
+    component = observations.types.astype(np.int64) - lead.code
+    rows = np.flatnonzero((component >= 0) & (component < 3) & observations.active)
+    ends = np.stack([observations.from_points[rows], observations.to_points[rows]])
+    starts = rows[:-2][(rows[2:] == rows[:-2] + 2) & (ends[:, 2:] == ends[:, :-2]).all(axis=0)]
+    three = starts[:, None] + np.arange(3)
+    whole = (np.sort(component[three], axis=1) == np.arange(3)).all(axis=1)
+    starts, three = starts[whole], three[whole]
+    values = np.empty((len(starts), 3))
+    np.put_along_axis(values, component[three], observations.values[three], axis=1)
+    return _apart(starts), values[np.isin(starts, _apart(starts))]
+
+
+def _apart(starts: IntArray) -> IntArray:
+    """Those of the first rows (n,), ascending, that are in no triple that begins before."""
+    kept: list[int] = []
+    for start in starts.tolist():
+        if not kept or start >= kept[-1] + 3:
+            kept.append(start)
+    return np.array(kept, np.int64)
 
 
 def _place_by_vectors(book: FieldBook, rows: IntArray, steps: FloatArray, xyz: FloatArray) -> None:

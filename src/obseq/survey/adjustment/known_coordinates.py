@@ -86,10 +86,13 @@ class KnownCoordinates:
         self._together = self._add_together(system)
 
     def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
-        """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise."""
+        """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise.
+
+        On a datum of its own a network hardly moves: there everything that is held is, along the frame.
+        """
         held = self._points.is_held
         whole = np.asarray(held.all(axis=1))
-        along = np.tile(whole[:, None], 3) | self._system.is_along_frame
+        along = np.tile(whole[:, None], 3) | self._system.is_along_frame | self._points.in_datum.any()
         for component in range(3):
             frozen = self._ids[held[:, component] & along[:, component]]
             if frozen.size:

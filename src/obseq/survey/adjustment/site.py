@@ -41,6 +41,18 @@ class NetworkSite:
         """Whether the frame is a plane with heights."""
         return self.frame.is_plane
 
+    @property
+    def has_heights_along_z(self) -> bool:
+        """Whether height differences are those of z: in a plane, and on a datum of its own."""
+        return self.is_plane or bool(self.plumb.points.in_datum.any())
+
+    def rise_of_curvature(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) differences of z minus those of heights; 0 in a plane."""
+        if self.is_plane:
+            return np.zeros(len(rows))
+        (first, _, origins), (last, _, targets) = self.places(rows, coordinates)
+        return np.asarray(targets[:, 2] - origins[:, 2] - (last[:, 2] - first[:, 2]))
+
     def measured(self, rows: IntArray) -> FloatArray:
         """(n,) values as observed."""
         return np.asarray(self.book.observations.values[rows])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq import crs
 from obseq.errors import InputError
 from obseq.survey.files.comp3d_observations import read_observations
 from obseq.survey.files.cor import PointColumns
@@ -20,11 +21,17 @@ from obseq.survey.files.text import parse_number
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from obseq.arrays import FloatArray
     from obseq.survey.model import Points
 
 UNITS = (1.0, math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0)
 """Radians in one unit of angles, by `files_unit`: radian, gon, degree, arc second."""
+_SAME_HEIGHT = 1e-3
+"""Height (m) above the ellipsoid of WGS 84 below which a point of height 0 is of its datum."""
+REMOTE = ("8", KNOWN_REMOTE := "9")
+"""Codes of points that have no part in inner constraints; the latter stay known."""
 DEFAULTS = {
     "root_COR_file": "",
     "root_OBS_file": "",
@@ -59,7 +66,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
     """
     config, told = _settings(Path(path))
     folder = Folder(Path(path).parent, reading.encoding, reading.outside)
-    points, ignored = _points(folder, config)
+    points, ignored, remote = _points(folder, config)
     unit = UNITS[config["files_unit"]]
     book = read_observations(folder, config["root_OBS_file"], unit, ignored)
     if config["coord_cov_file"]:
@@ -79,6 +86,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
         points_crs,
         float(config["refraction"]),
         int(config["max_iterations"]),
+        inner=_inner(remote) if config["internal_constraints"] else None,
     )
 
 
@@ -98,12 +106,6 @@ def _settings(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
         f"{path}: {key} is missing; {DEFAULTS[key]!r} is taken, as in a new project" for key in missing
     )
     complete = DEFAULTS | config
-    if complete["internal_constraints"]:
-        told += (
-            f"{path}: internal_constraints: precisions here are those of the constraints of the point file, "
-            "not of "
-            "inner constraints",
-        )
     _check(path, complete)
     return complete, told
 
@@ -136,6 +138,12 @@ def _is_like(value: Any, default: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def _moves_heights(definition: str, east: float, north: float) -> bool:
+    """Whether the datum of a system is another one, to which heights would be changed: Comp3D keeps them."""
+    system = crs.parse(definition)
+    return abs(float(system.geodetic(np.array([east, north, 0.0]))[2])) > _SAME_HEIGHT
+
+
 def _systems(config: dict[str, Any]) -> tuple[str, str]:
     """Definitions of the system of the points and of the computation frame."""
     east, north = (float(value) for value in config["local_center"][:2])
@@ -145,22 +153,32 @@ def _systems(config: dict[str, Any]) -> tuple[str, str]:
             f"+proj=sterea +lat_0={config['center_latitude']!r} +lon_0=0 +k_0=1 +x_0={east!r} +y_0={north!r} "
             "+datum=WGS84"
         )
+    elif _moves_heights(definition, east, north):
+        definition += crs.KEPT_HEIGHTS
     return definition, f"RTL*{east!r}*{north!r}*0*{definition}"
 
 
-def _points(folder: Folder, config: dict[str, Any]) -> tuple[Points, frozenset[str]]:
-    """The points, and the names that are to be ignored with everything that they occur in."""
+def _inner(remote: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The points that do not carry inner constraints, and those of them that stay known."""
+    return tuple(remote), tuple(name for name, code in remote.items() if code == KNOWN_REMOTE)
+
+
+def _points(folder: Folder, config: dict[str, Any]) -> tuple[Points, frozenset[str], Mapping[str, str]]:
+    """The points, the names to be ignored with their observations, and the codes of remote points."""
     columns, ignored = PointColumns(), set()
+    remote: dict[str, str] = {}
     for file, index, fields in folder.lines(config["root_COR_file"], columns.open_file):
         if fields[0] == "-1" and len(fields) > 1:
             ignored.add(fields[1])
         else:
             columns.append(file, index, fields)
+            if fields[0] in REMOTE:
+                remote[fields[1]] = fields[0]
     points = columns.points()
     kept = np.array([row for row, name in enumerate(points.names) if name not in ignored], np.intp)
     if not kept.size:
         raise InputError(f"{folder.path(config['root_COR_file'])}: holds no point")
-    return points.subset(kept), frozenset(ignored)
+    return points.subset(kept), frozenset(ignored), remote
 
 
 def _covariance(folder: Folder, name: str, points: Points) -> CoordinateCovariance | None:

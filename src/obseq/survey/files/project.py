@@ -27,6 +27,8 @@ class Project:
         max_iterations: The iterations end at this number; None for the usual one.
         unit_sigma: Standard deviation of unit weight (mm, cc) by which the program multiplies sigma0 where it
             reports; None when it does not.
+        inner: With inner constraints, names of points that do not carry them, and of those whose coordinates
+            stay known then; None without.
     """
 
     points: Points
@@ -36,6 +38,7 @@ class Project:
     refraction: float = crs.REFRACTION_COEFFICIENT
     max_iterations: int | None = None
     unit_sigma: float | None = None
+    inner: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,17 @@ class Site(Protocol):
     def is_plane(self) -> bool:
         """Whether the frame is a plane with heights."""
 
+    @property
+    def has_heights_along_z(self) -> bool:
+        """Whether height differences are those of z: in a plane, and on a datum of its own.
+
+        There curvature is a correction of the value: else height differences would say where on the Earth a
+        network is, to some hundred metres.
+        """
+
+    def rise_of_curvature(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) differences of z minus those of heights; 0 in a plane."""
+
     def measured(self, rows: IntArray) -> FloatArray:
         """(n,) values as observed."""
 

@@ -58,11 +58,11 @@ class HeightDifference(ObservationKind):
 
     def is_linear(self, site: Site) -> bool:
         """In a plane it is a difference of z."""
-        return site.is_plane
+        return site.has_heights_along_z
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """R and T to geocentric coordinates and the ellipsoid; in a plane the coefficients of z."""
-        if site.is_plane:
+        if site.has_heights_along_z:
             return np.tile((0.0, 0.0, -1.0, 0.0, 0.0, 1.0), (len(rows), 1))
         rotation, translation = site.to_geocentric(rows)
         constants = (*rotation.ravel(), *translation, EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY)
@@ -70,7 +70,13 @@ class HeightDifference(ObservationKind):
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Between the points, along the vertical of the frame."""
-        return site.levelled(rows, coordinates)
+        values = site.levelled(rows, coordinates)
+        return values + site.rise_of_curvature(rows, coordinates) if site.has_heights_along_z else values
+
+    @property
+    def depends_on_place(self) -> bool:
+        """The curvature of the Earth does."""
+        return True
 
 
 DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE)
