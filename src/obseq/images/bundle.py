@@ -30,6 +30,10 @@ MAX_ITERATIONS = 50
 HINT = (
     "A block needs a datum: three control points that are not on a line, observed poses, or datum='centres'."
 )
+THRESHOLD_HINT = (
+    "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
+    "(it weakens large residuals, and leaves none out), then with the threshold from there."
+)
 SETTLINGS = 8
 SETTLED = 1e-7
 """Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
@@ -106,7 +110,12 @@ class BundleAdjustment(Block):
                 result, found = search_blunders(equations, blunders, {**solving, "strategy": strategy})
                 done += result.iterations
         except SingularSystemError as error:
-            raise SingularSystemError(f"{error}\n{HINT}", error.unknowns) from None
+            hint = (
+                THRESHOLD_HINT
+                if any(part.weighting and part.weighting.threshold for part in self.sets)
+                else HINT
+            )
+            raise SingularSystemError(f"{error}\n{hint}", error.unknowns) from None
         return BundleSolution(self, start, equations, result, done, tuple(surveys), found)
 
     def initialise(self) -> tuple[str, ...]:

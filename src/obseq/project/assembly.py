@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from obseq.images import ControlPoints, ImagePoints
     from obseq.project.bundle_options import BundleOptions, Set2D
     from obseq.project.layout import ProjectTree
-    from obseq.survey import FieldBook, Network, Points
+    from obseq.survey import FieldBook, Points
 
 UNCODED = "NONE"
 """Beginning of the names of targets without a code."""
@@ -60,11 +61,11 @@ def assembled(
     block = BundleAdjustment()
     block.add_cameras(*cameras.values())
     block.add_poses(poses)
-    measured = {name for _, measures in parts for name in measures.point_names}
-    _add_points(block, tree, options, control, measured, definition)
+    rays = Counter(name for _, measures in parts for name in _point_of_each(measures))
+    _add_points(block, tree, options, control, rays, definition)
     for part, measures in parts:
         weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
-        block.add_measures(_coded(block, measures), weighting, part.folder)
+        block.add_measures(_coded(measures, control), weighting, part.folder)
     _add_rules(block, tree, options)
     if options.rigid is not None:
         _add_rigid(block, tree, options)
@@ -96,9 +97,13 @@ def _tracks(tree: ProjectTree, part: Set2D, selection: str) -> ImagePoints:
     return tracks.rows(used[tracks.image])
 
 
-def _coded(block: BundleAdjustment, measures: ImagePoints) -> ImagePoints:
+def _point_of_each(measures: ImagePoints) -> list[str]:
+    return [measures.point_names[k] for k in measures.point]
+
+
+def _coded(measures: ImagePoints, control: ControlPoints) -> ImagePoints:
     """The measures without targets that have no code, unless they are known points."""
-    known = are_among(measures.point_names, block.control.names)
+    known = are_among(measures.point_names, control.names)
     coded = known | np.array([not name.startswith(UNCODED) for name in measures.point_names], dtype=bool)
     return measures.rows(coded[measures.point])
 
@@ -108,33 +113,38 @@ def _add_points(
     tree: ProjectTree,
     options: BundleOptions,
     control: ControlPoints,
-    measured: set[str],
+    rays: Counter[str],
     definition: str,
 ) -> None:
-    """Control points; those that survey observations alone know are points of the survey network."""
+    """Control points; those that survey observations alone know are points of the survey network.
+
+    A free point of two rays or more starts where they meet, like any tie point, and not at the coordinates of
+    the file: rough ones would make all its measures look like blunders.
+    """
+    free = control.is_free.all(axis=1)
+    tie = {name for name, is_free in zip(control.names, free, strict=True) if is_free and rays[name] > 1}
     if options.survey is None:
-        block.add_control_points(control)
+        block.add_control_points(control.select([name for name in control.names if name not in tie]))
         return
     folder = tree.topo(options.survey)
     book = read_topo(folder)
-    alone = [name for name in control.names if name in set(book.point_names) - measured]
-    block.add_control_points(control.select([name for name in control.names if name not in set(alone)]))
-    block.add_survey(_network(folder, book, control, alone, definition))
+    alone = {name for name in control.names if name in book.point_names and not rays[name]}
+    block.add_control_points(control.select([name for name in control.names if name not in alone | tie]))
+    points = _survey_points(folder, book, control, alone, tie)
+    block.add_survey(network_of(points, book, definition))
 
 
-def _network(
-    folder: Path, book: FieldBook, control: ControlPoints, alone: list[str], definition: str
-) -> Network:
-    """The survey network: points of its own with what is known of them, those of the block as free ones."""
-    shared = [name for name in control.names if name in set(book.point_names) - set(alone)]
-    parts: list[Points] = [
-        survey_points(control.select(alone)),
-        make_points(shared, control.select(shared).coordinates),
-    ]
-    own = sorted(folder.glob("*.cor"))
-    if own:
-        parts.append(read_cor(own))
-    return network_of(merge_points(parts), book, definition)
+def _survey_points(
+    folder: Path, book: FieldBook, control: ControlPoints, alone: set[str], tie: set[str]
+) -> Points:
+    """What is known of the points of the survey alone; those that images have too are free here."""
+    names = [name for name in control.names if name in set(book.point_names) - alone]
+    coordinates = control.select(names).coordinates.copy()
+    coordinates[are_among(names, tie)] = np.nan
+    own = control.select([name for name in control.names if name in alone])
+    parts: list[Points] = [survey_points(own), make_points(names, coordinates)]
+    files = sorted(folder.glob("*.cor"))
+    return merge_points([*parts, read_cor(files)] if files else parts)
 
 
 def _add_rules(block: BundleAdjustment, tree: ProjectTree, options: BundleOptions) -> None:
