@@ -138,7 +138,7 @@ def sights(points: dict[str, FloatArray], stations: list[str], rng: np.random.Ge
 
 
 def bar_project(folder: Path, exposures: int, targets: int, blunders: int, seed: int) -> Site:
-    """Example 4: `coord.cor`, `polygone.obs`, measures in images; calibrations are to be found."""
+    """Example 4: `coord.cor`, `court.obs`, measures in images; calibrations are to be found."""
     rng = np.random.default_rng(seed)
     names = [f"{k:02d}" for k in range(targets)]
     points = dict(zip(names, court(targets, rng), strict=True))
@@ -163,7 +163,7 @@ def bar_project(folder: Path, exposures: int, targets: int, blunders: int, seed:
     surveyed = {name: points[name] for name in [*pillars, *names[: targets * 3 // 4]]}
     texts = {
         folder / "coord.cor": "\n".join(rows) + "\n",
-        folder / "polygone.obs": sights(surveyed, list(pillars), rng),
+        folder / "court.obs": sights(surveyed, list(pillars), rng),
         folder / "truth.json": site.truth(),
     }
     write_all({**texts, **_measure_files(folder, "Targets", measures)})
