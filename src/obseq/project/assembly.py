@@ -121,7 +121,7 @@ def _add_points(
     A free point of two rays or more starts where they meet, like any tie point, and not at the coordinates of
     the file: rough ones would make all its measures look like blunders.
     """
-    free = control.is_free.all(axis=1)
+    free = np.asarray(control.is_free.all(axis=1))
     tie = {name for name, is_free in zip(control.names, free, strict=True) if is_free and rays[name] > 1}
     if options.survey is None:
         block.add_control_points(control.select([name for name in control.names if name not in tie]))
