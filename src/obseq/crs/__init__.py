@@ -5,6 +5,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 """
 
 from obseq.arrays import FloatArray
+from obseq.crs.area import area_warning
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
 from obseq.crs.normals import Normals
 from obseq.crs.operations import KEPT_HEIGHTS, Operation
@@ -44,6 +45,7 @@ __all__ = [
     "Transformer",
     "Unit",
     "UnreferencedSystem",
+    "area_warning",
     "complete_rtl",
     "curvature_radius",
     "east_north_up",

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
@@ -59,8 +60,17 @@ class ProjSystem(CoordinateSystem):
         """Geocentric WGS 84 coordinates (metres) of points of this system."""
         given = as_points(points)
         moved = self.operation.forward(given)
-        check_finite(moved, given, f"is outside the domain of {self.definition!r}.", names)
+        if not np.isfinite(moved).all():
+            complaint = f"is outside the domain of {self.definition!r}.{self._hint(given)}"
+            check_finite(moved, given, complaint, names)
         return moved
+
+    def _hint(self, given: FloatArray) -> str:
+        """What may be wrong with coordinates (..., 3) outside the domain."""
+        if np.isfinite(self.operation.forward(given[..., [1, 0, 2]])).all():
+            first, second = ("longitude", "latitude") if self.is_geographic else ("easting", "northing")
+            return f" With {first} and {second} exchanged it is inside: {first} comes first."
+        return f" It takes longitude and latitude ({self.plan_unit.name})." if self.is_geographic else ""
 
     def from_geocentric(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """Coordinates in this system of geocentric WGS 84 points (metres)."""

@@ -231,6 +231,9 @@ class Network:
             coordinates = system.parts(points.coordinates)
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
+            warning = crs.area_warning(given, points.coordinates[placed], names)
+        if warning is not None:
+            book = replace(book, warnings=(*book.warnings, warning))
         points, book = join(replace(points, coordinates=coordinates), book)
         return cls(points, book, Frame(computation, refraction), given, watch.seconds)
 

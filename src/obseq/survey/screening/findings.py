@@ -48,4 +48,6 @@ class GrossError:
 
     def sentence(self) -> str:
         """What is suspected and why."""
-        return f"{self.what} contradicts the other observations ({self.size:.3g} sigmas): {self.text}"
+        is_one = len(self.points) == 1 or (not self.points and len(self.rows) == 1)
+        verb = "contradicts" if is_one else "contradict"
+        return f"{self.what} {verb} the other observations ({self.size:.3g} sigmas): {self.text}"
