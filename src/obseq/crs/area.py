@@ -35,10 +35,10 @@ def area_warning(system: CoordinateSystem, points: FloatArray, names: Sequence[s
     """
     if not isinstance(system, ProjSystem) or not len(points):
         return None
-    outside = _outside(system, points)
+    outside: BoolArray = _outside(system, points)
     if not outside.any():
         return None
-    which = [names[row] for row in np.flatnonzero(outside)]
+    which = [names[row] for row in np.flatnonzero(outside).tolist()]
     more = f", ... ({len(which)} points)" if len(which) > SHOWN else ""
     area = known_crs(system.definition).area_of_use
     first, second = ("longitude", "latitude") if system.is_geographic else ("easting", "northing")
@@ -55,8 +55,8 @@ def _outside(system: ProjSystem, points: FloatArray) -> BoolArray:
     if area is None:
         return np.zeros(len(points), dtype=bool)
     geocentric = operation_of(system.definition).forward(points)
-    is_placed = np.isfinite(geocentric).all(axis=1)
-    outside = ~is_placed
+    is_placed: BoolArray = np.asarray(np.isfinite(geocentric).all(axis=1))
+    outside: BoolArray = np.logical_not(is_placed)
     longitude, latitude, _ = np.rad2deg(geodetic_from_geocentric(geocentric[is_placed])).T
     width = (area.east - area.west) % 360.0 or 360.0
     beyond = (longitude - area.west + MARGIN) % 360.0 > width + 2.0 * MARGIN
