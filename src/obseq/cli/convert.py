@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from obseq.cli.parsing import Commands, add_command, finite_number, positive_number
+from obseq.cli.network_files import add_network_arguments, source_of
+from obseq.cli.parsing import Commands, add_command, positive_number
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
 
@@ -32,24 +33,7 @@ def register(commands: Commands) -> None:
         commands, "convert", run, "write networks and results in other formats", MORE, EXAMPLE
     )
     command.add_argument(
-        "input", nargs="*", type=Path, metavar="FILE", help="a project, as for `adjust`, or a result (.json)"
-    )
-    command.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
-    command.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
-    command.add_argument(
         "--to", nargs="+", type=Path, required=True, metavar="FILE", help="what to write; suffixes say how"
-    )
-    command.add_argument("--frame", metavar="SYSCO", help="system of the computation, as for `adjust`")
-    command.add_argument("--points-crs", metavar="SYSCO", help="system of the points of --cor")
-    command.add_argument(
-        "--point-sigma", type=positive_number, metavar="S", help="sigma (m) of known points without one"
-    )
-    command.add_argument(
-        "--refraction", type=finite_number, metavar="K", help="refraction coefficient of zenith angles"
-    )
-    command.add_argument("--encoding", metavar="NAME", help="encoding of point names (UTF-8)")
-    command.add_argument(
-        "--outside", action="store_true", help="let a project read files outside of its own folder"
     )
     command.add_argument(
         "--ellipse-scale",
@@ -58,14 +42,14 @@ def register(commands: Commands) -> None:
         metavar="K",
         help="how many times larger ellipses are drawn on maps (1000)",
     )
+    add_network_arguments(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, and write all files or none."""
-    inputs = [*arguments.input, *(arguments.obs or ()), *(arguments.cor or ())]
+    inputs = [*arguments.project, *(arguments.obs or ()), *(arguments.cor or ())]
     check_writable(arguments.to, inputs)
-    is_result = [path.suffix.lower() == RESULT for path in arguments.input]
-    if any(is_result):
+    if any(path.suffix.lower() == RESULT for path in arguments.project):
         if len(inputs) > 1:
             raise InputError("convert: a result is converted by itself; give no other file")
         texts = _of_result(arguments)
@@ -81,7 +65,7 @@ def _of_result(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
     from obseq.survey.conversion import RESULT_WRITERS
 
     writers = {path: _writer(path, RESULT_WRITERS, "a result") for path in arguments.to}
-    record = read_json(arguments.input[0])
+    record = read_json(arguments.project[0])
     return {path: write(record, arguments.ellipse_scale) for path, write in writers.items()}
 
 
@@ -89,7 +73,7 @@ def _of_network(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
     from obseq.survey.conversion import NETWORK_WRITERS
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
-    network = _network(arguments)
+    network = source_of(arguments).read()
     if {path.suffix.lower() for path in writers} & {".obs", ".cor"}:
         system, frame = network.points_crs.definition, network.frame
         options = f"--points-crs '{system}' --refraction {frame.refraction_coefficient:g}"
@@ -97,23 +81,6 @@ def _of_network(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
             options = f"--frame '{frame.system.definition}' {options}"
         print(f"OBS and COR files do not say it: adjust them with {options}")
     return {path: write(network) for path, write in writers.items()}
-
-
-def _network(arguments: argparse.Namespace) -> Any:
-    from obseq.survey import Network
-
-    names = ("frame", "refraction", "encoding")
-    given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-    of_points = {"points_crs": arguments.points_crs, "point_sigma": arguments.point_sigma}
-    if arguments.input:
-        if arguments.obs or arguments.cor or any(of_points.values()):
-            raise InputError("convert: a project says itself what --obs, --cor and the options of points say")
-        return Network.read_project(arguments.input, outside=arguments.outside, **given)
-    if not arguments.obs or not arguments.cor:
-        raise InputError("convert: give a project or a result, or observations (--obs) and points (--cor)")
-    return Network.read(
-        arguments.obs, arguments.cor, **given, **{k: v for k, v in of_points.items() if v is not None}
-    )
 
 
 def _writer(path: Path, writers: Mapping[str, Any], what: str) -> Any:

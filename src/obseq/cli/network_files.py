@@ -53,7 +53,8 @@ def add_network_arguments(command: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="PROJECT",
-        help="files of another program: a Comp3D project (.comp)",
+        help="files of another program: Comp3D (.comp), GNU Gama (.gkf), DynAdjust (.stn .msr .xml), "
+        "STAR*NET (.dat), LandXML (.xml)",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
     files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
@@ -106,6 +107,14 @@ def add_network_arguments(command: argparse.ArgumentParser) -> None:
         "refraction nor curvature)",
     )
     computation.add_argument(
+        "--sigmas",
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
+        "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
+        "height-per-km=1mm (sec, cc, mgon, gon, deg; mm, cm, m)",
+    )
+    computation.add_argument(
         "--ignore",
         nargs="+",
         choices=IGNORABLE,
@@ -128,6 +137,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
             "point_sigma": arguments.point_sigma,
             "refraction": arguments.refraction,
             "ignore": arguments.ignore,
+            "sigmas": arguments.sigmas,
             **_point_format(arguments),
         }
     )
@@ -135,6 +145,8 @@ def source_of(arguments: argparse.Namespace) -> Source:
         return Source([], [], _project_options(arguments, reading), arguments.project)
     if not arguments.obs or not arguments.cor:
         raise InputError("give a project, or observation files (--obs) and point files (--cor)")
+    if "sigmas" in reading:
+        raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
     return Source(arguments.obs, arguments.cor, reading)
 
 
@@ -145,7 +157,7 @@ def given(options: dict[str, Any]) -> dict[str, Any]:
 
 def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> dict[str, Any]:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "refraction", "encoding", "ignore"}
+    accepted = {"frame", "refraction", "encoding", "ignore", "sigmas"}
     surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
     if surplus:
         listed = ", ".join("--" + name.replace("_", "-") for name in surplus)

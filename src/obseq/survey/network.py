@@ -39,6 +39,7 @@ from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.cor import read_cor
+from obseq.survey.files.default_sigmas import parse_sigmas
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
@@ -173,6 +174,7 @@ class Network:
         outside=TRUTH,
         geoid=PATH | NOTHING,
         ignore=WORDS,
+        sigmas=WORDS,
     )
     def read_project(
         cls,
@@ -184,6 +186,7 @@ class Network:
         outside: bool = False,
         geoid: str | Path | None = None,
         ignore: Collection[str] = (),
+        sigmas: Collection[str] = (),
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -196,13 +199,16 @@ class Network:
             geoid: Geoid heights and deflections, for files with heights above the geoid.
             ignore: What is to be passed over, as for `read`; "frames": reference frames and epochs of single
                 observations that are not those of the network.
+            sigmas: Standard deviations of observations whose file has none, such as "distance=2mm" (STAR*NET,
+                LandXML).
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         watch = Stopwatch()
         with watch.phase("read"):
-            chosen = Reading(encoding, outside, Path(geoid) if geoid else None, checked_ignore(ignore))
+            place = Path(geoid) if geoid else None
+            chosen = Reading(encoding, outside, place, checked_ignore(ignore), parse_sigmas(sigmas))
             project = read_project(paths, chosen)
         coefficient = project.refraction if refraction is None else refraction
         definition = frame or project.frame

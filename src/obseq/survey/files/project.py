@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,12 +50,14 @@ class Reading:
         outside: Whether files outside the folder of the project may be read.
         geoid: File of geoid heights and deflections, for heights above the geoid; None without.
         ignore: What is to be left out or passed over, by name (`obseq.survey.files.after_sigma.IGNORABLE`).
+        sigmas: Standard deviations of observations whose file has none, by name (`default_sigmas.NAMES`).
     """
 
     encoding: str = "utf-8"
     outside: bool = False
     geoid: Path | None = None
     ignore: frozenset[str] = frozenset()
+    sigmas: Mapping[str, float] = field(default_factory=dict)
 
 
 Reader = Callable[[tuple[Path, ...], Reading], Project]

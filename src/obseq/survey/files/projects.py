@@ -11,6 +11,7 @@ from obseq.survey.files.dynadjust import MSR, STN, read_dna, read_dynaml
 from obseq.survey.files.dynaml import ROOT
 from obseq.survey.files.gama import read_gama
 from obseq.survey.files.project import Reading, only_one
+from obseq.survey.files.starnet import read_starnet
 from obseq.survey.files.xml_file import read_xml
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 READERS: dict[str, Reader] = {
     ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
     ".gkf": read_gama,
+    ".dat": read_starnet,
     STN: read_dna,
     MSR: read_dna,
 }

@@ -1,0 +1,67 @@
+"""Standard deviations that a user gives for observations whose file has none."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+from obseq.survey.files.text import parse_number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+SECOND = math.pi / 648_000.0
+GON = math.pi / 200.0
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+ANGLES = {"sec": SECOND, "cc": GON * 1e-4, "mgon": GON * 1e-3, "gon": GON, "deg": math.pi / 180.0}
+PARTS = {"ppm": 1e-6}
+NAMES = {
+    "distance": LENGTHS,
+    "distance-ppm": PARTS,
+    "direction": ANGLES,
+    "angle": ANGLES,
+    "azimuth": ANGLES,
+    "zenith": ANGLES,
+    "height": LENGTHS,
+    "height-per-km": LENGTHS,
+}
+"""What a standard deviation is of, and its units; heights per root of the kilometre of a line."""
+HELP = "NAME=VALUE with its unit: distance=2mm distance-ppm=2ppm direction=3sec angle=10cc zenith=1mgon"
+_VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+)", re.ASCII)
+
+
+def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:
+    """Standard deviations by name, in metres, radians or parts.
+
+    Args:
+        texts: Such as `distance=2mm`.
+
+    Raises:
+        InputError: A name or a unit is not known, or a value is not above zero.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in NAMES:
+            raise InputError(f"--sigmas {text}: {name!r} is none of {', '.join(NAMES)}")
+        parts = _VALUE.fullmatch(value)
+        if parts is None or parts[2] not in NAMES[name]:
+            raise InputError(f"--sigmas {text}: a number and one of {', '.join(NAMES[name])} is needed")
+        try:
+            number = parse_number(parts[1]) * NAMES[name][parts[2]]
+        except ValueError as error:
+            raise InputError(f"--sigmas {text}: {error}") from error
+        if number <= 0.0:
+            raise InputError(f"--sigmas {text}: a standard deviation is above zero")
+        found[name] = number
+    return found
+
+
+def lacking(name: str, given: Mapping[str, float]) -> str | None:
+    """What to do when there is no standard deviation of a name; None when there is one."""
+    if name in given:
+        return None
+    unit = next(iter(NAMES[name]))
+    return f"it has no standard deviation: write one, or give --sigmas {name}=...{unit}"

@@ -1,0 +1,138 @@
+"""Data files of STAR*NET (`.dat`): points, observations, traverses, direction sets and inline options.
+
+Such a file is half of a project: dimension, units and standard errors may stand in the project file, which is
+not read. What the data file does not say itself is asked for (`--sigmas`) or told (metres and degrees).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from obseq.survey.files.columns import Columns
+from obseq.survey.files.includes import DEEPEST, Folder
+from obseq.survey.files.project import Project, Reading, only_one
+from obseq.survey.files.starnet_observations import CODES, ObservationLines
+from obseq.survey.files.starnet_points import PointLines
+from obseq.survey.files.starnet_values import Line, Options, changed
+from obseq.survey.files.text import read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from obseq.survey.files.text import TextFile
+
+REFUSED = {
+    "p": "geographic coordinates need a datum, which such a file does not name; give grid coordinates (C)",
+    "ph": "geographic coordinates need a datum, which such a file does not name; give grid coordinates (C)",
+    "ch": "ellipsoidal heights need a geoid, which such a file does not name; give elevations (C)",
+    "eh": "ellipsoidal heights need a geoid, which such a file does not name; give elevations (E)",
+    "g0": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
+    "g1": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
+    "g2": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
+    "g3": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
+}
+"""Codes that are known and not read, with the reason."""
+IGNORED_OPTIONS = (".title", ".loststations", ".pswt", ".plot")
+"""Options that change nothing of an adjustment."""
+
+
+def read_starnet(paths: tuple[Path, ...], reading: Reading) -> Project:
+    """Reads a data file of STAR*NET, with those that it includes.
+
+    Args:
+        paths: The file.
+        reading: How to read it; `sigmas` are what stands for missing standard errors.
+
+    Raises:
+        InputError: Naming file and line, what is wrong and what to do.
+    """
+    path = only_one(paths)
+    reader = _Reader(Folder(path.parent, reading.encoding, reading.outside), reading)
+    for line in reader.lines(path.name):
+        reader.read(line)
+    return reader.project()
+
+
+class _Reader:
+    def __init__(self, folder: Folder, reading: Reading) -> None:
+        self._folder = folder
+        self._options = Options()
+        self._columns = Columns()
+        self._files: dict[str, int] = {}
+        self._points = PointLines()
+        self._observations = ObservationLines(self._columns, self._files, reading.sigmas)
+        self._skipped: list[int] = []
+        self._has_units = self._is_over = False
+        self._first: TextFile | None = None
+
+    def lines(self, name: str, beside: Path | None = None, depth: int = 0) -> Iterator[Line]:
+        """The lines that hold something, those of included files in place."""
+        path = self._folder.path(name, beside)
+        file = read_text(path, self._folder.encoding)
+        self._first = self._first or file
+        self._files.setdefault(file.name, self._columns.open_file(file))
+        for index, text in enumerate(file.lines):
+            fields = tuple(text.partition("#")[0].partition("'")[0].split())
+            if self._is_over or not fields:
+                continue
+            line = Line(file, index, fields, self._options)
+            if len(fields[0]) >= 4 and ".include".startswith(fields[0].lower()):
+                if len(fields) != 2 or depth == DEEPEST:
+                    raise line.error(
+                        f".INCLUDE names one file, {DEEPEST} levels deep at most; is there a loop?"
+                    )
+                yield from self.lines(fields[1], path.parent, depth + 1)
+            else:
+                yield line
+
+    def read(self, line: Line) -> None:
+        """Takes one line."""
+        word = line.fields[0].lower()
+        if word == ".end":
+            self._is_over = True
+        elif word.startswith("."):
+            self._has_units |= word.startswith(".uni")
+            if not any(name.startswith(word) and len(word) > 3 for name in IGNORED_OPTIONS):
+                self._options = changed(self._options, line)
+        elif not self._options.is_on:
+            self._skipped.append(line.index + 1)
+        elif word in REFUSED:
+            raise line.error(
+                f"{line.fields[0]} is a record which obseq cannot adjust from here: {REFUSED[word]}"
+            )
+        elif word in ("c", "e"):
+            self._settle(self._points.read(line))
+        elif word in CODES:
+            self._observations.read(line)
+        else:
+            raise line.error(
+                f"unknown code {line.fields[0][:20]!r} (known: C, E, {', '.join(CODES).upper()})"
+            )
+
+    def _settle(self, is_plane: bool | None) -> None:
+        """Takes the dimension of the network from its first point where no option has said it."""
+        if self._options.is_plane is None and is_plane is not None:
+            self._options = replace(self._options, is_plane=is_plane)
+
+    def project(self) -> Project:
+        """The network, once all lines are read."""
+        assert self._first is not None
+        self._observations.finish()
+        if not len(self._columns):
+            raise self._first.error(0, "the file holds no observation")
+        is_plane = bool(self._options.is_plane)
+        points = self._points.points(self._first.name, tuple(self._columns.names), is_plane)
+        book = self._columns.field_book()
+        told = (*self._told(), *self._observations.warnings, *book.warnings)
+        refraction = self._options.refraction
+        return Project(points, replace(book, warnings=told), "Local", "Local", refraction)
+
+    def _told(self) -> Iterator[str]:
+        name = self._first.name if self._first else ""
+        if not self._has_units:
+            yield f"{name}: no .UNITS: metres and degrees are taken"
+        if self._skipped:
+            lines = ", ".join(str(line) for line in self._skipped[:8])
+            yield f"{name}: {len(self._skipped)} lines are switched off by .DATA OFF ({lines}...)"

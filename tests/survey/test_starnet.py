@@ -1,0 +1,214 @@
+"""Data files of STAR*NET: what lines mean, in numbers that a person can follow, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.survey import KINDS, Network
+
+SECOND = math.pi / 648_000
+PLANE = """
+.2D
+.UNITS Meters DMS
+C A 0 0 ! !          # north and east
+C B 100 0 ! !
+C P 60 80
+M A-B-P 53-07-48.4 100.003 5 0.005
+D B-P 89.443 0.005   'a comment
+"""
+
+
+def read(tmp_path, text, **options):
+    path = tmp_path / "n.dat"
+    path.write_text(text)
+    return Network.read_project(path, **options)
+
+
+def rows(network):
+    """(kind, from, to, value, sigma) of the active observations."""
+    book, kinds = network.book, {kind.code: kind.name for kind in KINDS}
+    table = book.observations
+    return [
+        (
+            kinds[int(table.types[k])],
+            book.point_names[table.from_points[k]],
+            book.point_names[table.to_points[k]],
+            float(table.values[k]),
+            float(table.sigmas[k]),
+        )
+        for k in range(len(table))
+        if table.active[k]
+    ]
+
+
+def test_a_plane_network_is_adjusted(tmp_path):
+    adjusted = read(tmp_path, PLANE).adjust()
+    # A at the origin, B 100 m north: 53.13 degrees clockwise from there at 100 m is 80 m east, 60 m north
+    assert adjusted.points.coordinates[2] == pytest.approx([80.0, 60.0, 0.0], abs=0.01)
+    assert adjusted.solution.redundancy == 1
+    assert adjusted.converged
+
+
+def test_packed_and_dashed_angles_and_gons(tmp_path):
+    packed = read(tmp_path, PLANE.replace("53-07-48.4", "53.07484"))
+    gons = read(
+        tmp_path, PLANE.replace("DMS", "GONS").replace("53-07-48.4 100.003 5", "59.033457 100.003 1.5")
+    )
+    angle = (53 + 7 / 60 + 48.4 / 3600) * math.pi / 180
+    assert rows(packed)[0][3:] == pytest.approx((angle, 5 * SECOND))
+    assert rows(gons)[0][3] == pytest.approx(angle, abs=2e-8)
+    assert rows(gons)[0][4] == pytest.approx(1.5e-3 * math.pi / 200)
+
+
+def test_feet_are_told_apart(tmp_path):
+    survey = read(tmp_path, PLANE.replace("Meters", "FeetUS"))
+    assert rows(survey)[1][3] == pytest.approx(100.003 * 1200 / 3937)
+    with pytest.raises(InputError, match=r"n\.dat:3: which foot"):
+        read(tmp_path, PLANE.replace("Meters", "Feet"))
+
+
+SPACE = """
+.3D
+.UNITS Meters DMS
+.ORDER EN AtFromTo
+C A 0 0 10 ! ! !
+C B 0 100 12 ! ! !
+{}
+"""
+
+
+def in_space(tmp_path, lines, **options):
+    return rows(read(tmp_path, SPACE.format(lines), **options))
+
+
+def test_slope_distance_zenith_and_heights(tmp_path):
+    found = in_space(tmp_path, "DV A-P 50.01 85-00-00 0.003 4 1.5/1.7")
+    assert found[0] == ("Dist", "A", "P", 50.01, 0.003)
+    assert found[1] == pytest.approx(("Zen", "A", "P", math.radians(85), 4 * SECOND))
+    network = read(tmp_path, SPACE.format("DV A-P 50.01 85-00-00 0.003 4 1.5/1.7"))
+    assert network.book.observations.to_heights.tolist() == [1.7, 1.7]
+    assert network.frame.refraction_coefficient == 0.14  # STAR*NET's 0.07
+
+
+def test_delta_is_horizontal_distance_and_height_difference(tmp_path):
+    found = in_space(tmp_path, ".DELTA ON\nDV A-P 50 -1.25 0.003 0.002")
+    assert found == [("DistHz", "A", "P", 50.0, 0.003), ("DH", "A", "P", -1.25, 0.002)]
+
+
+def test_second_face_bearings_and_missing_values(tmp_path):
+    found = in_space(tmp_path, "V A-P 275-00-00 4\nB A-P S30-00-00E 10\nBM A-Q N10W ? 90 1 1 1")
+    assert found[0][3] == pytest.approx(math.radians(85))
+    assert found[1][3] == pytest.approx(math.radians(150))
+    assert found[2][3] == pytest.approx(math.radians(350))
+    assert [row[0] for row in found] == ["Zen", "Azim", "Azim", "Zen"]
+
+
+def test_levelling_takes_the_root_of_the_length(tmp_path):
+    found = in_space(tmp_path, "L A-P 1.5 4000\nL A-Q 1.5 4000 0.01", sigmas=["height-per-km=1mm"])
+    assert [row[4] for row in found] == pytest.approx([0.002, 0.01])
+
+
+def test_a_direction_set_has_one_orientation(tmp_path):
+    network = read(tmp_path, SPACE.format("DB A\nDN B 0 3\nDM P 40-30-00 60 88 3 0.002 5\nDE"))
+    assert [row[0] for row in rows(network)] == ["Hz", "Hz", "Dist", "Zen"]
+    assert network.book.observations.stations.tolist()[:2] == [0, 0]
+
+
+def test_a_traverse_is_angles_and_distances(tmp_path):
+    lines = "TB B\nT A 90-00-00 50 90-00-00 3 .002 3\nT P 180-00-00 60 91 3 .002 3\nTE Q 270 B 3"
+    network = read(tmp_path, SPACE.format(lines))
+    found = rows(network)
+    assert [row[:3] for row in found] == [
+        ("Angle", "A", "P"),
+        ("Dist", "A", "P"),
+        ("Zen", "A", "P"),
+        ("Angle", "P", "Q"),
+        ("Dist", "P", "Q"),
+        ("Zen", "P", "Q"),
+        ("Angle", "Q", "B"),
+    ]
+    backs = network.book.observations.backsights
+    names = [network.book.point_names[back] for back in backs[backs >= 0]]
+    assert names == ["B", "A", "P"]
+
+
+def test_marks_free_fix_and_default(tmp_path):
+    lines = "D A-P 50 *\nD B-P 60 !\nD A-Q 70 &\nD B-Q 70"
+    network = read(tmp_path, SPACE.format(lines), sigmas=["distance=3mm", "distance-ppm=2ppm"])
+    assert network.book.observations.active.tolist() == [False, True, True, True]
+    assert network.book.observations.sigmas[1:] == pytest.approx([1e-6, 3e-3, 3e-3])
+    assert network.book.observations.relative_sigmas.tolist() == [0.0, 0.0, 2e-6, 2e-6]
+
+
+def test_side_shots_place_their_points_and_no_others(tmp_path):
+    lines = "D A-P 50 .01\nSS A-B-S 90 20 90 5 .01 5\nSS A-B-P 80 20 90 5 .01 5"
+    network = read(tmp_path, SPACE.format(lines))
+    assert {row[2] for row in rows(network)} == {"P", "S"}
+    assert any(":9: side shot to P" in text for text in network.book.warnings)
+
+
+def test_known_points_with_standard_errors(tmp_path):
+    network = read(tmp_path, ".UNITS Meters DMS\nC A 5 7 9 0.01 0.02 ! \nC B 1 1 1\nE B 3 *\nD A-B 3 1\n")
+    sigmas = network.points.sigmas
+    assert sigmas[0].tolist() == [0.02, 0.01, 0.0]  # north first in the file, east first here
+    assert np.isnan(sigmas[1]).all()
+    assert network.points.coordinates.tolist() == [[7, 5, 9], [1, 1, 3]]
+
+
+def test_lines_switched_off_and_missing_units_are_told(tmp_path):
+    text = PLANE.replace(".UNITS Meters DMS\n", "") + ".DATA OFF\nD A-P 1 1\n.DATA ON\n.END\nrubbish\n"
+    said = read(tmp_path, text).book.warnings
+    assert any("metres and degrees are taken" in one for one in said)
+    assert any("1 lines are switched off" in one for one in said)
+
+
+def test_files_are_included_and_loops_found(tmp_path):
+    (tmp_path / "more.dat").write_text("D A-P 100.001 0.005\n")
+    assert len(rows(read(tmp_path, PLANE + ".INCLUDE more.dat\n"))) == 4
+    (tmp_path / "more.dat").write_text(".INCLUDE n.dat\n")
+    with pytest.raises(InputError, match="is there a loop"):
+        read(tmp_path, PLANE + ".INCLUDE more.dat\n")
+    with pytest.raises(InputError, match="outside the folder"):
+        read(tmp_path, PLANE + ".INCLUDE ../other.dat\n")
+
+
+WRONG = {
+    "D A-P 50": "give --sigmas distance=",
+    "D A-P-Q 50 1": "is not From-To",
+    "D A-A 50 1": "names a point twice",
+    "D A-P 50 1 2": "fields after the values",
+    "D A-P 5,0 1": "is not a number",
+    "D A-P -5 1": "is not positive",
+    "D A-P 50 0": "not above zero",
+    "A A-B-P 50-61-00 1": "minutes and seconds",
+    "A A-B-P fifty 1": "is no angle",
+    "M A-B-P 50 1 1/2": "`\\?` stands for what was not measured",
+    "DN P 50 1": "begins with DB",
+    "DB A": "open direction set",
+    "TB B": "open traverse",
+    "T A 50 1 90": "begins with TB",
+    "G1 A-P 1 2 3": "GNSS vectors",
+    "P A 50 10 100": "geographic coordinates",
+    "XX A-P 1": "unknown code",
+    ".GRID utm": "is not known here",
+    ".UNITS fathoms": "is none of Meters",
+    "C Q 1": "after the name",
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_what_cannot_be_read_is_refused_with_its_line(tmp_path, capfd, line):
+    with pytest.raises(InputError, match=WRONG[line]) as error:
+        read(tmp_path, SPACE.format(line))
+    assert str(error.value).startswith(f"{tmp_path / 'n.dat'}:7: ")
+    assert main(["adjust", str(tmp_path / "n.dat")]) == 2
+    assert WRONG[line].replace("\\", "") in capfd.readouterr().err
+
+
+def test_default_sigmas_need_a_unit(tmp_path):
+    for text in ("distance=2", "distance=2sec", "length=2mm", "angle=0sec", "angle=x"):
+        with pytest.raises(InputError, match=f"--sigmas {text}"):
+            read(tmp_path, PLANE, sigmas=[text])
