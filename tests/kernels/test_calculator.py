@@ -135,6 +135,15 @@ def test_results_are_written_where_wanted(distance: obseq.Calculator) -> None:
     assert distance.values(POINTS, [[4.0], [3.5]], out=out[0]) is out[0]
 
 
+def test_directional_derivatives_are_written_where_wanted(distance: obseq.Calculator) -> None:
+    direction = np.arange(12.0).reshape(2, 6)
+    expected = distance.directional_derivative(POINTS, [[4.0], [3.5]], direction)
+    out = np.full((2, 1), 7.0), np.full((2, 1), 7.0)
+    found = distance.directional_derivative(POINTS, [[4.0], [3.5]], direction, out=out)
+    assert found[0] is out[0] and found[1] is out[1]
+    np.testing.assert_array_equal(out, expected)
+
+
 @pytest.mark.parametrize(
     "out", [np.zeros((2, 2)), np.zeros((2, 1), np.float32), np.zeros((2, 2))[:, :1], [[0.0], [0.0]]]
 )

@@ -5,7 +5,7 @@ import pytest
 
 from obseq.kernels import calculator, derivatives, load
 from obseq.kernels.layout import LANES, STRIDE
-from obseq.kernels.tiles import aligned_tiles, call_kernel
+from obseq.kernels.tiles import aligned_tiles, call_kernel, fill_lanes, read_lanes
 
 
 @pytest.mark.parametrize(("rows", "n_tiles"), [(1, 1), (14, 3), (29, 16), (101, 2)])
@@ -46,3 +46,16 @@ def test_any_number_of_rows(n: int) -> None:
         np.testing.assert_array_equal(values[k], alone[0])
         np.testing.assert_array_equal(jacobian[k], alone_jacobian[0])
     np.testing.assert_allclose(formula.values(u, o), values, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("n", [LANES, LANES - 3])
+def test_rows_of_any_width_go_to_lanes_and_back(n: int) -> None:
+    for width in range(10):
+        rows, tiles = np.random.default_rng(width).normal(size=(n, width)), aligned_tiles(12, 1)
+        fill_lanes(tiles, STRIDE, rows, 0)
+        found = tiles.reshape(12, STRIDE)
+        np.testing.assert_array_equal(found[1 : 1 + width, :n], rows.T)
+        assert not found[[0, *range(1 + width, 12)]].any()
+        back = np.full((n, width), 7.0)
+        read_lanes(tiles, STRIDE, back, 0)
+        np.testing.assert_array_equal(back, rows)

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 COMPILER = shutil.which("g++") or ""
 OPTIONS = ("-O3", "-march=native", "-std=c++17", "-shared", "-fPIC")
 
+BUFFER = 256
+"""Evaluations that the rival's buffer holds."""
+
 FUNCTIONS = (Path(__file__).parent / "rival_functions.h").read_text("utf-8")
 
 LOOP = """
@@ -55,6 +58,26 @@ extern "C" void *{name}_make(long n, long n_unknowns, long n_observations, long 
 }}
 extern "C" void {name}_run(void *handle, long repeats) {{
     for (long k = 0; k < repeats; k++) static_cast<{name}::Calculator *>(handle)->DoEval();
+}}
+extern "C" void {name}_evaluate(void *handle, long repeats, long n, long n_unknowns, long n_observations,
+                                long n_results, const double *unknowns, const double *observations,
+                                double *results) {{
+    auto *c = static_cast<{name}::Calculator *>(handle);
+    const long room = c->mLines.size();
+    for (long repeat = 0; repeat < repeats; repeat++)
+        for (long start = 0; start < n; start += room) {{
+            c->mNbInBuf = n - start < room ? n - start : room;
+            for (std::size_t k = 0; k < c->mNbInBuf; k++) {{
+                const double *u = unknowns + (start + k) * n_unknowns;
+                const double *o = observations + (start + k) * n_observations;
+                for (long i = 0; i < n_unknowns; i++) c->mVUk[k][i] = u[i];
+                for (long i = 0; i < n_observations; i++) c->mVObs[k][i] = o[i];
+            }}
+            c->DoEval();
+            for (std::size_t k = 0; k < c->mNbInBuf; k++)
+                for (long i = 0; i < n_results; i++)
+                    results[(start + k) * n_results + i] = c->mBufLineRes[k][i];
+        }}
 }}
 extern "C" const double *{name}_line(void *handle, long k) {{
     return static_cast<{name}::Calculator *>(handle)->mBufLineRes[k];
@@ -105,6 +128,25 @@ def contender(
     run(handle, 1)
     results = np.array([np.ctypeslib.as_array(line(handle, k), (width,)) for k in range(n)])
     return CppContender(lambda repeats: run(handle, repeats), results.reshape(n, n_residuals, -1))
+
+
+def filled_and_copied(
+    library: ctypes.CDLL, name: str, formula: Formula, n_residuals: int, u: Array, o: Array
+) -> Repeat:
+    """The same for a loop whose buffer, of `BUFFER` evaluations, is filled and emptied each time."""
+    n, width = len(u), n_residuals * (1 + len(formula.unknowns))
+    make, evaluate = getattr(library, f"{name}_make"), getattr(library, f"{name}_evaluate")
+    make.restype = ctypes.c_void_p
+    make.argtypes = [ctypes.c_long] * 4 + [ctypes.c_void_p] * 2
+    evaluate.argtypes = [ctypes.c_void_p] + [ctypes.c_long] * 5 + [ctypes.c_void_p] * 3
+    shape = (u.shape[1], o.shape[1], width)
+    handle, results = make(min(n, BUFFER), *shape, u.ctypes.data, o.ctypes.data), np.empty((n, width))
+
+    def run(repeats: int) -> None:
+        for _ in range(repeats):
+            evaluate(handle, 1, n, *shape, u.ctypes.data, o.ctypes.data, results.ctypes.data)
+
+    return run
 
 
 def rival_text(rival: Rival, formula: Formula) -> str:

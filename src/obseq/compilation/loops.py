@@ -36,15 +36,16 @@ class Loop(Function):
         Raises:
             TypeError: an argument is not what the annotation of its parameter says.
         """
-        entry, result = self._entry, self._result()
+        entry, result = self._entry, self._result() if self._has_result else None
+        place = None if result is None else ctypes.byref(result)
         given = self._members(arguments) if self._records else arguments
         try:
-            status = entry(ctypes.byref(result), NDARRAY, *given)
+            status = entry(place, NDARRAY, *given)
         except (ctypes.ArgumentError, TypeError):
-            status = entry(ctypes.byref(result), NDARRAY, *self._converted(given))
+            status = entry(place, NDARRAY, *self._converted(given))
         if status:
             self._refuse(status, given)
-        return result.value if self._has_result else None
+        return None if result is None else result.value
 
     @cached_property
     def routine(self) -> Routine:

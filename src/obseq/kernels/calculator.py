@@ -16,6 +16,8 @@ from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
 from obseq.pools import thread_pool
 
+FLOAT = np.dtype(np.float64)
+
 SCRATCH_DOUBLES = 6 << 10
 """Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
 
@@ -96,7 +98,11 @@ class Calculator:
         return values, jacobian
 
     def directional_derivative(
-        self, unknowns: ArrayLike, observations: ArrayLike, direction: ArrayLike
+        self,
+        unknowns: ArrayLike,
+        observations: ArrayLike,
+        direction: ArrayLike,
+        out: tuple[FloatArray, FloatArray] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """The residuals and their derivatives along a direction: the Jacobian times a vector, at once.
 
@@ -107,6 +113,7 @@ class Calculator:
             unknowns: (n, n_unknowns) float64.
             observations: (n, n_observations) float64, context of the unknown blocks included.
             direction: (n, n_unknowns) float64, a vector per row.
+            out: (n, n_residuals) float64 twice, to write to; new by default.
 
         Returns:
             (n, n_residuals) residuals and (n, n_residuals) derivatives.
@@ -118,14 +125,14 @@ class Calculator:
         d = self._array("direction", direction, self.unknowns)
         if len(d) != len(u):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
-        shape = len(u), len(self.residuals)
+        shape, to = (len(u), len(self.residuals)), (None, None) if out is None else out
+        values, along = self._result(to[0], *shape), self._result(to[1], *shape)
         if address := self.kernel.directional_address:
-            values, along = self._result(None, *shape), self._result(None, *shape)
             given = np.hstack([o, d])
             self._evaluate(address, self.kernel.directional_rows, False, u, given, values, along)
             return values, along
-        values, jacobian = self.values_and_jacobian(u, o)
-        return values, np.einsum("nij,nj->ni", jacobian, d)
+        _, jacobian = self.values_and_jacobian(u, o, (values, np.empty((*shape, len(self.unknowns)))))
+        return values, np.einsum("nij,nj->ni", jacobian, d, out=along)
 
     def check_finite(self, values: ArrayLike) -> None:
         """Raises InputError naming the first rows whose values are not finite.
@@ -148,6 +155,13 @@ class Calculator:
         return u, o
 
     def _array(self, argument: str, given: ArrayLike, names: tuple[str, ...]) -> FloatArray:
+        if (
+            type(given) is np.ndarray
+            and given.dtype is FLOAT
+            and given.flags.c_contiguous
+            and given.shape[1:] == (len(names),)
+        ):
+            return given
         try:
             array = np.asarray(given)
         except ValueError as error:
@@ -175,15 +189,17 @@ class Calculator:
         if not values.size:
             return
 
-        def evaluate_part(first: int, last: int) -> None:
-            part = slice(first, last)
-            scratch = _scratch(self.kernel, address, rows, has_constants)
-            _tiles().evaluate(address, scratch, rows, u[part], o[part], values[part], derivatives[part])
-
         n = len(u)
         if n < THREADED_ROWS or (os.cpu_count() or 1) < 2:
-            evaluate_part(0, n)
+            scratch = _scratch(self.kernel, address, rows, has_constants)
+            _tiles().evaluate(address, scratch, rows, u, o, values, derivatives)
             return
+
+        def evaluate_part(first: int, last: int) -> None:
+            scratch = _scratch(self.kernel, address, rows, has_constants)
+            arrays = (array[first:last] for array in (u, o, values, derivatives))
+            _tiles().evaluate(address, scratch, rows, *arrays)
+
         middle = n // (2 * LANES) * LANES
         with thread_pool(1) as pool:
             second = pool.submit(evaluate_part, middle, n)

@@ -47,15 +47,15 @@ def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies rows to the lanes of a tile, the last row again and again where there are no more."""
     width = rows.shape[1]
     if start + LANES <= len(rows):
-        quads = width - width % 4
         step = U(width)
-        for lane in range(0, LANES, 4):
+        for lane in range(0, LANES, 4) if width >= 4 else range(0):
             row = U((start + lane) * width)
-            for i in range(0, quads, 4):
+            for quad in range(0, width, 4):
+                i = min(quad, width - 4)
                 a = row + U(i)
                 place = U(at + i * STRIDE + lane)
                 transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
-        for i in range(quads, width):
+        for i in range(width if width < 4 else 0):
             for lane in range(LANES):
                 tiles[at + i * STRIDE + lane] = rows[start + lane, i]
     else:
@@ -71,13 +71,13 @@ def read_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
     width = rows.shape[1]
     if start + LANES <= len(rows):
-        quads = width - width % 4
-        for lane in range(0, LANES, 4):
-            for i in range(0, quads, 4):
+        for lane in range(0, LANES, 4) if width >= 4 else range(0):
+            for quad in range(0, width, 4):
+                i = min(quad, width - 4)
                 a = U(at + i * STRIDE + lane)
                 place = U((start + lane) * width + i)
                 transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, U(width))
-        for i in range(quads, width):
+        for i in range(width if width < 4 else 0):
             for lane in range(LANES):
                 rows[start + lane, i] = tiles[at + i * STRIDE + lane]
     else:
