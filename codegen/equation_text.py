@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
 
 import sympy
 
@@ -38,10 +37,10 @@ class Text:
     """
 
     reading: Reading
-    shared: frozenset[Any] = frozenset()
+    shared: frozenset[sympy.Basic] = frozenset()
     lines: list[Equation] = field(default_factory=list)
-    _written: dict[str, Any] = field(default_factory=dict)
-    _abbreviations: dict[Any, str] = field(default_factory=dict)
+    _written: dict[str, sympy.Basic] = field(default_factory=dict)
+    _abbreviations: dict[sympy.Basic, str] = field(default_factory=dict)
 
     def name(self, name: str) -> str:
         """A name of a scalar, of a vector or of a matrix."""
@@ -88,7 +87,7 @@ class Text:
 
     # what is common to all styles
 
-    def define(self, name: str, value: Any, key: Any) -> str:
+    def define(self, name: str, value: sympy.Basic, key: sympy.Basic) -> str:
         """The name of a definition, written out the first time that it is met."""
         while name in self._written and self._written[name] is not key:
             name += "'"
@@ -104,7 +103,7 @@ class Text:
             name += "'"
         return self.name(name)
 
-    def abbreviate(self, value: Any) -> str:
+    def abbreviate(self, value: sympy.Basic) -> str:
         """The name given to a part that comes several times."""
         if value not in self._abbreviations:
             terms = self.sum_of(value, whole=True)
@@ -112,14 +111,14 @@ class Text:
             self.lines.append(Equation(name, terms))
         return self._abbreviations[value]
 
-    def write(self, value: Any, tighter: int = SUM) -> str:
+    def write(self, value: sympy.Basic, tighter: int = SUM) -> str:
         """A scalar, a vector or a matrix; between parentheses when it binds less than asked."""
         if value in self.shared:
             return self.abbreviate(value)
         text, binding = self._term(value) if isinstance(value, Term) else self._scalar(value)
         return text if binding >= tighter else self.between(text)
 
-    def sum_of(self, value: Any, whole: bool = False) -> tuple[str, ...]:
+    def sum_of(self, value: sympy.Basic, whole: bool = False) -> tuple[str, ...]:
         """The terms of a sum, each after the first with its sign; anything else is one term.
 
         Args:
@@ -138,10 +137,10 @@ class Text:
         lead = f"-{first[1]}" if first[0] < 0 else first[1]
         return (lead, *(f"{'+' if sign > 0 else '-'} {text}" for sign, text in terms[1:]))
 
-    def _written_out(self, value: Any) -> str:
+    def _written_out(self, value: sympy.Basic) -> str:
         return (self._term(value) if isinstance(value, Term) else self._scalar(value))[0]
 
-    def _scalar(self, value: Any) -> tuple[str, int]:
+    def _scalar(self, value: sympy.Basic) -> tuple[str, int]:
         value = sympy.sympify(value)
         if isinstance(value, sympy.Symbol):
             term = self.reading.terms.get(value)
@@ -175,7 +174,7 @@ class Text:
             return self._product(above), PRODUCT
         return self._quotient(above, below), self.fraction_binding
 
-    def _product(self, factors: list[Any]) -> str:
+    def _product(self, factors: list[sympy.Basic]) -> str:
         counts = Counter(factors)
         texts = [
             self.write(factor, POWER) if count == 1 else self.power(self.write(factor, ATOM), str(count))
@@ -183,11 +182,11 @@ class Text:
         ]
         return self.product.join(texts) or "1"
 
-    def _quotient(self, above: list[Any], below: list[Any]) -> str:
+    def _quotient(self, above: list[sympy.Basic], below: list[sympy.Basic]) -> str:
         denominator = self._product(below) if len(below) == 1 else self.between(self._product(below))
         return self.fraction(self._product(above), denominator)
 
-    def _power(self, base: Any, exponent: Any) -> tuple[str, int]:
+    def _power(self, base: sympy.Basic, exponent: sympy.Basic) -> tuple[str, int]:
         if exponent == sympy.Rational(1, 2):
             return self.root(self.write(base)), ATOM
         if exponent.is_number and exponent.is_negative:
@@ -201,7 +200,7 @@ class Text:
         name = FUNCTIONS.get(type(value)) or type(value).__name__
         return self.call(name, [self.write(argument) for argument in value.args]), ATOM
 
-    def _root(self, value: Any) -> str:
+    def _root(self, value: sympy.Basic) -> str:
         term = self.reading.terms.get(value)
         if term is not None and term.kind == "dot" and term.parts[0] == term.parts[1]:
             return self.length(self.write(term.parts[0]))

@@ -1,7 +1,6 @@
 """Sums and products as people see them: signed terms, factors above and below, parts that come again."""
 
 from collections import Counter
-from typing import Any
 
 import sympy
 
@@ -13,7 +12,9 @@ SHARED = 3
 TERM_WEIGHTS = {"apply": 3, "product": 3, "cross": 2}
 
 
-def signed_terms(value: Any, sign: int, kept: frozenset[Any]) -> list[tuple[int, Any]]:
+def signed_terms(
+    value: sympy.Basic, sign: int, kept: frozenset[sympy.Basic]
+) -> list[tuple[int, sympy.Basic]]:
     """The terms of a sum with their signs, zeros left out; what is kept is one term."""
     if value in kept:
         return [(sign, value)]
@@ -32,7 +33,9 @@ def signed_terms(value: Any, sign: int, kept: frozenset[Any]) -> list[tuple[int,
     return [] if value.is_zero else [(sign, value)]
 
 
-def _signed_product(value: sympy.Mul, sign: int, kept: frozenset[Any]) -> list[tuple[int, Any]]:
+def _signed_product(
+    value: sympy.Mul, sign: int, kept: frozenset[sympy.Basic]
+) -> list[tuple[int, sympy.Basic]]:
     """A product as one signed term, its numbers multiplied; a sum times a sign is a sum."""
     factors = _flat(value, kept - {value})
     number = sympy.prod([factor for factor in factors if factor.is_Number])
@@ -47,7 +50,7 @@ def _signed_product(value: sympy.Mul, sign: int, kept: frozenset[Any]) -> list[t
     return [(sign, value if rest == factors else sympy.Mul(*rest, evaluate=False))]
 
 
-def _flat(value: sympy.Expr, kept: frozenset[Any]) -> list[sympy.Expr]:
+def _flat(value: sympy.Expr, kept: frozenset[sympy.Basic]) -> list[sympy.Expr]:
     """The factors of a product; what is kept is one factor."""
     if value in kept:
         return [value]
@@ -56,7 +59,9 @@ def _flat(value: sympy.Expr, kept: frozenset[Any]) -> list[sympy.Expr]:
     return [value]
 
 
-def factors_of(value: Any, kept: frozenset[Any]) -> tuple[list[Any], list[Any]]:
+def factors_of(
+    value: sympy.Basic, kept: frozenset[sympy.Basic]
+) -> tuple[list[sympy.Basic], list[sympy.Basic]]:
     """The factors above and below the fraction bar, ones left out."""
     above, below = [], []
     for factor in _flat(value, kept - {value}):
@@ -68,12 +73,12 @@ def factors_of(value: Any, kept: frozenset[Any]) -> tuple[list[Any], list[Any]]:
     return above, below
 
 
-def repeated(reading: Reading, values: list[Any]) -> frozenset[Any]:
+def repeated(reading: Reading, values: list[sympy.Basic]) -> frozenset[sympy.Basic]:
     """The parts of some expressions, of three operations or more, that several others use."""
-    order: dict[Any, None] = {}
-    uses: Counter[Any] = Counter()
+    order: dict[sympy.Basic, None] = {}
+    uses: Counter[sympy.Basic] = Counter()
 
-    def visit(value: Any) -> None:
+    def visit(value: sympy.Basic) -> None:
         if value not in order:
             parts = _parts_of(value, reading)
             uses.update(parts)
@@ -83,7 +88,7 @@ def repeated(reading: Reading, values: list[Any]) -> frozenset[Any]:
 
     for value in values:
         visit(value)
-    weights: dict[Any, int] = {}
+    weights: dict[sympy.Basic, int] = {}
     shared = set()
     for value in order:
         weights[value] = _own_weight(value, reading) + sum(
@@ -97,7 +102,7 @@ def repeated(reading: Reading, values: list[Any]) -> frozenset[Any]:
     return frozenset(shared)
 
 
-def _parts_of(value: Any, reading: Reading) -> list[Any]:
+def _parts_of(value: sympy.Basic, reading: Reading) -> list[sympy.Basic]:
     if isinstance(value, Term):
         if value.kind == "name":
             return [reading.definitions[value.parts[0]]] if value.parts[0] in reading.definitions else []
@@ -107,11 +112,11 @@ def _parts_of(value: Any, reading: Reading) -> list[Any]:
     return [reading.terms[value]] if value in reading.terms else list(value.args)
 
 
-def _has_name(value: Any) -> bool:
+def _has_name(value: sympy.Basic) -> bool:
     return isinstance(value, functions.Named) or (isinstance(value, Term) and value.kind == "name")
 
 
-def _own_weight(value: Any, reading: Reading) -> int:
+def _own_weight(value: sympy.Basic, reading: Reading) -> int:
     """The operations of a part itself; a sign is none."""
     if isinstance(value, sympy.Symbol) or (isinstance(value, sympy.Mul) and value.args[0] == -1):
         return 0

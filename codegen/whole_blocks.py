@@ -8,7 +8,7 @@ becomes a definition. It is what the documentation prints: an equation that cann
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import sympy
 
@@ -25,7 +25,7 @@ class Term(NamedTuple):
     """
 
     kind: str
-    parts: tuple[Any, ...]
+    parts: tuple[sympy.Basic, ...]
 
 
 def named(name: str) -> Term:
@@ -46,12 +46,12 @@ class Reading:
     terms: dict[sympy.Symbol, Term] = field(default_factory=dict)
     definitions: dict[str, Term] = field(default_factory=dict)
     made_of: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    scalars: dict[Term, Any] = field(default_factory=dict)
+    scalars: dict[Term, sympy.Basic] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._cleaned: dict[sympy.Basic, sympy.Basic] = {}
 
-    def cleaned(self, value: Any) -> Any:
+    def cleaned(self, value: sympy.Basic) -> sympy.Basic:
         """An expression without powers 0 and 1, factors 1 and terms 0, otherwise as it was written."""
         value = sympy.sympify(value)
         if not value.args:
@@ -68,7 +68,7 @@ class Reading:
             self.scalars[term] = symbol
         return self.scalars[term]
 
-    def component(self, term: Term, axis: str) -> Any:
+    def component(self, term: Term, axis: str) -> sympy.Basic:
         """A component of a vector; of a multiple, the multiple of the component."""
         if term.kind == "scale":
             factor, vector = term.parts
@@ -117,10 +117,10 @@ class WholePoint2(Point2):
     def __sub__(self, other: Point2) -> Point2:
         return self._with("sub", other) or super().__sub__(other)
 
-    def __rmul__(self, factor: Any) -> Point2:
+    def __rmul__(self, factor: sympy.Basic) -> Point2:
         return self.reading.point2(Term("scale", (self.reading.cleaned(factor), self.term)))
 
-    def dot(self, other: Point2) -> Any:
+    def dot(self, other: Point2) -> sympy.Basic:
         """Scalar product."""
         if isinstance(other, WholePoint2):
             return self.reading.scalar(Term("dot", (self.term, other.term)))
@@ -149,14 +149,14 @@ class WholePoint3(Point3):
     def __sub__(self, other: Point3) -> Point3:
         return self._with("sub", other) or super().__sub__(other)
 
-    def __rmul__(self, factor: Any) -> Point3:
+    def __rmul__(self, factor: sympy.Basic) -> Point3:
         return self.reading.point3(Term("scale", (self.reading.cleaned(factor), self.term)))
 
     def cross(self, other: Point3) -> Point3:
         """Vector product."""
         return self._with("cross", other) or super().cross(other)
 
-    def dot(self, other: Point3) -> Any:
+    def dot(self, other: Point3) -> sympy.Basic:
         """Scalar product."""
         if isinstance(other, WholePoint3):
             return self.reading.scalar(Term("dot", (self.term, other.term)))
@@ -189,7 +189,7 @@ class WholeMatrix(Matrix3):
             return self.reading.matrix(Term("difference", (self.term, other.term)))
         return super().__sub__(other)
 
-    def __matmul__(self, other: Any) -> Any:
+    def __matmul__(self, other: sympy.Basic) -> sympy.Basic:
         if isinstance(other, WholeMatrix):
             return self.reading.matrix(Term("product", (self.term, other.term)))
         if isinstance(other, WholePoint3):
@@ -222,7 +222,7 @@ class WholeInverse(InverseRotation):
 
     whole: WholeMatrix
 
-    def __matmul__(self, other: Any) -> Any:
+    def __matmul__(self, other: sympy.Basic) -> sympy.Basic:
         return self.whole.T @ (other.matrix() if isinstance(other, Rotation) else other)
 
     def matrix(self) -> Matrix3:
@@ -230,7 +230,7 @@ class WholeInverse(InverseRotation):
         return self.whole.T
 
 
-def _without_neutral(value: sympy.Basic, parts: list[Any]) -> Any:
+def _without_neutral(value: sympy.Basic, parts: list[sympy.Basic]) -> sympy.Basic:
     neutral = {sympy.Add: 0, sympy.Mul: 1}.get(type(value))
     if neutral is not None:
         parts = [part for part in parts if part != neutral]
@@ -246,7 +246,7 @@ def transposed(term: Term) -> Term:
     return Term(*term.parts[0]) if term.kind == "transpose" else Term("transpose", (term,))
 
 
-def read(formula: Formula) -> tuple[Reading, list[Any]]:
+def read(formula: Formula) -> tuple[Reading, list[sympy.Basic]]:
     """A formula with its blocks whole: the reading, and the parts of what `residual` returns."""
     reading = Reading(made_of={name: (name,) for name in (*formula.unknowns, *formula.observations)})
     positional, keyword = [], {}
@@ -263,7 +263,7 @@ def read(formula: Formula) -> tuple[Reading, list[Any]]:
         ]
 
 
-def _parts(residual: Any) -> Iterator[Any]:
+def _parts(residual: sympy.Basic) -> Iterator[sympy.Basic]:
     if isinstance(residual, tuple | list):
         for part in residual:
             yield from _parts(part)
@@ -273,14 +273,14 @@ def _parts(residual: Any) -> Iterator[Any]:
         yield residual
 
 
-def _argument(argument: Argument, reading: Reading) -> Any:
+def _argument(argument: Argument, reading: Reading) -> sympy.Basic:
     symbols = [sympy.Symbol(name, real=True) for name in argument.scalars]
     context = [sympy.Symbol(name, real=True) for name in argument.context]
     built = argument.declaration.build(symbols, context)
     return _whole(built, iter(argument.declaration.atoms), argument.name, reading)
 
 
-def _whole(value: Any, atoms: Iterator[Atom], name: str, reading: Reading) -> Any:
+def _whole(value: sympy.Basic, atoms: Iterator[Atom], name: str, reading: Reading) -> sympy.Basic:
     """A block with its points, rotations and matrices made whole, one atom after the other."""
     if isinstance(value, Point2 | Point3 | Rotation | Matrix3):
         return _whole_atom(value, next(atoms), name, reading)
@@ -293,7 +293,7 @@ def _whole(value: Any, atoms: Iterator[Atom], name: str, reading: Reading) -> An
     return value
 
 
-def _whole_atom(value: Any, atom: Atom, name: str, reading: Reading) -> Any:
+def _whole_atom(value: sympy.Basic, atom: Atom, name: str, reading: Reading) -> sympy.Basic:
     if isinstance(value, Rotation):
         return _whole_rotation(atom, name, reading)
     if atom.kind == "Direction":

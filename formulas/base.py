@@ -159,7 +159,7 @@ class Formula(Patterned):
             seen.add(name)
 
 
-def _declare(argument: str, annotation: Any, formula: Formula) -> Declaration:
+def _declare(argument: str, annotation: object, formula: Formula) -> Declaration:
     """The declaration of one argument from its annotation: a block type, with labels when it is Annotated."""
     block, labels = annotation, [argument]
     if typing.get_origin(annotation) is typing.Annotated:
@@ -175,7 +175,7 @@ def _declare(argument: str, annotation: Any, formula: Formula) -> Declaration:
     return declaration
 
 
-def _flatten(residual: Any) -> tuple[Scalar, ...]:
+def _flatten(residual: object) -> tuple[Scalar, ...]:
     """The scalars of a residual written as a scalar, a point, a matrix, or a sequence of these."""
     if isinstance(residual, Point2 | Point3 | Matrix3):
         return tuple(residual)

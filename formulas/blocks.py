@@ -10,7 +10,7 @@ instrument or of a camera to the world is `R = R0 (I - [w]x)`, with `R0` its cur
 `(I + [w]x) R0^T`. After a solution `R0` becomes `R0 exp(-[w]x)` and `w` returns to 0.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Self, overload
 
@@ -139,7 +139,7 @@ class Point2:
         names = component_names(labels, "xy")
         return Declaration((Atom("Point2", names),), lambda scalars, _: cls(*scalars))
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Scalar]:
         return iter((self.x, self.y))
 
     def __add__(self, other: "Point2") -> "Point2":
@@ -192,7 +192,7 @@ class Point3:
         names = component_names(labels, "xyz")
         return Declaration((Atom("Point3", names, unit="m"),), lambda scalars, _: cls(*scalars))
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Scalar]:
         return iter((self.x, self.y, self.z))
 
     def __add__(self, other: "Point3") -> "Point3":
@@ -259,7 +259,7 @@ class Matrix3:
         """The three columns."""
         return self.T.rows
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Scalar]:
         return (scalar for row in self.rows for scalar in row)
 
     def __sub__(self, other: "Matrix3") -> "Matrix3":

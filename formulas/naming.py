@@ -28,7 +28,7 @@ class Spelling(Protocol):
     def expression(self) -> str:
         """Regular expression of its texts, without groups that capture."""
 
-    def read(self, text: str) -> Any:
+    def read(self, text: str) -> object:
         """The value that a text means."""
 
     def write(self, value: Any) -> str:
@@ -62,7 +62,7 @@ class Whole:
         """The digits, after the text before them."""
         return "" if value is None else f"{self.before}{value}"
 
-    def complaint(self, value: Any) -> str:
+    def complaint(self, value: object) -> str:
         """The range, for anything outside."""
         if (self.before and value is None) or (isinstance(value, int) and self.least <= value <= LARGEST):
             return ""
@@ -93,7 +93,7 @@ class Flag:
         """The text, or none."""
         return self.text if value is self.when else ""
 
-    def complaint(self, value: Any) -> str:
+    def complaint(self, value: object) -> str:
         """Something, for anything but True and False."""
         return "" if isinstance(value, bool) else "True or False"
 
@@ -106,21 +106,21 @@ class OneOf:
         values: The values by name.
     """
 
-    values: Mapping[str, Any]
+    values: Mapping[str, object]
 
     def expression(self) -> str:
         """The expression of its texts."""
         return f"(?:{'|'.join(self.values)})"
 
-    def read(self, text: str) -> Any:
+    def read(self, text: str) -> object:
         """The value of that name."""
         return self.values[text]
 
-    def write(self, value: Any) -> str:
+    def write(self, value: object) -> str:
         """The name of a value."""
         return next(name for name, known in self.values.items() if known == value)
 
-    def complaint(self, value: Any) -> str:
+    def complaint(self, value: object) -> str:
         """The names, for anything else."""
         return "" if value in self.values.values() else f"one of {', '.join(self.values)}"
 
@@ -147,7 +147,7 @@ class Part:
         """Its name."""
         return value.name
 
-    def complaint(self, value: Any) -> str:
+    def complaint(self, value: object) -> str:
         """The class, for anything else."""
         return "" if isinstance(value, self.kind) else f"a {self.kind.__name__}"
 
@@ -207,7 +207,7 @@ class Patterned:
         return {name: _spelling(cls, name, hints[name]) for name in wanted}
 
 
-def _spelling(cls: type, field: str, hint: Any) -> Spelling:
+def _spelling(cls: type, field: str, hint: object) -> Spelling:
     """How a field of that annotation stands in a name."""
     if typing.get_origin(hint) is typing.Annotated:
         found: Spelling = typing.get_args(hint)[1]

@@ -13,12 +13,15 @@ import types
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING
 from operator import attrgetter
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from obseq.errors import InputError
 
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
 Record = TypeVar("Record")
-Reader = Callable[[Any], Any]
+Reader = Callable[[object], object]
 
 
 class _WrongValueError(Exception):
@@ -37,19 +40,19 @@ class _Layout:
     keys: tuple[str, ...]
     names: tuple[str, ...]
     required: tuple[bool, ...]
-    values: Callable[[Any], tuple[Any, ...]]
+    values: Callable[[object], tuple[object, ...]]
     readers: tuple[Reader, ...]
 
 
-def to_plain(record: Any) -> dict[str, Any]:
+def to_plain(record: object) -> dict[str, object]:
     """The fields of a dataclass by key, dataclasses inside as dictionaries and tuples as lists."""
-    kind: Any = type(record)
+    kind: object = type(record)
     layout = _layout(kind)
     rows = zip(layout.keys, layout.values(record), layout.required, strict=True)
     return {key: _plain(value) for key, value, required in rows if required or value is not None}
 
 
-def from_plain(kind: type[Record], value: Any, what: str) -> Record:
+def from_plain(kind: type[Record], value: object, what: str) -> Record:
     """The dataclass whose plain form is given; keys that it does not know are left aside.
 
     Args:
@@ -60,15 +63,13 @@ def from_plain(kind: type[Record], value: Any, what: str) -> Record:
     Raises:
         InputError: something is missing or is not what it must be; the message says where.
     """
-    hint: Any = kind
     try:
-        record: Record = _reader(hint)(value)
+        return cast("Record", _reader(cast("Hashable", kind))(value))
     except _WrongValueError as error:
         raise InputError(f"{what}: {error.path.lstrip('.') or 'it'} {error.problem}") from None
-    return record
 
 
-def finite(value: Any) -> Any:
+def finite(value: object) -> object:
     """The value with None for what JSON cannot write: infinities and not-a-numbers."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -79,7 +80,7 @@ def finite(value: Any) -> Any:
     return value
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if value is None or isinstance(value, str | float | int):
         return value
     if isinstance(value, Mapping):
@@ -105,7 +106,7 @@ def _layout(kind: type) -> _Layout:
 
 
 @functools.cache
-def _reader(hint: Any) -> Reader:
+def _reader(hint: object) -> Reader:
     """What turns the plain form into a value of this type."""
     if dataclasses.is_dataclass(hint):
         return functools.partial(_read_record, hint)
@@ -118,7 +119,7 @@ def _reader(hint: Any) -> Reader:
     return _SCALARS[hint]
 
 
-def _read_record(kind: Any, value: Any) -> Any:
+def _read_record(kind: Any, value: object) -> object:
     if not isinstance(value, dict):
         raise _WrongValueError("is not an object with named fields")
     layout, found = _layout(kind), {}
@@ -132,11 +133,11 @@ def _read_record(kind: Any, value: Any) -> Any:
     return kind(**found)
 
 
-def _read_optional(read: Reader, value: Any) -> Any:
+def _read_optional(read: Reader, value: object) -> object:
     return None if value is None else read(value)
 
 
-def _read_items(read: Reader, value: Any) -> tuple[Any, ...]:
+def _read_items(read: Reader, value: object) -> tuple[object, ...]:
     if not isinstance(value, list):
         raise _WrongValueError("is not a list")
     try:
@@ -145,44 +146,44 @@ def _read_items(read: Reader, value: Any) -> tuple[Any, ...]:
         return tuple(_inside(f"[{k}]", read, item) for k, item in enumerate(value))
 
 
-def _read_entries(read: Reader, value: Any) -> dict[str, Any]:
+def _read_entries(read: Reader, value: object) -> dict[str, object]:
     if not isinstance(value, dict):
         raise _WrongValueError("is not an object with named fields")
     return {key: _inside(f".{key}", read, item) for key, item in value.items()}
 
 
-def _inside(place: str, read: Reader, value: Any) -> Any:
+def _inside(place: str, read: Reader, value: object) -> object:
     try:
         return read(value)
     except _WrongValueError as error:
         raise _WrongValueError(error.problem, place + error.path) from None
 
 
-def _read_number(value: Any) -> float:
+def _read_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise _WrongValueError("is not a finite number")
     return float(value)
 
 
-def _read_whole(value: Any) -> int:
+def _read_whole(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise _WrongValueError("is not a whole number")
     return value
 
 
-def _read_text(value: Any) -> str:
+def _read_text(value: object) -> str:
     if not isinstance(value, str):
         raise _WrongValueError("is not a text")
     return value
 
 
-def _read_truth(value: Any) -> bool:
+def _read_truth(value: object) -> bool:
     if not isinstance(value, bool):
         raise _WrongValueError("is neither true nor false")
     return value
 
 
-_SCALARS: dict[Any, Reader] = {
+_SCALARS: dict[object, Reader] = {
     float: _read_number,
     int: _read_whole,
     str: _read_text,

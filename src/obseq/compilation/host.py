@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import llvmlite.binding as llvm
+
+if TYPE_CHECKING:
+    from obseq.compilation.emission import Value
 
 
 def description() -> str:
@@ -19,7 +22,7 @@ def features() -> str:
     return str(llvm.get_host_cpu_features().flatten())
 
 
-def machine() -> Any:
+def machine() -> Value:
     """The target of code that is put to work in this process."""
     _initialise()
     target = llvm.Target.from_triple(llvm.get_process_triple())
@@ -28,7 +31,7 @@ def machine() -> Any:
     return target.create_target_machine(llvm.get_host_cpu_name(), features(), opt=3, **options)
 
 
-def other_machine(processor: str) -> Any:
+def other_machine(processor: str) -> Value:
     """The target of code for a kind of processor, to be linked in a library."""
     _initialise()
     target = llvm.Target.from_triple(llvm.get_process_triple())
@@ -47,7 +50,7 @@ def load(code: bytes, symbol: str) -> int:
 
 
 @cache
-def _engine() -> Any:
+def _engine() -> Value:
     """The engine that keeps all loaded code until the end of the process."""
     module = llvm.parse_assembly("")
     module.triple = llvm.get_process_triple()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from functools import cache
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -25,6 +25,7 @@ from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from obseq.compilation.emission import Builder, Context, Kind, Value
     from obseq.compilation.signatures import Argument, Parameter, Signature
 
 OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
@@ -52,7 +53,7 @@ KERNEL_EFFORT, LOOP_EFFORT = 3, 2
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
     """Text that is gathered, not optimised on the way."""
 
-    def _optimize_functions(self, module: Any) -> None:
+    def _optimize_functions(self, module: Value) -> None:
         module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
@@ -66,7 +67,7 @@ class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
 class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
     _library_class = _Library
 
-    def set_env(self, name: str, environment: Any) -> None:
+    def set_env(self, name: str, environment: Value) -> None:
         """No environment: compiled loops never call Python."""
 
 
@@ -93,14 +94,14 @@ def compile_for(
     return found
 
 
-def optimised(function: Function, signature: Signature, symbol: str, machine: Any) -> Any:
+def optimised(function: Function, signature: Signature, symbol: str, machine: Value) -> Value:
     """LLVM's module of a function for a machine, ready to be written as an object file."""
     module = assembled(function, signature, symbol)
     optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
     return module
 
 
-def assembled(function: Function, signature: Signature, symbol: str) -> Any:
+def assembled(function: Function, signature: Signature, symbol: str) -> Value:
     """LLVM's module of a function and all that it calls, as numba writes it; the entry is the symbol."""
     with global_compiler_lock:
         context = cpu_target.target_context
@@ -114,7 +115,7 @@ def assembled(function: Function, signature: Signature, symbol: str) -> Any:
         return llvm.parse_assembly(str(library.get_llvm_str()))
 
 
-def optimise(module: Any, machine: Any, symbol: str, effort: int) -> None:
+def optimise(module: Value, machine: Value, symbol: str, effort: int) -> None:
     """Optimises a module as a whole; all but the symbol may vanish in what calls it."""
     for function in module.functions:
         if not function.is_declaration and function.name != symbol:
@@ -125,7 +126,7 @@ def optimise(module: Any, machine: Any, symbol: str, effort: int) -> None:
     builder.getModulePassManager().run(module, builder)
 
 
-def _compiled(function: Function, signature: Signature, context: Any) -> tuple[Any, Any]:
+def _compiled(function: Function, signature: Signature, context: Context) -> tuple[Value, Value]:
     """Numba's library of a function, and its description."""
     flags = compiler.Flags()
     cpu_target.options.parse_as_flags(flags, _options(function))
@@ -142,8 +143,8 @@ def _compiled(function: Function, signature: Signature, context: Any) -> tuple[A
     return result.library, result.fndesc
 
 
-def _options(function: Function) -> dict[str, Any]:
-    options: dict[str, Any] = dict(OPTIONS)
+def _options(function: Function) -> dict[str, object]:
+    options: dict[str, object] = dict(OPTIONS)
     if function.flags:
         options["fastmath"] = set(function.flags)
     if function.always_inline:
@@ -152,7 +153,7 @@ def _options(function: Function) -> dict[str, Any]:
 
 
 @cache
-def dispatcher(function: Function) -> Any:
+def dispatcher(function: Function) -> Value:
     """A function as numba's own compiled functions call it."""
     return njit(**_options(function))(_translated(function))
 
@@ -169,23 +170,23 @@ def _translated(function: Function) -> FunctionType:
     return FunctionType(python.__code__, names, python.__name__, python.__defaults__, python.__closure__)
 
 
-def _argument_type(argument: Argument) -> Any:
+def _argument_type(argument: Argument) -> Value:
     members = [_type(parameter) for parameter in argument.parameters]
     return types.NamedTuple(members, argument.record) if argument.record else members[0]
 
 
-def _type(parameter: Parameter) -> Any:
+def _type(parameter: Parameter) -> Value:
     number = _number(parameter.type)
     if parameter.dimensions < 0:
         return types.CPointer(number)
     return types.Array(number, parameter.dimensions, "C") if parameter.dimensions else number
 
 
-def _number(name: str | None) -> Any:
+def _number(name: str | None) -> Value:
     return types.boolean if name == "bool" else getattr(types, name or "void")
 
 
-def _entry(signature: Signature, symbol: str, context: Any, library: Any, description: Any) -> Any:
+def _entry(signature: Signature, symbol: str, context: Context, library: Value, description: Value) -> Value:
     """What is called from outside: plain C for kernels, Python's arrays unpacked for loops."""
     module = library.create_ir_module(f"entry of {symbol}")
     module.data_layout = _codegen()._data_layout
@@ -199,14 +200,18 @@ def is_kernel(signature: Signature) -> bool:
     return any(parameter.dimensions < 0 for parameter in signature.parameters)
 
 
-def _kernel_entry(symbol: str, signature: Signature, context: Any, module: Any, description: Any) -> None:
+def _kernel_entry(
+    symbol: str, signature: Signature, context: Context, module: Value, description: Value
+) -> None:
     entry = ir.Function(module, ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer(), INT]), symbol)
     builder = ir.IRBuilder(entry.append_basic_block())
     _call(context, module, builder, description, list(entry.args))
     builder.ret_void()
 
 
-def _loop_entry(symbol: str, signature: Signature, context: Any, module: Any, description: Any) -> None:
+def _loop_entry(
+    symbol: str, signature: Signature, context: Context, module: Value, description: Value
+) -> None:
     """Arguments: where the result goes, the type of arrays, then numbers and Python's arrays."""
     kinds = [_passed(parameter) for parameter in signature.parameters]
     entry = ir.Function(module, ir.FunctionType(INT, [POINTER, POINTER, *kinds]), symbol)
@@ -232,16 +237,16 @@ def _loop_entry(symbol: str, signature: Signature, context: Any, module: Any, de
     builder.ret(INT(0))
 
 
-def _passed(parameter: Parameter) -> Any:
+def _passed(parameter: Parameter) -> Value:
     if parameter.dimensions:
         return POINTER
     return ir.DoubleType() if parameter.type == "float64" else INT
 
 
-def _check(builder: Any, parameter: Parameter, value: Any, array_type: Any, number: int) -> None:
+def _check(builder: Builder, parameter: Parameter, value: Value, array_type: Kind, number: int) -> None:
     """Gives up with the number of the parameter unless it is an array of the type and shape wanted."""
 
-    def refuse_unless(condition: Any) -> None:
+    def refuse_unless(condition: Value) -> None:
         with builder.if_then(builder.not_(condition), likely=False):
             builder.ret(INT(number))
 
@@ -259,12 +264,12 @@ def _check(builder: Any, parameter: Parameter, value: Any, array_type: Any, numb
     refuse_unless(builder.icmp_unsigned("!=", order, BYTE(ord(">"))))
 
 
-def _field(builder: Any, record: Any, offset: int, kind: Any) -> Any:
+def _field(builder: Builder, record: Value, offset: int, kind: Kind) -> Value:
     place = builder.gep(record, [INT(offset)])
     return builder.load(builder.bitcast(place, kind.as_pointer()))
 
 
-def _value(context: Any, builder: Any, parameter: Parameter, value: Any) -> Any:
+def _value(context: Context, builder: Builder, parameter: Parameter, value: Value) -> Value:
     """A number or an array as numba passes it."""
     kind = _type(parameter)
     if not parameter.dimensions:
@@ -288,7 +293,9 @@ def _value(context: Any, builder: Any, parameter: Parameter, value: Any) -> Any:
     return array._getvalue()
 
 
-def _call(context: Any, module: Any, builder: Any, description: Any, values: list[Any]) -> Any:
+def _call(
+    context: Context, module: Value, builder: Builder, description: Value, values: list[Value]
+) -> Value:
     """Calls the function that numba compiled; its status and its result."""
     function = context.declare_function(module, description)
     return context.call_conv.call_function(

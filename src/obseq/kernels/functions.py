@@ -110,7 +110,7 @@ SEGMENT = tuple((-1) ** (k + 1) * 4**k / math.factorial(2 * k + 1) for k in rang
 
 
 @inline
-def _reduce(x):  # type: ignore[no-untyped-def]
+def _reduce(x):
     """(quadrant, remainder, its tail): x = quadrant pi/2 + remainder, quadrant a rounded float."""
     quadrant = np.rint(x * TWO_OVER_PI)
     first = x - quadrant * HALF_PI_1
@@ -124,7 +124,7 @@ def _reduce(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _sine(x, tail):  # type: ignore[no-untyped-def]
+def _sine(x, tail):
     """Sine on [-pi/4, pi/4]."""
     z = x * x
     v = z * x
@@ -133,7 +133,7 @@ def _sine(x, tail):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _cosine(x, tail):  # type: ignore[no-untyped-def]
+def _cosine(x, tail):
     """Cosine on [-pi/4, pi/4]."""
     z = x * x
     r = z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))
@@ -143,7 +143,7 @@ def _cosine(x, tail):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _select(quadrant, x, tail):  # type: ignore[no-untyped-def]
+def _select(quadrant, x, tail):
     """Sine of quadrant pi/2 + x, for a quadrant that is a whole float."""
     turn = quadrant - 4.0 * np.floor(0.25 * quadrant)
     sine, cosine = _sine(x, tail), _cosine(x, tail)
@@ -152,7 +152,7 @@ def _select(quadrant, x, tail):  # type: ignore[no-untyped-def]
 
 
 @inline
-def sin(x):  # type: ignore[no-untyped-def]
+def sin(x):
     """Sine of x radians."""
     quadrant, remainder, tail = _reduce(x)
     value = _select(quadrant, remainder, tail)
@@ -160,7 +160,7 @@ def sin(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def cos(x):  # type: ignore[no-untyped-def]
+def cos(x):
     """Cosine of x radians."""
     quadrant, remainder, tail = _reduce(x)
     value = _select(quadrant + 1.0, remainder, tail)
@@ -168,7 +168,7 @@ def cos(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _arc_tangent(t):  # type: ignore[no-untyped-def]
+def _arc_tangent(t):
     """What t exceeds its arc tangent by, for abs(t) <= tan(pi/8)."""
     z = t * t
     w = z * z
@@ -178,7 +178,7 @@ def _arc_tangent(t):  # type: ignore[no-untyped-def]
 
 
 @inline
-def atan2(y, x):  # type: ignore[no-untyped-def]
+def atan2(y, x):
     """Angle of the vector (x, y) in (-pi, pi]."""
     height, width = abs(y), abs(x)
     steep = height > width
@@ -197,25 +197,25 @@ def atan2(y, x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def asin(x):  # type: ignore[no-untyped-def]
+def asin(x):
     """Arc sine of x in radians; not a number beyond [-1, 1]."""
     return atan2(x, sqrt((1.0 - x) * (1.0 + x)))
 
 
 @inline
-def acos(x):  # type: ignore[no-untyped-def]
+def acos(x):
     """Arc cosine of x in radians; not a number beyond [-1, 1]."""
     return atan2(sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 @inline
-def atan(x):  # type: ignore[no-untyped-def]
+def atan(x):
     """Arc tangent of x in radians."""
     return atan2(x, 1.0)
 
 
 @inline
-def tan(x):  # type: ignore[no-untyped-def]
+def tan(x):
     """Tangent of x radians."""
     quadrant, remainder, tail = _reduce(x)
     sine, cosine = _sine(remainder, tail), _cosine(remainder, tail)
@@ -225,13 +225,13 @@ def tan(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _two_to(whole):  # type: ignore[no-untyped-def]
+def _two_to(whole):
     """2^whole, for a whole float in [-1022, 1023]."""
     return _float((_bits(whole + WHOLE) << SHIFT) + ONE_BITS)
 
 
 @inline
-def exp(x):  # type: ignore[no-untyped-def]
+def exp(x):
     """Exponential of x."""
     x = 710.0 if x > 710.0 else x
     x = -746.0 if x < -746.0 else x
@@ -246,7 +246,7 @@ def exp(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def log(x):  # type: ignore[no-untyped-def]
+def log(x):
     """Natural logarithm of x; minus infinity at 0, not a number below."""
     subnormal = x < SMALLEST_NORMAL
     bits = _bits(x * TWO_54 if subnormal else x) + (ONE_BITS - SQRT_HALF_BITS)
@@ -262,14 +262,14 @@ def log(x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def sinc_sqrt(s):  # type: ignore[no-untyped-def]
+def sinc_sqrt(s):
     """sin(r)/r for r = sqrt(s)."""
     root = sqrt(s)
     return sin(root) / root if s != 0.0 else 1.0
 
 
 @inline
-def sinc_sqrt_slope(s):  # type: ignore[no-untyped-def]
+def sinc_sqrt_slope(s):
     """Derivative of sin(r)/r with respect to s = r^2."""
     near = s < 2.5
     t = s if near else 0.0
@@ -282,13 +282,13 @@ def sinc_sqrt_slope(s):  # type: ignore[no-untyped-def]
 
 
 @inline
-def cos_sqrt(s):  # type: ignore[no-untyped-def]
+def cos_sqrt(s):
     """cos(r) for r = sqrt(s)."""
     return cos(sqrt(s))
 
 
 @inline
-def angle_ratio(s, z):  # type: ignore[no-untyped-def]
+def angle_ratio(s, z):
     """atan2(r, z)/r for r = sqrt(s); 1/z for r = 0 and z > 0, not a number for r = 0 and z <= 0."""
     root = sqrt(s)
     on_axis = s == 0.0
@@ -297,7 +297,7 @@ def angle_ratio(s, z):  # type: ignore[no-untyped-def]
 
 
 @inline
-def angle_ratio_slope(ratio, s, z):  # type: ignore[no-untyped-def]
+def angle_ratio_slope(ratio, s, z):
     """Derivative of `angle_ratio` with respect to s, from its value.
 
     With the angle t = r ratio it is (sin t cos t - t)/(2 r^3) = -ratio^3 (t - sin t cos t)/(2 t^3), and the
@@ -314,14 +314,14 @@ def angle_ratio_slope(ratio, s, z):  # type: ignore[no-untyped-def]
 
 
 @inline
-def axial_sum(s, z):  # type: ignore[no-untyped-def]
+def axial_sum(s, z):
     """sqrt(s + z^2) + z, without cancellation for z < 0."""
     larger = sqrt(s + z * z) + abs(z)
     return larger if z >= 0.0 else s / larger
 
 
 @inline
-def normalised_ratio(first, second):  # type: ignore[no-untyped-def]
+def normalised_ratio(first, second):
     """(a - b)/max(a, b) of two values, negative ones taken as 0; 0 when both are."""
     a, b = (first if first > 0.0 else 0.0 * first), (second if second > 0.0 else 0.0 * second)
     largest = a if a > b else b
@@ -329,7 +329,7 @@ def normalised_ratio(first, second):  # type: ignore[no-untyped-def]
 
 
 @inline
-def normalised_ratio_slope(first, second):  # type: ignore[no-untyped-def]
+def normalised_ratio_slope(first, second):
     """Derivative of `normalised_ratio` with respect to its first argument; 0 where that is negative."""
     b = second if second > 0.0 else 0.0 * second
     steep = first < b
@@ -340,6 +340,6 @@ def normalised_ratio_slope(first, second):  # type: ignore[no-untyped-def]
 
 
 @inline
-def wrap_angle(angle):  # type: ignore[no-untyped-def]
+def wrap_angle(angle):
     """An angle brought to (-pi, pi] by whole turns."""
     return angle - (2.0 * PI) * np.ceil((angle - PI) * (0.5 / PI))

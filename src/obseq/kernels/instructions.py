@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+if TYPE_CHECKING:
+    from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
+
 
 @intrinsic
-def call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> Any:
+def call_address(typing_context: Context, address: Kind, base: Kind, n_tiles: Kind) -> Emitter:
     """Calls the compiled kernel at an address; the loop needs no compilation for another kernel."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         kernel = ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer(), ir.IntType(64)])
         pointer = builder.inttoptr(arguments[0], kernel.as_pointer())
         builder.call(pointer, [arguments[1], arguments[2]])
@@ -23,10 +26,10 @@ def call_address(typing_context: Any, address: Any, base: Any, n_tiles: Any) -> 
 
 
 @intrinsic
-def pointer_to(typing_context: Any, array: Any, place: Any) -> Any:
+def pointer_to(typing_context: Context, array: Kind, place: Kind) -> Emitter:
     """Pointer to an entry of an array of doubles, counted from its first one."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         return builder.gep(data, [arguments[1]])
 
@@ -34,10 +37,10 @@ def pointer_to(typing_context: Any, array: Any, place: Any) -> Any:
 
 
 @intrinsic
-def keep_loop(typing_context: Any) -> Any:
+def keep_loop(typing_context: Context) -> Emitter:
     """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         builder.function.attributes.add("optsize")
         return context.get_dummy_value()
 
@@ -45,20 +48,20 @@ def keep_loop(typing_context: Any) -> Any:
 
 
 @intrinsic
-def bits_of(typing_context: Any, x: Any) -> Any:
+def bits_of(typing_context: Context, x: Kind) -> Emitter:
     """The bits of a float as a whole number."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         return builder.bitcast(arguments[0], ir.IntType(64))
 
     return types.uint64(types.float64), generate
 
 
 @intrinsic
-def float_of(typing_context: Any, bits: Any) -> Any:
+def float_of(typing_context: Context, bits: Kind) -> Emitter:
     """The float that has some bits."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         return builder.bitcast(arguments[0], ir.DoubleType())
 
     return types.float64(types.uint64), generate

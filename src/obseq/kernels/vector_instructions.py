@@ -7,12 +7,15 @@ something is compiled; `vectors` has their names.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+if TYPE_CHECKING:
+    from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
 
 _FOUR = ir.VectorType(ir.DoubleType(), 4)
 _INT32 = ir.IntType(32)
@@ -20,23 +23,23 @@ _INT64 = ir.IntType(64)
 _CONTRACT = ("contract",)
 
 
-def _data(context: Any, builder: Any, array_type: Any, array: Any) -> Any:
+def _data(context: Context, builder: Builder, array_type: Kind, array: Value) -> Value:
     return context.make_array(array_type)(context, builder, array).data
 
 
-def _address(builder: Any, base: Any, index: Any) -> Any:
+def _address(builder: Builder, base: Value, index: Value) -> Value:
     return builder.bitcast(builder.gep(base, [index]), ir.PointerType(_FOUR))
 
 
-def _load(builder: Any, base: Any, index: Any) -> Any:
+def _load(builder: Builder, base: Value, index: Value) -> Value:
     return builder.load(_address(builder, base, index), align=8)
 
 
-def _store(builder: Any, vector: Any, base: Any, index: Any) -> None:
+def _store(builder: Builder, vector: Value, base: Value, index: Value) -> None:
     builder.store(vector, _address(builder, base, index), align=8)
 
 
-def _store_three(builder: Any, vector: Any, base: Any, index: Any) -> None:
+def _store_three(builder: Builder, vector: Value, base: Value, index: Value) -> None:
     """Leaves the fourth double alone: another thread may be adding to it."""
     pair = ir.PointerType(ir.VectorType(ir.DoubleType(), 2))
     first_two = _shuffle(builder, vector, vector, [0, 1])
@@ -45,24 +48,24 @@ def _store_three(builder: Any, vector: Any, base: Any, index: Any) -> None:
     builder.store(builder.extract_element(vector, _INT32(2)), third)
 
 
-def _shuffle(builder: Any, first: Any, second: Any, mask: list[int]) -> Any:
+def _shuffle(builder: Builder, first: Value, second: Value, mask: list[int]) -> Value:
     return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT32, len(mask)), mask))
 
 
-def _splat(builder: Any, scalar: Any) -> Any:
+def _splat(builder: Builder, scalar: Value) -> Value:
     vector = builder.insert_element(ir.Constant(_FOUR, ir.Undefined), scalar, _INT32(0))
     return _shuffle(builder, vector, vector, [0, 0, 0, 0])
 
 
-def _multiply_add(builder: Any, total: Any, vector: Any, scalar: Any) -> Any:
+def _multiply_add(builder: Builder, total: Value, vector: Value, scalar: Value) -> Value:
     product = builder.fmul(vector, _splat(builder, scalar), flags=_CONTRACT)
     return builder.fadd(total, product, flags=_CONTRACT)
 
 
-def _transpose(rows: int) -> Any:
+def _transpose(rows: int) -> Value:
     """Reads four doubles at four places; writes the first `rows` columns at `at + k stride`."""
 
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
         source = _data(context, builder, signature.args[0], args[0])
         target = _data(context, builder, signature.args[5], args[5])
         a, b, c, d = (_load(builder, source, index) for index in args[1:5])
@@ -82,22 +85,30 @@ def _transpose(rows: int) -> Any:
 
     @intrinsic
     def transpose(
-        typing: Any, source: Any, i0: Any, i1: Any, i2: Any, i3: Any, target: Any, at: Any, stride: Any
-    ) -> Any:
+        typing: Context,
+        source: Kind,
+        i0: Kind,
+        i1: Kind,
+        i2: Kind,
+        i3: Kind,
+        target: Kind,
+        at: Kind,
+        stride: Kind,
+    ) -> Emitter:
         index = types.uint64
         return types.void(source, index, index, index, index, target, index, index), emit
 
     return transpose
 
 
-def _outer(columns: int, stepped: bool = False) -> Any:
+def _outer(columns: int, stepped: bool = False) -> Value:
     """Adds sum_r record[a + r w : +4] * record[b + r w + k] to four doubles, for k < columns, r < n.
 
     Column k is at `at + height k`; or, `stepped`, where the lower triangle by columns has it: each column is
     one shorter than the one before, the first has `height` entries, and only three doubles are written.
     """
 
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
         _, at, height, _, a, b, width, n = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[3], args[3])
@@ -122,8 +133,16 @@ def _outer(columns: int, stepped: bool = False) -> Any:
 
     @intrinsic
     def outer(
-        typing: Any, store: Any, at: Any, height: Any, record: Any, a: Any, b: Any, width: Any, n: Any
-    ) -> Any:
+        typing: Context,
+        store: Kind,
+        at: Kind,
+        height: Kind,
+        record: Kind,
+        a: Kind,
+        b: Kind,
+        width: Kind,
+        n: Kind,
+    ) -> Emitter:
         index = types.uint64
         return types.void(store, index, index, record, index, index, index, index), emit
 
@@ -132,11 +151,11 @@ def _outer(columns: int, stepped: bool = False) -> Any:
 
 @intrinsic
 def outer_padded_threes(
-    typing: Any, store: Any, at: Any, height: Any, record: Any, a: Any, b: Any, width: Any
-) -> Any:
+    typing: Context, store: Kind, at: Kind, height: Kind, record: Kind, a: Kind, b: Kind, width: Kind
+) -> Emitter:
     """`outer_threes` for three rows whose fourth doubles are zero, where no other thread works."""
 
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
         _, at, height, _, a, b, width = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[3], args[3])

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from obseq.arguments import PATH, expecting, instance
 from obseq.errors import InputError
@@ -20,7 +19,7 @@ def to_json(record: AdjustmentRecord) -> str:
     return text_of(record.to_dict())
 
 
-def text_of(plain: Mapping[str, Any]) -> str:
+def text_of(plain: Mapping[str, object]) -> str:
     """The text of a file with this content: valid JSON, one item of a list per line, floats exact."""
     parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in plain.items()]
     return json_escaped("{\n" + ",\n".join(parts) + "\n}\n")
@@ -46,13 +45,13 @@ def _refused(name: str) -> float:
     raise ValueError(f"{name} is no number of JSON")
 
 
-def _lines(value: Any) -> str:
+def _lines(value: object) -> str:
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return "[\n  " + ",\n  ".join(_encoded(item) for item in value) + "\n]"
     return _encoded(value)
 
 
-def _encoded(value: Any) -> str:
+def _encoded(value: object) -> str:
     try:
         return ENCODER.encode(value)
     except ValueError:  # something is not finite: rare, and looking for it first would cost more than writing

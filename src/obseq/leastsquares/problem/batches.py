@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from obseq.leastsquares.problem.weights import root_weights
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence, Set
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.shapes import Role, Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -35,10 +36,10 @@ def padded_length(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
-def _padded(rows: NDArray[Any], dtype: type) -> NDArray[Any]:
+def _padded(rows: Array, dtype: type) -> Array:
     """(k, n) rows repeated at their end to whole tiles, so that spare lanes compute what a real one does."""
     k, n = rows.shape
-    result: NDArray[Any] = np.empty((k, padded_length(n)), dtype=dtype)
+    result: Array = np.empty((k, padded_length(n)), dtype=dtype)
     result[:, :n] = rows
     if n:
         result[:, n:] = rows[:, n - 1 : n]
@@ -288,7 +289,7 @@ class Batch:
         self.roots = _padded(roots[:, rows, columns].T, np.float64)
         self.sigmas = np.ones((self.n, m))
 
-    def correlate_all(self, covariance: Any) -> None:
+    def correlate_all(self, covariance: Covariance) -> None:
         """Gives all residuals, observation by observation, one covariance (see `Clusters`), in their units.
 
         Their sigmas are 1 then, factors of the whitened residuals.

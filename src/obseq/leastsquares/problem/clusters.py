@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+
+Covariance: TypeAlias = Any
+"""A matrix, dense or sparse, or a list of the dense ones of consecutive clusters."""
 
 LARGEST = 5000
 """Residuals of one cluster: its inverse covariance is dense."""
@@ -35,7 +38,7 @@ class Clusters:
         InputError: it does not fit, or a cluster is not symmetric and positive definite.
     """
 
-    def __init__(self, covariance: Any, n: int, what: str) -> None:
+    def __init__(self, covariance: Covariance, n: int, what: str) -> None:
         self._n = n
         parts = _listed_parts(covariance, n, what) or _connected_parts(covariance, n, what)
         self.members = tuple(index for index, _ in parts)
@@ -135,7 +138,7 @@ def _inverse_roots(matrices: FloatArray) -> FloatArray:
     return np.stack([solve_triangular(root, unit, lower=True) for root in roots])
 
 
-def _listed_parts(covariance: Any, n: int, what: str) -> list[tuple[IntArray, FloatArray]]:
+def _listed_parts(covariance: Covariance, n: int, what: str) -> list[tuple[IntArray, FloatArray]]:
     """Consecutive clusters from the list of their covariances; empty when it is one matrix."""
     if not isinstance(covariance, list | tuple) or any(np.ndim(part) != 2 for part in covariance):
         return []
@@ -149,7 +152,7 @@ def _listed_parts(covariance: Any, n: int, what: str) -> list[tuple[IntArray, Fl
     ]
 
 
-def _connected_parts(covariance: Any, n: int, what: str) -> list[tuple[IntArray, FloatArray]]:
+def _connected_parts(covariance: Covariance, n: int, what: str) -> list[tuple[IntArray, FloatArray]]:
     """The clusters that a matrix joins by entries that are not zero."""
     from scipy.sparse import csr_array, issparse
     from scipy.sparse.csgraph import connected_components

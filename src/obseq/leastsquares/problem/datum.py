@@ -10,6 +10,8 @@ from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import listed, truths
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
@@ -29,7 +31,7 @@ class Datum(NamedTuple):
 NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
-def datum_of(table: UnknownTable, ids: Any, components: Any) -> Datum:
+def datum_of(table: UnknownTable, ids: ArrayLike, components: object) -> Datum:
     """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
 
     Raises:
@@ -44,14 +46,14 @@ def datum_of(table: UnknownTable, ids: Any, components: Any) -> Datum:
     return Datum(chosen, table.values[chosen])
 
 
-def _scalars(table: UnknownTable, blocks: IntArray, components: Any) -> IntArray:
+def _scalars(table: UnknownTable, blocks: IntArray, components: object) -> IntArray:
     """Positions of the chosen components of blocks, which need not be alike."""
     if getattr(components, "dtype", None) == np.bool_:
         scalars = table.scalars(blocks, "datum")
-        return scalars[truths(components, scalars.shape, "datum, components")]
-    each = [components] * len(blocks)
+        return scalars[truths(np.asarray(components), scalars.shape, "datum, components")]
+    each: list[Any] = [components] * len(blocks)
     if components is not None and any(_is_list(of_block) for of_block in listed(components, "datum")):
-        each = list(components)
+        each = listed(components, "datum")
         if len(each) != len(blocks):
             raise InputError(f"datum: components of {len(each)} blocks for {len(blocks)} blocks")
     index = table.component_index

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.batches import Labels
+    from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss
 
 
@@ -58,7 +59,7 @@ class Problem:
         active: ArrayLike | None = None,
         loss: Loss | str | None = None,
         covariances: ArrayLike | None = None,
-        covariance: Any = None,
+        covariance: Covariance = None,
     ) -> Batch:
         """Adds observations of one formula.
 

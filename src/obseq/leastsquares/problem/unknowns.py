@@ -68,7 +68,7 @@ class UnknownTable:
         """The kind of a block."""
         return self.manifolds[int(self._kind.view[block])]
 
-    def each(self, question: Callable[[Manifold], Any]) -> Array:
+    def each(self, question: Callable[[Manifold], object]) -> Array:
         """(n_blocks,) what the kind of each block answers."""
         return np.array([question(manifold) for manifold in self.manifolds])[self._kind.view]
 

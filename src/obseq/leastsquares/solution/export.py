@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
 
+Columns: TypeAlias = "Mapping[str, list[str] | FloatArray | BoolArray]"
+
 
 def unknown_columns(
     table: UnknownTable, state: State, frozen: BoolArray, precisions: FloatArray | None
-) -> dict[str, Any]:
+) -> Columns:
     """Columns with one row per scalar unknown: name, value, precision, frozen.
 
     The value of a component of a rotation is that of its rotation vector, of a direction that of the small
@@ -45,7 +47,7 @@ def unknown_columns(
     }
 
 
-def observation_columns(parts: Iterable[tuple[Batch, FloatArray, FloatArray]]) -> dict[str, Any]:
+def observation_columns(parts: Iterable[tuple[Batch, FloatArray, FloatArray]]) -> Columns:
     """Columns with one row per scalar residual: formula, observation, residual, sigma, normalised, weight.
 
     The weight is that of the robust loss: 1 full, 0 none; 0 too for inactive observations.
@@ -53,7 +55,7 @@ def observation_columns(parts: Iterable[tuple[Batch, FloatArray, FloatArray]]) -
     Args:
         parts: batches with their residuals and normalised residuals, (n, n_residuals) each.
     """
-    columns: dict[str, list[Any]] = {key: [] for key in ("formula", "observation", "residual_name")}
+    columns: dict[str, list[str]] = {key: [] for key in ("formula", "observation", "residual_name")}
     numbers: dict[str, list[FloatArray]] = {key: [] for key in ("residual", "sigma", "normalised", "weight")}
     for batch, residuals, normalised in parts:
         m = batch.shape.n_residuals
@@ -69,7 +71,7 @@ def observation_columns(parts: Iterable[tuple[Batch, FloatArray, FloatArray]]) -
     return {**columns, **joined}
 
 
-def as_table(columns: dict[str, Any], package: str) -> Any:
+def as_table(columns: Columns, package: str) -> Any:
     """Columns as a table of a package: "pandas" (DataFrame) or "pyarrow" (Table).
 
     Raises:
@@ -84,7 +86,7 @@ def as_table(columns: dict[str, Any], package: str) -> Any:
     return module.DataFrame(columns) if package == "pandas" else module.table(columns)
 
 
-def rows(columns: dict[str, Any]) -> list[dict[str, Any]]:
+def rows(columns: Columns) -> list[dict[str, object]]:
     """Columns as rows of plain values; numbers that are not defined are None."""
     plain = [column.tolist() if isinstance(column, np.ndarray) else column for column in columns.values()]
     return [
@@ -93,5 +95,5 @@ def rows(columns: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _defined(value: Any) -> Any:
+def _defined(value: object) -> object:
     return None if isinstance(value, float) and not np.isfinite(value) else value

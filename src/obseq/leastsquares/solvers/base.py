@@ -44,7 +44,7 @@ class BaseSolver(ABC):
 
     def prepare(self) -> FloatArray:
         """Nothing holds exactly."""
-        return np.zeros(self._pattern.n)
+        return np.zeros(self.pattern.n)
 
     def factor(self, values: FloatArray) -> None:
         """Factors the matrix of these values ((nnz,), in the order of the pattern).
@@ -52,14 +52,14 @@ class BaseSolver(ABC):
         Raises:
             SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
         """
-        values = self._checked(values)
-        self._invalidate()
+        values = self.checked(values)
+        self.invalidate()
         if not len(values):
             self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
             return
         found = suspects = self._factor(values, SUSPICIOUS)
         if suspects.dimension:
-            found = undetermined(suspects, self._pattern, values, self._solve)
+            found = undetermined(suspects, self.pattern, values, self._solve)
         replaced = suspects.indices
         if suspects.dimension and not found.dimension:
             found = self._factor(values, 0.0)
@@ -82,16 +82,16 @@ class BaseSolver(ABC):
         """Solution for one right-hand side (n,) or several (n, k); same shape."""
         self._require_regular()
         right = np.asarray(rhs, dtype=np.float64)
-        if right.ndim not in (1, 2) or right.shape[0] != self._pattern.n:
-            raise InputError(f"right-hand side of shape {right.shape} for {self._pattern.n} unknowns")
+        if right.ndim not in (1, 2) or right.shape[0] != self.pattern.n:
+            raise InputError(f"right-hand side of shape {right.shape} for {self.pattern.n} unknowns")
         if not right.size:
             return right.copy()
-        return self._solve(right.reshape(self._pattern.n, -1)).reshape(right.shape)
+        return self._solve(right.reshape(self.pattern.n, -1)).reshape(right.shape)
 
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
         self._require_regular()
-        return self._selected_inverse() if self._pattern.n else np.empty(0)
+        return self._selected_inverse() if self.pattern.n else np.empty(0)
 
     def defect(self) -> Defect:
         """Where pivots vanished in the last factorisation; empty for a regular matrix."""
@@ -102,10 +102,10 @@ class BaseSolver(ABC):
     def null_vectors(self) -> FloatArray:
         """(n, k) orthonormal basis of the kernel of the last matrix; k = 0 for a regular matrix."""
         if not self.defect().dimension:
-            return np.empty((self._pattern.n, 0))
-        return kernel(self._replaced, self._pattern, self._values, self._solve)
+            return np.empty((self.pattern.n, 0))
+        return kernel(self._replaced, self.pattern, self._values, self._solve)
 
-    def _invalidate(self) -> None:
+    def invalidate(self) -> None:
         """Forgets the last factorisation."""
         self._found = None
 
@@ -115,18 +115,20 @@ class BaseSolver(ABC):
         """Size and cost of the factorisation."""
 
     @property
-    def _pattern(self) -> SymmetricPattern:
+    def pattern(self) -> SymmetricPattern:
+        """What was analysed."""
         if self._analysed is None:
             raise SolverStateError(f"{self.name}: call analyse(pattern) first")
         return self._analysed
 
-    def _checked(self, values: FloatArray) -> FloatArray:
+    def checked(self, values: FloatArray) -> FloatArray:
+        """Finite values that fit the pattern."""
         values = np.ascontiguousarray(values, dtype=np.float64)
-        if values.shape != (self._pattern.nnz,):
-            raise InputError(f"{values.shape} values for a pattern of {self._pattern.nnz} entries")
+        if values.shape != (self.pattern.nnz,):
+            raise InputError(f"{values.shape} values for a pattern of {self.pattern.nnz} entries")
         if not np.isfinite(values.sum()):
             at = int(np.argmin(np.isfinite(values)))
-            row, column = self._pattern.indices[at], np.searchsorted(self._pattern.indptr, at, "right") - 1
+            row, column = self.pattern.indices[at], np.searchsorted(self.pattern.indptr, at, "right") - 1
             raise InputError(f"the matrix is not finite at row {row}, column {column}")
         return values
 

@@ -75,7 +75,7 @@ class SupernodalCholesky(BaseSolver):
         self._factor_until(values, tolerance)
         if len(self._last):
             self._factor_last(tolerance)
-        return self._defect_before(self._pattern.n, tolerance)
+        return self._defect_before(self.pattern.n, tolerance)
 
     def _factor_until(self, values: FloatArray, tolerance: float) -> None:
         """Factors all supernodes but that of the last unknowns, which is assembled."""
@@ -103,7 +103,7 @@ class SupernodalCholesky(BaseSolver):
 
     def _defect_before(self, count: int, tolerance: float) -> Defect:
         """The pivots not above the tolerance among the first `count` unknowns eliminated."""
-        pivots = np.ones(self._pattern.n)
+        pivots = np.ones(self.pattern.n)
         pivots[self._structure.unknowns[:count]] = self._pivots[:count]
         return defect_of(pivots, tolerance)
 
@@ -141,18 +141,18 @@ class SupernodalCholesky(BaseSolver):
         Raises:
             SingularMatrixError: pivots of the unknowns eliminated vanish.
         """
-        values = self._checked(values)
+        values = self.checked(values)
         if not len(self._last):
             raise SolverStateError("eliminate: name the unknowns to be kept, SupernodalCholesky(last=...)")
-        self._invalidate()
+        self.invalidate()
         self._schur = np.empty((0, 0))
-        count = self._pattern.n - len(self._last)
+        count = self.pattern.n - len(self._last)
         for tolerance in (SUSPICIOUS, 0.0):
             self._factor_until(values, tolerance)
             suspects = self._defect_before(count, tolerance)
             defect = suspects
             if tolerance > 0.0:
-                defect = undetermined(suspects, self._pattern, values, self._solve_inner)
+                defect = undetermined(suspects, self.pattern, values, self._solve_inner)
             if defect.dimension:
                 raise SingularMatrixError(defect.indices, defect.pivots)
             if not suspects.dimension:
@@ -199,7 +199,7 @@ class SupernodalCholesky(BaseSolver):
     def _permuted(self, rhs: ArrayLike) -> tuple[FloatArray, FloatArray]:
         self._require_elimination()
         right = np.asarray(rhs, dtype=np.float64)
-        return right, np.ascontiguousarray(right.reshape(self._pattern.n, -1)[self._structure.unknowns].T)
+        return right, np.ascontiguousarray(right.reshape(self.pattern.n, -1)[self._structure.unknowns].T)
 
     def _unpermuted(self, x: FloatArray) -> FloatArray:
         solution = np.empty(x.T.shape)
@@ -210,7 +210,7 @@ class SupernodalCholesky(BaseSolver):
         """Solves for the unknowns eliminated, the last ones being zero."""
         x = np.ascontiguousarray(rhs[self._structure.unknowns].T)
         self._sweep(substitute_forward, x, self._stop)
-        x[:, self._pattern.n - len(self._last) :] = 0.0
+        x[:, self.pattern.n - len(self._last) :] = 0.0
         self._sweep(substitute_backward, x, self._stop)
         return self._unpermuted(x)
 
@@ -235,7 +235,7 @@ class SupernodalCholesky(BaseSolver):
         if len(self._workspace) < room:
             self._workspace = np.empty(room)
         scratch = np.empty((self._threads, int(np.max(structure.width * structure.front, initial=0))))
-        selected = np.empty(self._pattern.nnz)
+        selected = np.empty(self.pattern.nnz)
 
         def run(nodes: IntArray, worker: int) -> None:
             room = schedule.shared_room + worker * schedule.front_room
@@ -269,8 +269,8 @@ class SupernodalCholesky(BaseSolver):
         return SolverStatistics(
             solver=self.name,
             ordering=self._ordering,
-            n=self._pattern.n,
-            nnz_pattern=self._pattern.nnz,
+            n=self.pattern.n,
+            nnz_pattern=self.pattern.nnz,
             nnz_factor=int(np.sum(width * (width + 1) / 2 + width * below)),
             flops=float(np.sum(width**3 / 3 + width**2 * below + width * below**2)),
             memory=self._panels.nbytes + self._workspace.nbytes + self._scratch.nbytes,

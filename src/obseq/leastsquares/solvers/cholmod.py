@@ -42,7 +42,7 @@ class Cholmod(BaseSolver):
             self._factorisation = self._library.analyze(self._matrix)
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
-        return factor_stepwise(self._pattern, values, tolerance, self._attempt, self._factorisation.P)
+        return factor_stepwise(self.pattern, values, tolerance, self._attempt, self._factorisation.P)
 
     def _attempt(self, values: FloatArray, scale: FloatArray) -> FloatArray:
         """Factors; pivots divided by `scale`, 0 where CHOLMOD stopped and 1 for all others then."""
@@ -61,7 +61,7 @@ class Cholmod(BaseSolver):
         return np.asarray(self._factorisation.solve_A(rhs))
 
     def _selected_inverse(self) -> FloatArray:
-        return inverse_by_columns(self._pattern, self._solve)
+        return inverse_by_columns(self.pattern, self._solve)
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -71,8 +71,8 @@ class Cholmod(BaseSolver):
         return SolverStatistics(
             solver=self.name,
             ordering="cholmod",
-            n=self._pattern.n,
-            nnz_pattern=self._pattern.nnz,
+            n=self.pattern.n,
+            nnz_pattern=self.pattern.nnz,
             nnz_factor=int(counts.sum()),
             flops=float(np.sum(counts**2)),
             memory=int(8 * counts.sum()),

@@ -33,13 +33,13 @@ class DenseCholesky(BaseSolver):
         self._is_small = pattern.n <= SMALL
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
-        diagonal = values[self._pattern.diagonal]
+        diagonal = values[self.pattern.diagonal]
         self._fill(values)
         if self._is_small:
-            n, pivots = self._pattern.n, diagonal.copy()
+            n, pivots = self.pattern.n, diagonal.copy()
             factor_columns(self._columns, 0, n, n, n, pivots, 0, tolerance)
             return defect_of(pivots, tolerance)
-        n = self._pattern.n
+        n = self.pattern.n
         status = call_lapack(POTRF, "L", n, self._columns, n)
         pivots = relative_pivots(np.square(np.diagonal(self._lower)), diagonal)
         if status != 0 or not np.all(pivots > tolerance):
@@ -52,7 +52,7 @@ class DenseCholesky(BaseSolver):
         self._lower[self._entries] = values
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
-        n, x = self._pattern.n, np.array(rhs.reshape(len(rhs), -1).T, order="C")
+        n, x = self.pattern.n, np.array(rhs.reshape(len(rhs), -1).T, order="C")
         if self._is_small:
             solve_columns(self._columns, n, x)
         else:
@@ -60,7 +60,7 @@ class DenseCholesky(BaseSolver):
         return x.T.reshape(rhs.shape)
 
     def _selected_inverse(self) -> FloatArray:
-        n = self._pattern.n
+        n = self.pattern.n
         if self._is_small:
             inverse = np.zeros_like(self._columns)
             invert_small(self._columns, 0, n, n, inverse, 0, np.empty(n))
@@ -72,12 +72,12 @@ class DenseCholesky(BaseSolver):
     @property
     def statistics(self) -> SolverStatistics:
         """Size and cost of the factorisation."""
-        n = self._pattern.n
+        n = self.pattern.n
         return SolverStatistics(
             solver=self.name,
             ordering="natural",
             n=n,
-            nnz_pattern=self._pattern.nnz,
+            nnz_pattern=self.pattern.nnz,
             nnz_factor=n * (n + 1) // 2,
             flops=n**3 / 3,
             memory=self._lower.nbytes,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
 
-def _called(context: Any, builder: Any, kinds: Any, values: Any, more: tuple[Any, ...] = ()) -> None:
+
+def _called(
+    context: Context, builder: Builder, kinds: Kind, values: Value, more: tuple[Value, ...] = ()
+) -> None:
     """Calls the routine at the first value with the members of the second, by reference but for addresses."""
     pointers = []
     for position, kind in enumerate(kinds):
@@ -26,10 +28,10 @@ def _called(context: Any, builder: Any, kinds: Any, values: Any, more: tuple[Any
 
 
 @intrinsic
-def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
+def fortran(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
     """Calls a Fortran routine; uint8, int32 and float64 go by reference, int64 are addresses."""
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, values: Value) -> Value:
         _called(context, builder, signature.args[1].types, values)
         return context.get_dummy_value()
 
@@ -37,10 +39,10 @@ def fortran(typing_context: Any, address: Any, arguments: Any) -> Any:
 
 
 @intrinsic
-def lapack(typing_context: Any, address: Any, arguments: Any) -> Any:
+def lapack(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
     """The same for a routine that has one more argument, its status, which is the result."""
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, values: Value) -> Value:
         status = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(32), 0))
         place = builder.bitcast(status, cgutils.voidptr_t)
         _called(context, builder, signature.args[1].types, values, (place,))
@@ -50,10 +52,10 @@ def lapack(typing_context: Any, address: Any, arguments: Any) -> Any:
 
 
 @intrinsic
-def address_of(typing_context: Any, array: Any, place: Any) -> Any:
+def address_of(typing_context: Context, array: Kind, place: Kind) -> Emitter:
     """Address of an entry of an array, counted from its first one."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         return builder.ptrtoint(builder.gep(data, [arguments[1]]), ir.IntType(64))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import factor_stepwise
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import Array, FloatArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
@@ -61,7 +61,7 @@ class Pardiso(BaseSolver):
             self._run(ANALYSIS)
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
-        return factor_stepwise(self._pattern, values, tolerance, self._attempt, lambda: self._order)
+        return factor_stepwise(self.pattern, values, tolerance, self._attempt, lambda: self._order)
 
     def _attempt(self, values: FloatArray, scale: FloatArray) -> FloatArray:
         """Factors; pivots divided by `scale`, 0 where PARDISO stopped and 1 for all others then."""
@@ -97,7 +97,7 @@ class Pardiso(BaseSolver):
         return self._result
 
     def _selected_inverse(self) -> FloatArray:
-        return inverse_by_columns(self._pattern, self._solve)
+        return inverse_by_columns(self.pattern, self._solve)
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -106,27 +106,27 @@ class Pardiso(BaseSolver):
         return SolverStatistics(
             solver=self.name,
             ordering="metis",
-            n=self._pattern.n,
-            nnz_pattern=self._pattern.nnz,
+            n=self.pattern.n,
+            nnz_pattern=self.pattern.nnz,
             nnz_factor=int(self._settings[ENTRIES]),
             flops=1e6 * float(self._settings[OPERATIONS]),
             memory=1024 * int(self._settings[MEMORY]),
         )
 
 
-def _pointer(array: Any) -> ctypes.c_void_p:
+def _pointer(array: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
 def _call(
-    library: Any,
+    library: ctypes.CDLL,
     handle: IntArray,
-    settings: Any,
+    settings: Array,
     phase: int,
     values: FloatArray,
-    indptr: Any,
-    indices: Any,
-    order: Any,
+    indptr: Array,
+    indices: Array,
+    order: Array,
     rhs: FloatArray,
     result: FloatArray,
 ) -> int:
@@ -143,7 +143,7 @@ def _call(
     return status.value
 
 
-def _release(library: Any, handle: IntArray, settings: Any) -> None:
+def _release(library: ctypes.CDLL, handle: IntArray, settings: Array) -> None:
     """Gives back PARDISO's memory, if it took any."""
     if not handle.any():
         return

@@ -34,7 +34,7 @@ class SuperLU(BaseSolver):
         def order() -> IntArray:
             return np.argsort(self._lu.perm_c)
 
-        return factor_stepwise(self._pattern, values, tolerance, self._attempt, order)
+        return factor_stepwise(self.pattern, values, tolerance, self._attempt, order)
 
     def _attempt(self, values: FloatArray, scale: FloatArray) -> FloatArray:
         """Factors; pivots divided by `scale`, 0 where SuperLU took one off the diagonal."""
@@ -42,7 +42,7 @@ class SuperLU(BaseSolver):
             self._lu = self._decompose(values)
         except RuntimeError:  # "Factor is exactly singular": SuperLU does not say where, a tiny shift does
             shifted = values.copy()
-            shifted[self._pattern.diagonal] *= 1.0 + 4.0 * np.finfo(float).eps
+            shifted[self.pattern.diagonal] *= 1.0 + 4.0 * np.finfo(float).eps
             self._lu = self._decompose(shifted)
         pivots = self._lu.U.diagonal()[self._lu.perm_c] / scale
         return np.where(self._lu.perm_r == self._lu.perm_c, pivots, 0.0)
@@ -60,7 +60,7 @@ class SuperLU(BaseSolver):
         return np.asarray(self._lu.solve(rhs))
 
     def _selected_inverse(self) -> FloatArray:
-        return inverse_by_columns(self._pattern, self._solve)
+        return inverse_by_columns(self.pattern, self._solve)
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -70,8 +70,8 @@ class SuperLU(BaseSolver):
         return SolverStatistics(
             solver=self.name,
             ordering="minimum-degree",
-            n=self._pattern.n,
-            nnz_pattern=self._pattern.nnz,
+            n=self.pattern.n,
+            nnz_pattern=self.pattern.nnz,
             nnz_factor=self._lu.L.nnz,
             flops=float(np.sum(2.0 * counts**2)),
             memory=12 * (self._lu.L.nnz + self._lu.U.nnz),
