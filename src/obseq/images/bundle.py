@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.free import solve_free
 from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
@@ -16,7 +17,6 @@ from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.block import Block
 from obseq.images.initial.growth import place_images
 from obseq.images.measures import ImagePoints
-from obseq.images.names import index_of
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from obseq.images.adjustment.quality import BlunderSearch
     from obseq.images.adjustment.start import Start
-    from obseq.leastsquares import Iteration, LeastSquaresResult
+    from obseq.leastsquares import Iteration
 
 MAX_ITERATIONS = 50
 HINT = (
@@ -34,9 +34,6 @@ THRESHOLD_HINT = (
     "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
     "(it weakens large residuals, and leaves none out), then with the threshold from there."
 )
-SETTLINGS = 8
-SETTLED = 1e-7
-"""Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
 DATUMS = ("control", "centres", "points", "none")
 
 
@@ -103,7 +100,7 @@ class BundleAdjustment(Block):
                 result = system.solve(strategy=strategy, covariance=wanted, **solving)
                 done = result.iterations
             else:
-                result, done = _solve_free(equations, datum, strategy, wanted, solving)
+                result, done = solve_free(equations, datum, strategy, wanted, solving)
                 strategy = "gauss-newton"
             found = None
             if blunders is not None:
@@ -170,47 +167,3 @@ class BundleAdjustment(Block):
                     "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
                     "or as observed (place_sigmas)"
                 )
-
-
-def _solve_free(
-    equations: Equations,
-    datum: str | Sequence[str],
-    strategy: str,
-    covariance: bool | None,
-    solving: dict[str, Any],
-) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
-    """A free block: first to the solution without any datum, then onto it.
-
-    Damped steps need no datum, and come home from far; the datum is that of the start. The motion onto it is
-    linear, and so is done again until nothing moves.
-    """
-    system = equations.system
-    unknowns = [equations.centres, equations.rotations, equations.points, *equations.instruments]
-    groups = [ids for ids in unknowns if ids.size] + [ids[None] for ids in equations.calibrations]
-    before = [system.values(ids) for ids in groups]
-    done: tuple[Iteration, ...] = ()
-    if strategy == "levenberg-marquardt":
-        done = system.solve(strategy=strategy, **solving).iterations
-    after = [system.values(ids) for ids in groups]
-    for ids, values in zip(groups, before, strict=True):
-        system.set_values(ids, values)
-    _set_datum(equations, datum)
-    for ids, values in zip(groups, after, strict=True):
-        system.set_values(ids, values)
-    for _ in range(SETTLINGS):
-        settled = system.solve(strategy="gauss-newton", **solving).iterations
-        done += settled
-        if len(settled) == 1 and settled[0].max_step <= SETTLED:
-            break
-    result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
-    return result, done + result.iterations
-
-
-def _set_datum(equations: Equations, datum: str | Sequence[str]) -> None:
-    if datum == "centres":
-        equations.system.set_datum(equations.centres)
-    elif datum == "points":
-        equations.system.set_datum(equations.points)
-    elif not isinstance(datum, str):
-        rows = index_of(equations.start.points, datum, "datum: point")
-        equations.system.set_datum(equations.points[rows])

@@ -170,8 +170,13 @@ class Growth:
             )
 
 
-def similarity(source: FloatArray, target: FloatArray) -> tuple[float, Pose]:
+def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) -> tuple[float, Pose]:
     """Scale and motion that take points (n, 3) closest to their homologues (n, 3) (Umeyama, 1991).
+
+    Args:
+        source: the points.
+        target: where they are to go.
+        with_scale: False for a motion alone, of scale 1.
 
     Raises:
         InputError: there are fewer than three points, or they are on a line.
@@ -183,7 +188,7 @@ def similarity(source: FloatArray, target: FloatArray) -> tuple[float, Pose]:
     if spread[1] <= 1e-6 * spread[0]:
         raise InputError(f"the {len(source)} known points are on a line: the rotation is undetermined")
     rotation = closest_rotation(b.T @ a)
-    scale = float(np.sum((a @ rotation.T) * b) / np.sum(a * a))
+    scale = float(np.sum((a @ rotation.T) * b) / np.sum(a * a)) if with_scale else 1.0
     return scale, Pose(target.mean(axis=0) - scale * rotation @ source.mean(axis=0), rotation)
 
 

@@ -123,8 +123,9 @@ class DatumSolver:
         """
         self._is_factored = False
         if self._held is None:
-            self._held = self._find_held(values)
-        self._solver.factor(self._regularised(values))
+            self._find_held(values)
+        else:
+            self._solver.factor(self._regularised(values))
         self._kernel = self._kernel_of(values)
         seen = self._kernel[self._chosen]
         self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
@@ -165,12 +166,23 @@ class DatumSolver:
         """(n, k) orthonormal basis of the kernel that the datum takes away."""
         return self._kernel
 
-    def _find_held(self, values: FloatArray) -> IntArray:
-        try:
-            self._solver.factor(values)
-        except SingularMatrixError as error:
-            return error.indices
-        return np.zeros(0, np.int64)
+    def _find_held(self, values: FloatArray) -> None:
+        """Factors with as many unknowns held as the kernel has dimensions.
+
+        Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
+        """
+        held = np.zeros(0, np.int64)
+        while True:
+            self._held = held
+            try:
+                self._solver.factor(self._regularised(values))
+            except SingularMatrixError as error:
+                held = np.union1d(held, error.indices)
+                if len(held) == len(self._held):
+                    self._held = None
+                    raise
+            else:
+                return
 
     def _regularised(self, values: FloatArray) -> FloatArray:
         """The matrix with the diagonal entries of the held unknowns doubled."""

@@ -1,0 +1,114 @@
+"""Free blocks: position, orientation and scale by inner constraints on projection centres or points.
+
+First the solution without any datum: damped steps need none, and come home from far. Then a similarity takes
+all of it to where the changes of the datum from the start are least, and what the similarity leaves (where
+lengths, verticals or known places determine some of the seven) is done by steps on the datum.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.initial.growth import similarity
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence, Sized
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.geometry import Pose
+    from obseq.images.adjustment.equations import Equations
+    from obseq.leastsquares import Iteration, LeastSquaresResult
+
+SETTLINGS = 8
+SETTLED = 1e-7
+"""Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
+
+
+def solve_free(
+    equations: Equations,
+    datum: str | Sequence[str],
+    strategy: str,
+    covariance: bool | None,
+    solving: dict[str, Any],
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
+    """The solution of a free block that is closest to its start on the datum, and all its iterations.
+
+    Raises:
+        InputError: what the datum rests on does not fix it.
+    """
+    system = equations.system
+    unknowns = [equations.centres, equations.rotations, equations.points, *equations.instruments]
+    groups = [ids for ids in unknowns if ids.size] + [ids[None] for ids in equations.calibrations]
+    chosen = datum_blocks(equations, datum)
+    before, wanted = [system.values(ids) for ids in groups], system.values(chosen)
+    done: tuple[Iteration, ...] = ()
+    if strategy == "levenberg-marquardt":
+        done = system.solve(strategy=strategy, **solving).iterations
+    _move_back(equations, chosen, wanted, datum)
+    after = [system.values(ids) for ids in groups]
+    for ids, values in zip(groups, before, strict=True):
+        system.set_values(ids, values)
+    system.set_datum(chosen)  # which keeps the present values as its reference
+    for ids, values in zip(groups, after, strict=True):
+        system.set_values(ids, values)
+    for _ in range(SETTLINGS):
+        settled = system.solve(strategy="gauss-newton", **solving).iterations
+        done += settled
+        if len(settled) == 1 and settled[0].max_step <= SETTLED:
+            break
+    result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
+    return result, done + result.iterations
+
+
+def datum_blocks(equations: Equations, datum: str | Sequence[str]) -> IntArray:
+    """The blocks of unknowns that a datum rests on: `centres`, `points`, or points by name."""
+    if isinstance(datum, str):
+        return equations.centres if datum == "centres" else equations.points
+    return equations.points[index_of(equations.start.points, datum, "datum: point")]
+
+
+def _move_back(
+    equations: Equations, chosen: IntArray, wanted: FloatArray, datum: str | Sequence[str]
+) -> None:
+    """Moves a block that nothing but lengths ties to the world by the similarity onto its datum."""
+    if not _floats(equations):
+        return
+    system = equations.system
+    try:
+        scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations))
+    except InputError as error:
+        name = datum if isinstance(datum, str) else "the points named"
+        raise InputError(
+            f"the datum on {name} fixes no position, orientation and scale: {error}; choose others, not all "
+            "on one line"
+        ) from None
+    for ids in (equations.centres, equations.points):
+        system.set_values(ids, motion.centre + scale * system.values(ids) @ motion.rotation.T)
+    _turn(equations, motion)
+
+
+def _turn(equations: Equations, motion: Pose) -> None:
+    system = equations.system
+    system.set_values(equations.rotations, motion.rotation @ system.values(equations.rotations))
+
+
+def _floats(equations: Equations) -> bool:
+    """Whether a rigid motion of images and points changes no residual, and moves nothing that is held."""
+    block = equations.block
+    tied: list[Sized] = [
+        block.surveys,
+        block.pose_observations,
+        block.instruments.inclinations,
+        block.fixed_centres,
+        block.fixed_rotations,
+        np.flatnonzero(~equations.start.is_free.all(axis=1)),
+    ]
+    return not any(len(part) for part in tied)
+
+
+def _has_scale(equations: Equations) -> bool:
+    return bool(equations.block.lengths.values or equations.block.rigid_blocks)
