@@ -10,7 +10,7 @@ from obseq.images import BundleAdjustment, Poses, similarity
 
 
 def _strips(n_strips: int, n_images: int, n_points: int, relief: float):
-    """Vertical images in strips flown to and fro, 150 m above points of some relief."""
+    """Vertical images in strips flown there and back, 150 m above points of some relief."""
     rng = np.random.default_rng(0)
     strip, k = np.divmod(np.arange(n_strips * n_images), n_images)
     there = np.where(strip % 2, n_images - 1 - k, k)
