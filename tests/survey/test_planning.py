@@ -9,7 +9,7 @@ from planned import network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import Network, Quality, plan, read_cor, read_obs, simulate
+from obseq.survey import Network, Quality, plan, read_cor, read_obs, simulate, write_obs
 from obseq.survey.planning.simulation import Simulation
 
 
@@ -118,11 +118,15 @@ def test_the_same_seed_gives_the_same_errors(planned):
     assert np.abs(one - other).max() > 1e-4
 
 
-def test_points_without_coordinates_cannot_be_planned(tmp_path):
-    (tmp_path / "p.obs").write_text(observation_text())
+def test_points_without_coordinates_are_placed_by_true_values_only(tmp_path, planned):
     (tmp_path / "p.cor").write_text("\n".join(point_text().splitlines()[:-1]) + "\n")
     with pytest.raises(InputError, match="coordinates of all points; F have none"):
-        plan(Network.read(tmp_path / "p.obs", tmp_path / "p.cor"))
+        plan(Network.read(tmp_path / "plan.obs", tmp_path / "p.cor"))
+    write_obs(tmp_path / "measured.obs", simulate(planned, seed=2).book)
+    found = plan(Network.read(tmp_path / "measured.obs", tmp_path / "p.cor"), with_gains=False)
+    assert any("1 points had no coordinates" in note for note in found.adjustment.notes)
+    expected = plan(planned, with_gains=False).adjustment.points.precisions
+    np.testing.assert_allclose(found.adjustment.points.precisions, expected, rtol=1e-3, atol=1e-6)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.planning.draws import compared, draw
 from obseq.survey.planning.gains import candidates, gains
 from obseq.survey.planning.simulation import Simulation
+from obseq.survey.planning.truth import placed
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -116,8 +117,9 @@ def plan(
     """What a network would be worth if it were measured as intended.
 
     Args:
-        network: Points, all with approximate coordinates, and the intended observations with their sigmas;
-            the values of the observations do not count.
+        network: Points with approximate coordinates, and the intended observations with their sigmas. Where
+            all points have coordinates, the values of the observations do not count; otherwise they place the
+            points, as in a network that is measured and may get more observations.
         quality: What is wanted beside precisions; reliability by default. Precisions are a priori.
         with_gains: Whether to rank what one more observation of the kinds of the plan would bring.
         farthest: Longest sight of such an observation, m; by default the longest of the plan.
@@ -127,15 +129,16 @@ def plan(
         progress: Receives what is being done.
 
     Raises:
-        InputError: A point has no coordinates, or a name is unknown.
+        InputError: Points have no coordinates and are not placed by observations, or a name is unknown.
         SingularSystemError: The observations do not determine some unknowns, which the message names.
     """
+    given, network = network, placed(network)
     simulation = Simulation(network)
     mask = _mask(network, counted)
     wanted = replace(quality or Quality(), a_priori=True, snooping=None, variance_components=False)
     exact = simulation.without_errors()
     adjustment = exact.adjust(start=simulation.truth, quality=wanted, progress=progress)
-    adjustment = replace(adjustment, notes=(NOTE, *adjustment.notes))
+    adjustment = replace(adjustment, notes=(*_notes(given), *adjustment.notes))
     ranked: list[GainRecord] = []
     count = 0
     if with_gains and not adjustment.left_out:
@@ -147,6 +150,13 @@ def plan(
     if draws and not adjustment.left_out:
         check = compared(draw(simulation, draws, seed, progress), adjustment, seed)
     return Plan(adjustment, tuple(ranked), count, check, network)
+
+
+def _notes(given: Network) -> list[str]:
+    """What a reader of the plan should know."""
+    lacking = int(np.count_nonzero(~given.points.has_coordinates))
+    where = f"{lacking} points had no coordinates: the plan is where the observed values place them"
+    return [NOTE, where] if lacking else [NOTE]
 
 
 def _mask(network: Network, counted: Collection[str] | None) -> BoolArray:

@@ -11,7 +11,7 @@ import numpy as np
 from obseq.arguments import NOTHING, TRUTH, WHOLE, expecting
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.planning.truth import truth, with_values
+from obseq.survey.planning.truth import placed, truth, with_values
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -91,7 +91,8 @@ def simulate(network: Network, seed: int | None = None, *, noise: bool = True) -
     """The network as it would be observed if its coordinates were true.
 
     Args:
-        network: Points, all with coordinates, and the intended observations; their values do not count.
+        network: Points and the intended observations. Where all points have coordinates, the values of the
+            observations do not count; otherwise they place the points.
         seed: Of the random numbers; the same seed gives the same errors.
         noise: Whether observations and known coordinates have errors, normal ones with their sigmas.
 
@@ -99,9 +100,9 @@ def simulate(network: Network, seed: int | None = None, *, noise: bool = True) -
         The same points and observations with other values; known coordinates are moved by their errors.
 
     Raises:
-        InputError: a point has no coordinates.
+        InputError: points have no coordinates, and the observations do not place them.
     """
-    simulation = Simulation(network)
+    simulation = Simulation(placed(network))
     return simulation.drawn(np.random.default_rng(seed)) if noise else simulation.without_errors()
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, ObseqError
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.known import Step
 from obseq.survey.initial.orienting import plumb_rotation
@@ -24,11 +24,13 @@ def truth(network: Network) -> InitialValues:
 
     The zero of every horizontal circle points to the north of its place.
 
+    Args:
+        network: all its points have coordinates.
+
     Raises:
-        InputError: points lack coordinates, or a plumb instrument stands where there is no vertical.
+        InputError: a plumb instrument stands where there is no vertical.
     """
     points, book = network.points, network.book
-    _require_coordinates(network)
     orientations = automatic_fix(book)
     stations = len(book.stations)
     if not network.frame.has_vertical and (orientations == Orientation.VERT).any():
@@ -48,18 +50,39 @@ def truth(network: Network) -> InitialValues:
     )
 
 
+def placed(network: Network) -> Network:
+    """The network with coordinates for all points: where some have none, those of an adjustment.
+
+    Raises:
+        InputError: the observations do not place them, or contradict each other.
+    """
+    if network.points.has_coordinates.all():
+        return network
+    try:
+        adjustment = network.adjust()
+    except ObseqError as error:
+        raise InputError(f"{_lacking(network)}, and the observations do not place them: {error}") from error
+    if adjustment.left_out:
+        raise InputError(f"{_lacking(network)}; {adjustment.left_out[0].sentence()}")
+    if not adjustment.is_honest:
+        raise InputError(f"{_lacking(network)}, and the observed values do not agree with each other")
+    rows = np.asarray(network.points.is_free.any(axis=1))
+    coordinates = np.where(rows[:, None], adjustment.points.coordinates, network.points.coordinates)
+    return replace(network, points=replace(network.points, coordinates=coordinates))
+
+
 def with_values(network: Network, values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Network:
     """The network with other observed values (n,), m or rad."""
     observations = replace(network.book.observations, values=values)
     return replace(network, book=replace(network.book, observations=observations))
 
 
-def _require_coordinates(network: Network) -> None:
+def _lacking(network: Network) -> str:
+    """What is wrong with a network some of whose points have no coordinates."""
     points = network.points
     lacking = [name for name, has in zip(points.names, points.has_coordinates, strict=True) if not has]
-    if lacking:
-        more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
-        raise InputError(
-            f"planning needs approximate coordinates of all points; {', '.join(lacking[:MOST_NAMED])}{more} "
-            "have none: add them to the point file"
-        )
+    more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
+    return (
+        f"planning needs approximate coordinates of all points; {', '.join(lacking[:MOST_NAMED])}{more} have "
+        "none: add them to the point file"
+    )
