@@ -1,0 +1,129 @@
+"""Mutated files of other programs (Comp3D, Gama...): refused in words, or a result that can be trusted.
+
+As `fuzz_readers.py`, for whatever `obseq adjust FILE` reads. Each case changes one file of a data set of
+`../shared/data` in a copy of its folder: words, lines or bytes.
+
+    python tools/benchmarks/fuzz_projects.py --start 0 --count 20000 --adjust 0.02
+"""
+
+import argparse
+import logging
+import random
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import fuzz_readers as readers
+
+from obseq.errors import ObseqError
+from obseq.survey import Network
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+
+FOLDERS = ("comp3d-*", "gama-*", "dynadjust-*")
+MAIN = (".comp", ".gkf", ".stn")
+TOGETHER = {".stn": (".stn", ".msr")}
+"""Suffixes of the files that are given together, by the first."""
+
+LARGEST = 100_000
+"""Bytes of a project beyond which it is no seed: mutations are many, and small files are quick."""
+
+
+class Seed:
+    """A project in a folder of its own.
+
+    Attributes:
+        folder: a copy of its files.
+        paths: those that are given to the reader.
+        texts: what each file held, by its path.
+    """
+
+    def __init__(self, main: Path, folder: Path) -> None:
+        self.folder = folder
+        shutil.copytree(main.parent, folder)
+        main = folder / main.name
+        found = TOGETHER.get(main.suffix, (main.suffix,))
+        self.paths = [main.with_suffix(suffix) for suffix in found]
+        files = [main] if main.suffix == ".gkf" else [path for path in folder.rglob("*") if is_text(path)]
+        self.texts = {path: path.read_bytes().decode("latin-1") for path in sorted(files)}
+
+    def mutate(self, chance: random.Random) -> Path:
+        """Changes one of the files, and returns it."""
+        path = chance.choice(list(self.texts))
+        path.write_bytes(readers.mutated(self.texts[path], chance))
+        return path
+
+    def restore(self, path: Path) -> None:
+        """Writes a file as it was."""
+        path.write_bytes(self.texts[path].encode("latin-1"))
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file of a data set is one that a reader reads as text."""
+    others = {".json", ".md", ".txt", ".gsb", ".py"}
+    return path.is_file() and path.suffix not in others and path.stat().st_size > 0
+
+
+def seeds(folder: Path) -> list[Seed]:
+    """The small projects of the data sets, copied to a folder."""
+    mains = [path for name in FOLDERS for path in sorted(DATA.glob(f"{name}/*")) if path.suffix in MAIN]
+    found = [Seed(main, folder / str(number)) for number, main in enumerate(mains)]
+    return [seed for seed in found if sum(map(len, seed.texts.values())) <= LARGEST]
+
+
+def outcome(seed: Seed, chance: random.Random, adjusts: float) -> str:
+    """What a case comes to: "refused", "read", or "adjusted".
+
+    Raises:
+        AssertionError: the result cannot be trusted.
+    """
+    try:
+        network = Network.read_project(seed.paths, encoding="latin-1")
+        if chance.random() >= adjusts:
+            return "read"
+        record = network.adjust().record()
+    except ObseqError as error:
+        readers.check_message(str(error))
+        return "refused"
+    readers.check_result(record)
+    return "adjusted"
+
+
+def failure(found: list[Seed], number: int, adjusts: float, counts: Counter[str]) -> str | None:
+    """What is wrong with a case, in a few lines; None when nothing is."""
+    chance = random.Random(number)
+    seed = chance.choice(found)
+    path = seed.mutate(chance)
+    said = readers.judged(
+        f"seed {number} ({seed.paths[0].name})", lambda: outcome(seed, chance, adjusts), counts
+    )
+    seed.restore(path)
+    return said
+
+
+def main() -> int:
+    """Run the cases, print failures and counts; 1 when something failed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
+    parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
+    parser.add_argument("--adjust", type=float, default=0.1, help="share of networks to adjust (%(default)s)")
+    options = parser.parse_args()
+    counts: Counter[str] = Counter()
+    logging.disable(logging.WARNING)  # gross errors are announced, and mutations are little else
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        found = seeds(Path(folder))
+        for number in range(options.start, options.start + options.count):
+            if said := failure(found, number, options.adjust, counts):
+                print(said, flush=True)
+    print(f"{len(found)} projects: {dict(counts)} in {time.perf_counter() - begin:.0f} s")
+    return 1 if counts["failed"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
