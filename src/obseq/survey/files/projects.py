@@ -10,6 +10,8 @@ from obseq.survey.files.comp3d import read_comp3d
 from obseq.survey.files.dynadjust import MSR, STN, read_dna, read_dynaml
 from obseq.survey.files.dynaml import ROOT
 from obseq.survey.files.gama import read_gama
+from obseq.survey.files.landxml import ROOT as LANDXML
+from obseq.survey.files.landxml import read_landxml
 from obseq.survey.files.project import Reading, only_one
 from obseq.survey.files.starnet import read_starnet
 from obseq.survey.files.xml_file import read_xml
@@ -28,7 +30,12 @@ READERS: dict[str, Reader] = {
     MSR: read_dna,
 }
 """Who reads the files with each suffix."""
-ROOTS: dict[str, Reader] = {ROOT: read_dynaml, "gama-local": read_gama, "gama-xml": read_gama}
+ROOTS: dict[str, Reader] = {
+    ROOT: read_dynaml,
+    "gama-local": read_gama,
+    "gama-xml": read_gama,
+    LANDXML: read_landxml,
+}
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
 DEFAULTS = Reading()
