@@ -170,7 +170,8 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
     canvas.send_keys("0")
     assert browser.execute_script("return page.plan.scale") == pytest.approx(before[0], rel=1e-6)
     place = browser.execute_script(
-        "const p = page.plan; const [k, x, y] = p.inside[0]; return [x - p.width / 2, y - p.height / 2]"
+        "const p = page.plan; p.draw(); const [, x, y] = p.inside[0];"
+        "return [x - p.width / 2, y - p.height / 2]"
     )
     ActionChains(browser).move_to_element_with_offset(canvas, *map(round, place)).click().perform()
     assert browser.execute_script("return page.plan.selection.points.length") >= 1

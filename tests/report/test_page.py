@@ -107,7 +107,7 @@ def test_its_head_says_what_it_was_made_from(make) -> None:
     for words in (
         "a.obs, b.cor",
         "coefficient 0.13",
-        "IGNF:LAMB93 to WGS 84: Inverse of Lambert (accuracy 0.5 m)",
+        "IGNF:LAMB93 to WGS 84 by PROJ: Inverse of Lambert (accuracy 0.5 m)",
     ):
         assert words in text
 

@@ -1,6 +1,8 @@
 """What a network says of its quality when asked: reliability, snooping, variance components, ellipses."""
 
+import json
 import math
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -117,6 +119,44 @@ def test_relative_precisions_of_points_that_observations_join(demo) -> None:
         assert 0.0 < item.precision <= item.ellipse.semi_major * 1.0001
 
 
+def test_ellipsoids_hold_the_whole_covariance_with_ends_above_the_horizon(demo) -> None:
+    record = demo.adjust(quality=Quality(ellipsoids=True)).record()
+    for point in record.points:
+        ends = [
+            (math.cos(e) * math.sin(b), math.cos(e) * math.cos(b), math.sin(e))
+            for b, e in zip(point.ellipsoid.bearings, point.ellipsoid.elevations, strict=True)
+        ]
+        assert all(0.0 <= angle <= math.pi / 2 for angle in point.ellipsoid.elevations)
+        axes = np.array(ends).T * np.array(point.ellipsoid.axes)
+        rebuilt = (axes @ axes.T)[np.triu_indices(3)]
+        np.testing.assert_allclose(rebuilt, point.covariance, atol=1e-12)
+
+
+def test_effects_name_the_point_that_a_bias_moves_most(demo) -> None:
+    adjusted = demo.adjust(quality=Quality(effects=True))
+    row = adjusted.record().observations[2]
+    moved = demo.book.observations.values.copy()
+    moved[2] += row.detectable * 1e-3
+    book = replace(demo.book, observations=replace(demo.book.observations, values=moved))
+    again = replace(demo, book=book).adjust()
+    k = adjusted.points.names.index(row.effect.point)
+    shifts = 1e3 * (again.points.coordinates - adjusted.points.coordinates)
+    assert int(np.argmax(np.linalg.norm(shifts, axis=1))) == k
+    np.testing.assert_allclose(shifts[k], [row.effect.x, row.effect.y, row.effect.z], rtol=2e-3, atol=1e-5)
+
+
+def test_inner_precisions_are_those_of_comp3d(shared_data) -> None:
+    folder = shared_data / "comp3d-no-redundancy"
+    expected = json.loads((folder / "expected.json").read_text(encoding="utf-8"))["points"]
+    adjusted = Network.read_project(folder / "project.comp").adjust(quality=Quality(inner=True))
+    for name, covariance in zip(adjusted.points.names, adjusted.inner, strict=True):
+        found = covariance[np.triu_indices(3)]
+        np.testing.assert_allclose(found, expected[name]["cov6"], rtol=1e-5, atol=1e-12, err_msg=name)
+    record = adjusted.record()
+    assert record.points[0].inner[0] == pytest.approx(math.sqrt(adjusted.inner[0, 0, 0]))
+    assert record.points[0].sx > record.points[0].inner[0]
+
+
 def test_variance_components_scale_the_sigmas_that_they_find_wrong(tmp_path) -> None:
     record = distances(tmp_path, scale=3.0, seed=3).adjust(quality=Quality(variance_components=True)).record()
     (component,) = record.variance_components
@@ -155,3 +195,12 @@ def test_the_record_comes_back_with_all_of_it_and_the_listing_fits(tmp_path) -> 
 def test_wrong_wishes_are_refused(wrong, message) -> None:
     with pytest.raises(InputError, match=message):
         Quality(**wrong)
+
+
+def test_inner_precisions_do_not_depend_on_what_is_known(tmp_path) -> None:
+    network = distances(tmp_path)
+    wanted = Quality(inner=True, a_priori=True)
+    tight = network.adjust(quality=wanted).inner
+    loose = np.where(np.isnan(network.points.sigmas), np.nan, 0.05)
+    other = replace(network, points=replace(network.points, sigmas=loose)).adjust(quality=wanted).inner
+    np.testing.assert_allclose(other, tight, rtol=2e-3, atol=1e-9)

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from obseq.survey import Quality
 
 
+FLAGS = ("reliability", "variance_components", "ellipsoids", "effects", "inner", "relative", "a_priori")
+"""Options that are on or off, called as the fields of `Quality`."""
+
+
 def add_quality_arguments(command: argparse.ArgumentParser) -> None:
     """Add what is wanted beside residuals and precisions."""
     quality = command.add_argument_group("quality")
@@ -50,6 +54,13 @@ def add_quality_arguments(command: argparse.ArgumentParser) -> None:
         help="which point the detectable bias of each observation moves most, and by how much",
     )
     quality.add_argument(
+        "--inner-precisions",
+        dest="inner",
+        action="store_true",
+        help="precisions as if no point were known and all carried the datum, after the adjustment with the "
+        "known points",
+    )
+    quality.add_argument(
         "--ellipsoids", action="store_true", help="error ellipsoids too (standard ones: 20 %%)"
     )
     quality.add_argument(
@@ -70,6 +81,14 @@ def quality_of(arguments: argparse.Namespace) -> "Quality":
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
     flags = {
         name: getattr(arguments, name)
-        for name in ("reliability", "variance_components", "ellipsoids", "effects", "relative", "a_priori")
+        for name in (
+            "reliability",
+            "variance_components",
+            "ellipsoids",
+            "effects",
+            "inner",
+            "relative",
+            "a_priori",
+        )
     }
     return Quality(**given, **flags)

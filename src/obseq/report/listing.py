@@ -8,13 +8,13 @@ from obseq.record import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.quality import quality_tables, single_tests, snooping_lines
 from obseq.report.summary import (
+    basis,
     expected,
     gross_errors,
     how_it_ended,
     kinds,
     left_out,
     notes,
-    run_line,
     warnings,
 )
 from obseq.report.table import lines_of, wrapped
@@ -32,6 +32,15 @@ def listing(record: AdjustmentRecord) -> str:
     tables.append(
         rows.observation_table(record, "Observations, in the order of the files", record.observations)
     )
+    if record.reliability:
+        tables.append(rows.judged_table(record))
+    if record.types:
+        title = "Statistics by type: normalised residuals, the largest standardised one, factor of the sigmas"
+        tables.append(rows.statistics_table(title, "type", record.types))
+    if record.setups:
+        tables.append(rows.statistics_table("Statistics by station", "from", record.setups))
+    if any(point.known or point.moved or point.inner for point in record.points):
+        tables.append(rows.moved_table(record))
     known = worst_constraints_first(record)
     if known:
         title = "Known coordinates, the worst normalised residual first"
@@ -45,11 +54,12 @@ def listing(record: AdjustmentRecord) -> str:
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:
     verdict = Verdict(record)
+    if record.title:
+        yield record.title
     yield f"Adjustment of {len(record.points)} points: {how_it_ended(record)}"
     yield from left_out(record)
     yield from gross_errors(record, len(record.gross_errors))
-    if record.run:
-        yield f"  run           {run_line(record)}"
+    yield from (f"  {name:<14}{text}" for name, text in basis(record))
     yield f"  observations  {record.n_observations} ({kinds(record)})"
     yield f"  constraints   {record.n_constraints}"
     yield f"  unknowns      {record.n_unknowns}"

@@ -7,18 +7,18 @@ from typing import Any
 
 from obseq.arguments import expecting, instance
 from obseq.plain import finite
-from obseq.record import AdjustmentRecord, OperationRecord
+from obseq.record import AdjustmentRecord
 from obseq.report.content import content
 from obseq.report.html import escaped
 from obseq.report.quality import single_tests, snooping_lines, suspects
 from obseq.report.summary import (
+    basis,
     expected,
     gross_errors,
     how_it_ended,
     kinds,
     left_out,
     notes,
-    run_line,
     warnings,
 )
 from obseq.report.units import significant
@@ -26,7 +26,6 @@ from obseq.report.verdict import Verdict
 
 SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "plan", "charts", "main")
 MOST_WARNINGS = 20
-MOST_FILES = 12
 
 Facts = list[tuple[str, str, str]]
 
@@ -59,7 +58,7 @@ def _embedded(plain: dict[str, Any]) -> str:
 
 
 def _facts(record: AdjustmentRecord) -> str:
-    items = [*_outcome(record), *_basis(record), *_remarks(record)]
+    items = [*_outcome(record), *((name, text, "") for name, text in basis(record)), *_remarks(record)]
     cells = (
         f'<dt>{escaped(name)}</dt><dd class="{style}">{escaped(text)}</dd>' for name, text, style in items
     )
@@ -82,31 +81,7 @@ def _outcome(record: AdjustmentRecord) -> Facts:
         ("", verdict.explanation, ""),
         *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
         *(("snooping", line, "") for line in snooping_lines(record)),
-        ("precisions", record.precision or "not said", ""),
     ]
-
-
-def _basis(record: AdjustmentRecord) -> Facts:
-    """What it was made from: files, versions, frame, refraction, operations."""
-    names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
-    more = f" and {len(names) - MOST_FILES} more" if len(names) > MOST_FILES else ""
-    return [
-        ("files", ", ".join(names[:MOST_FILES]) + more, ""),
-        ("run", run_line(record), ""),
-        ("frame", record.frame, ""),
-        *([("points in", record.points_crs, "")] if record.points_crs != record.frame else []),
-        *(
-            [("refraction", f"coefficient {record.refraction:g}", "")]
-            if record.refraction is not None
-            else []
-        ),
-        *(("PROJ operation", _operation(item), "") for item in record.operations or ()),
-    ]
-
-
-def _operation(item: OperationRecord) -> str:
-    accuracy = "accuracy not announced" if item.accuracy is None else f"accuracy {item.accuracy:g} m"
-    return f"{item.system} to WGS 84: {item.description} ({accuracy})"
 
 
 def _remarks(record: AdjustmentRecord) -> Facts:

@@ -69,6 +69,8 @@ def quality_tables(record: AdjustmentRecord) -> Iterator[Table]:
         yield _component_table(record)
     if any(point.ellipse for point in record.points):
         yield _ellipse_table(record)
+    if any(point.ellipsoid for point in record.points):
+        yield _ellipsoid_table(record)
     if record.relative is not None:
         yield _relative_table(record)
 
@@ -111,6 +113,20 @@ def _ellipse_table(record: AdjustmentRecord) -> Table:
     )
     title = f"Error ellipses, {ellipse_level(record)}: semi-axes (mm), bearing of the major one (gon)"
     return Table(title, ("point", "major", "minor", "bearing"), tuple(rows))
+
+
+def _ellipsoid_table(record: AdjustmentRecord) -> Table:
+    rows = []
+    for point in record.points:
+        if point.ellipsoid:
+            parts = zip(
+                point.ellipsoid.axes, point.ellipsoid.bearings, point.ellipsoid.elevations, strict=True
+            )
+            cells = ((units.millimetres(axis), _bearing(turn), _bearing(rise)) for axis, turn, rise in parts)
+            rows.append((point.name, *(text for cell in cells for text in cell)))
+    header = ("point", *(f"{name} {k}" for k in (1, 2, 3) for name in ("axis", "bearing", "elevation")))
+    title = f"Error ellipsoids, {ellipse_level(record, 'ellipsoid')}: semi-axes (mm), their directions (gon)"
+    return Table(title, header, tuple(rows))
 
 
 def _relative_table(record: AdjustmentRecord) -> Table:

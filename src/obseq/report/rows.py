@@ -1,11 +1,12 @@
 """The rows that the text and HTML reports share: titles and cells of each table, as text in user units."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from obseq.record import AdjustmentRecord, ConstraintRecord, ObservationRecord, PointRecord
+from obseq.record import AdjustmentRecord, ConstraintRecord, ObservationRecord, PointRecord, StatisticsRecord
 from obseq.report import units
 
 ANGLES = frozenset({"Hz", "Zen"})
@@ -138,6 +139,75 @@ def _judged_cells(row: ObservationRecord) -> tuple[str, ...]:
 def unit_of(row: ObservationRecord) -> str:
     """The unit of an observation: m or rad."""
     return row.unit or ("rad" if row.type in ANGLES else "m")
+
+
+def judged_table(record: AdjustmentRecord) -> Table:
+    """What else reliability says of observations: adjusted value, tau, the error that each may have."""
+    rows = (
+        (
+            row.type,
+            row.origin,
+            row.target,
+            f"{PurePath(row.file).name}:{row.line}",
+            units.ABSENT if row.residual is None else units.observed(unit_of(row), row.value + row.residual),
+            units.fixed(row.normalised_residual, 2),
+            units.fixed(row.tau, 2),
+            units.small(unit_of(row), row.blunder),
+            *_effect_cells(row),
+        )
+        for row in record.observations
+        if row.active
+    )
+    header = ("type", "from", "to", "file", "adjusted", "normalised", "tau", "off by", "moves", "mm")
+    title = (
+        "Adjusted values; residual / sigma; tau, with the a posteriori sigma; estimated error of each if it "
+        "were the only one; the point that its detectable bias moves most, and by how much"
+    )
+    return Table(title, header, tuple(rows), 4)
+
+
+def _effect_cells(row: ObservationRecord) -> tuple[str, str]:
+    if row.effect is None:
+        return units.ABSENT, units.ABSENT
+    return row.effect.point, units.millimetres(math.hypot(row.effect.x, row.effect.y, row.effect.z))
+
+
+def statistics_table(title: str, first: str, found: Sequence[StatisticsRecord]) -> Table:
+    """How the observations of each type, or from each point, fit."""
+    rows = (
+        (
+            row.name,
+            str(row.count),
+            str(row.unused),
+            units.fixed(row.redundancy, 2),
+            units.fixed(row.mean, 2),
+            units.fixed(row.rms, 2),
+            units.fixed(row.largest, 2),
+            units.fixed(row.sigma_factor, 2),
+        )
+        for row in found
+    )
+    header = (first, "used", "unused", "redundancy", "mean", "rms", "largest", "sigma x")
+    return Table(title, header, tuple(rows))
+
+
+def moved_table(record: AdjustmentRecord) -> Table:
+    """What is known of each point, how it moved, and its precisions with inner constraints."""
+    rows = (
+        (
+            point.name,
+            f"known {point.known}" if point.known else "free",
+            *(units.millimetres(value) for value in point.moved or (None,) * 3),
+            *(units.millimetres(value) for value in point.inner or (None,) * 3),
+        )
+        for point in record.points
+    )
+    header = ("point", "class", "dx", "dy", "dz", "inner sx", "inner sy", "inner sz")
+    title = (
+        "Known coordinates (capitals: held), adjusted minus given coordinates (mm), and precisions with the "
+        "datum of inner constraints (mm) where they were asked for"
+    )
+    return Table(title, header, tuple(rows), 2)
 
 
 def constraint_table(record: AdjustmentRecord, title: str, constraints: Sequence[ConstraintRecord]) -> Table:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import printable
-from obseq.record import AdjustmentRecord, GlobalTestRecord, PointRecord
+from obseq.record import AdjustmentRecord, GlobalTestRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.quality import single_tests, snooping_lines
 from obseq.report.table import lines_of
@@ -15,6 +15,7 @@ from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, 
 WIDTH = 100
 MOST_POINTS = 8
 MOST_ERRORS = 5
+MOST_FILES = 12
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
 WORST = 5
@@ -67,6 +68,26 @@ def run_line(record: AdjustmentRecord) -> str:
         return "not in the record"
     versions = ", ".join(f"{name} {version}" for name, version in record.run.versions.items())
     return f"{record.run.identifier}, {record.run.created}; {versions}"
+
+
+def basis(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
+    """What it was made from, in words: files, versions, systems, refraction, operations, precisions."""
+    names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
+    more = f" and {len(names) - MOST_FILES} more" if len(names) > MOST_FILES else ""
+    yield "files", ", ".join(names[:MOST_FILES]) + more
+    yield "run", run_line(record)
+    yield "frame", record.frame
+    if record.points_crs != record.frame:
+        yield "points in", record.points_crs
+    if record.refraction is not None:
+        yield "refraction", f"coefficient {record.refraction:g}"
+    yield from (("operation", _operation(item)) for item in record.operations or ())
+    yield "precisions", record.precision or "not said"
+
+
+def _operation(item: OperationRecord) -> str:
+    accuracy = "accuracy not announced" if item.accuracy is None else f"accuracy {item.accuracy:g} m"
+    return f"{item.system} to WGS 84 by PROJ: {item.description} ({accuracy})"
 
 
 def expected(record: AdjustmentRecord, test: GlobalTestRecord) -> str:

@@ -11,16 +11,18 @@ WIDTH = 120
 
 
 def lines_of(table: Table, indent: str = "  ") -> Iterator[str]:
-    """The lines of a table: its title, its header, its rows; names on the left, numbers on the right."""
+    """The lines of a table: title, header, rows; names on the left, numbers on the right; closer when wide."""
     grid = [table.header, *(tuple(map(printable_line, row)) for row in table.rows)]
     widths = [max(len(row[k]) for row in grid) for k in range(len(table.header))]
+    gap = "  " if len(indent) + sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
+    indent = indent if len(gap) == 2 else ""
     yield from textwrap.wrap(table.title, WIDTH, break_long_words=False)
     for row in grid:
         cells = (
             text.ljust(width) if k < table.left else text.rjust(width)
             for k, (text, width) in enumerate(zip(row, widths, strict=True))
         )
-        yield (indent + "  ".join(cells)).rstrip()
+        yield (indent + gap.join(cells)).rstrip()
 
 
 def wrapped(lines: Iterable[str]) -> Iterator[str]:

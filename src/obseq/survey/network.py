@@ -33,6 +33,7 @@ from obseq.survey.adjustment.checks import check_counts, check_datum, check_sigh
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held, is_free_standing, without_azimuths
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
+from obseq.survey.adjustment.inner import inner_covariances
 from obseq.survey.adjustment.notes import notes, of_unit_weight
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
@@ -483,6 +484,10 @@ class Network:
             network._require_determined(equations, found.solution)
         with watch.phase("results"):
             adjustment = network._adjustment(equations, found, initial.orientations)
+        if quality.inner:
+            with watch.phase("inner constraints"):
+                covariances = inner_covariances(self._equations, start, equations)
+            adjustment = adjustment.with_inner(covariances)
         return replace(
             adjustment,
             left_out=start.left_out,

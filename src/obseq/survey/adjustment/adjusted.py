@@ -139,6 +139,7 @@ class Adjustment:
         quality: Reliability, snooping, variance components, relative precisions: what was asked for.
         refraction: Coefficient of refraction of zenith angles.
         operations: How PROJ leads from the systems to the Earth.
+        inner: (n, 3, 3) covariances with the datum of inner constraints; None when not asked for.
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
@@ -162,6 +163,7 @@ class Adjustment:
     quality: AdjustedQuality
     refraction: float | None = None
     operations: tuple[OperationRecord, ...] = ()
+    inner: FloatArray | None = None
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
@@ -185,6 +187,11 @@ class Adjustment:
             gross_errors=tuple(error.record() for error in errors),
             warnings=(*sentences, *self.warnings),
         )
+
+    def with_inner(self, covariances: FloatArray) -> Adjustment:
+        """The adjustment with covariances (n, 3, 3) of inner constraints, a priori; scaled as its own are."""
+        factor = 1.0 if self.precision == "a priori" else self.solution.variance_factor or 1.0
+        return replace(self, inner=factor * covariances)
 
     @property
     def is_honest(self) -> bool:
@@ -250,10 +257,17 @@ class Adjustment:
             known_letters(points.points),
             moves(points.points, points.coordinates),
             self._ellipsoids(),
+            self._inner(),
             strict=True,
         )
-        for record, (known, moved, ellipsoid) in zip(records, extras, strict=True):
-            yield replace(record, known=known, moved=moved, ellipsoid=ellipsoid)
+        for record, (known, moved, ellipsoid, inner) in zip(records, extras, strict=True):
+            yield replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
+
+    def _inner(self) -> Sequence[tuple[float, ...] | None]:
+        if self.inner is None:
+            return [None] * len(self.points.names)
+        variances = np.diagonal(self.inner, axis1=1, axis2=2)
+        return [tuple(row) for row in np.sqrt(np.maximum(variances, 0.0)).tolist()]
 
     def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
         if not self.quality.ellipsoids:

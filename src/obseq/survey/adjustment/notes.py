@@ -35,6 +35,18 @@ def of_unit_weight(unit_sigma: float | None, sigma0: float | None) -> tuple[str,
     return (f"m0 of gama-local, sigma-apr ({unit_sigma:g}) times sigma0: {unit_sigma * sigma0:.8g}",)
 
 
+def datum_note(defect: int) -> tuple[str, ...]:
+    """What a free network lacks, and what takes its place; nothing where the defect of rank is 0."""
+    if not defect:
+        return ()
+    of = "parameter" if defect == 1 else "parameters"
+    return (
+        f"free network, rank defect {defect}: the observations leave {defect} {of} of its position, "
+        "orientation or scale undetermined; the points that carry the datum take them with the least changes "
+        "(inner constraints), and precisions and ellipses are relative to that datum",
+    )
+
+
 def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:
     observations = book.observations
     rows = np.flatnonzero((observations.types == ZEN.code) & observations.active)

@@ -46,6 +46,7 @@ _KINDS = {
     "ellipses": NUMBER | NOTHING,
     "ellipsoids": TRUTH,
     "effects": TRUTH,
+    "inner": TRUTH,
     "relative": TRUTH,
     "a_priori": TRUTH,
 }
@@ -65,6 +66,8 @@ class Quality:
         variance_components: Estimate a factor of the variances of each kind of observation, and use it.
         ellipses: Probability that the true point is inside its ellipse; None: standard ellipses (39 %).
         effects: What the detectable bias of each observation does to the coordinates: one solve for each.
+        inner: Precisions with the datum of inner constraints too, as if no point were known (Comp3D's way:
+            a second step after the adjustment with the known points).
         ellipsoids: Error ellipsoids of points, with the probability of the ellipses (standard ones: 20 %).
         relative: Precisions and relative ellipses of all pairs of points that observations join.
         a_priori: Precisions from the given sigmas as they are, instead of scaled by the estimated sigma0.
@@ -79,6 +82,7 @@ class Quality:
     ellipses: float | None = None
     ellipsoids: bool = False
     effects: bool = False
+    inner: bool = False
     relative: bool = False
     a_priori: bool = False
 
