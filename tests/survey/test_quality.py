@@ -201,6 +201,6 @@ def test_inner_precisions_do_not_depend_on_what_is_known(tmp_path) -> None:
     network = distances(tmp_path)
     wanted = Quality(inner=True, a_priori=True)
     tight = network.adjust(quality=wanted).inner
-    loose = np.where(np.isnan(network.points.sigmas), np.nan, 0.05)
+    loose = np.where(np.isnan(network.points.sigmas), np.nan, 0.0005)
     other = replace(network, points=replace(network.points, sigmas=loose)).adjust(quality=wanted).inner
-    np.testing.assert_allclose(other, tight, rtol=2e-3, atol=1e-9)
+    np.testing.assert_allclose(other, tight, rtol=0.02, atol=1e-9)
