@@ -11,7 +11,7 @@ WIDTH = 120
 
 
 def lines_of(table: Table, indent: str = "  ") -> Iterator[str]:
-    """The lines of a table: title, header, rows; names left, numbers right; columns closer when it is wide."""
+    """The lines of a table: title, header, rows; names left, numbers right; columns closer if it is wide."""
     grid = [table.header, *(tuple(map(printable_line, row)) for row in table.rows)]
     widths = [max(len(row[k]) for row in grid) for k in range(len(table.header))]
     gap = "  " if len(indent) + sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
