@@ -22,7 +22,7 @@ from obseq.survey.kinds.registry import KINDS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
@@ -86,7 +86,7 @@ def _inner_book(book: FieldBook) -> FieldBook:
     return book.without(np.isin(book.observations.types, codes))
 
 
-def _motions(coordinates: FloatArray, is_free: FloatArray) -> FloatArray:
+def _motions(coordinates: FloatArray, is_free: BoolArray) -> FloatArray:
     """(n, 3, k) what three translations, three rotations and the scale do to free coordinates, normalised."""
     x, y, z = (coordinates - coordinates.mean(axis=0)).T
     none, one = np.zeros_like(x), np.ones_like(x)
