@@ -41,7 +41,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "kernels": ("compilation",),
     "leastsquares": ("kernels", "compilation", "geometry"),
     "survey": ("leastsquares", "kernels", "geometry", "crs"),
-    "images": ("leastsquares", "kernels", "geometry", "crs", "survey"),
+    "images": ("leastsquares", "kernels", "geometry", "crs", "survey", "report"),
     "project": ("images", "survey", "geometry", "crs"),
     "cli": (
         "report",

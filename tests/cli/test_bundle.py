@@ -48,12 +48,20 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert "converged after" in shown
     assert "Camera c (" in shown
     record = json.loads((folder / "out/bundle.json").read_text())
-    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 1, 8)
+    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 2, 8)
     found = np.array([image["centre"] for image in record["images"]])
     sigmas = np.array([image["centre_sigmas"] for image in record["images"]])
     assert (np.abs(found - poses.centres) < 5.0 * sigmas).all()
     assert record["cameras"][0]["parameters"][0]["value"] == pytest.approx(1800.0, abs=2.0)
-    names = {"bundle.json", "bundle.txt", "block.ply", "poses.csv", "cameras.csv", "points.csv"}
+    names = {
+        "bundle.json",
+        "bundle.html",
+        "bundle.txt",
+        "block.ply",
+        "poses.csv",
+        "cameras.csv",
+        "points.csv",
+    }
     assert {path.name for path in (folder / "out").iterdir()} == names
 
 

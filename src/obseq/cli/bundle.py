@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from obseq.images import BundleAdjustment, BundleSolution
+    from obseq.images.output.record import BundleRecord
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -44,6 +45,7 @@ FILES = {
     "interior": ("cameras.csv", "adjusted cameras, in the form of --cameras"),
     "points": ("points.csv", "adjusted points with their sigmas"),
     "text": ("bundle.txt", "what is printed"),
+    "html": ("bundle.html", "a page with drawings: views, residuals, calibrations"),
 }
 
 
@@ -114,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress("writing")
         record = record_of(solution)
         shown = summary(record, [str(path) for path in outputs.values()])
-        texts = {"json": record.to_json, "text": lambda: shown, **_writers(solution)}
+        texts = {"json": record.to_json, "text": lambda: shown, **_writers(solution, record)}
         files = {path: texts[option]() for option, path in outputs.items()}
         write_all({**files, **_other_files(arguments, solution)})
     print(shown, end="")
@@ -130,14 +132,16 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
     return {option: path for option, path in places.items() if path}
 
 
-def _writers(solution: BundleSolution) -> Mapping[str, Callable[[], str]]:
+def _writers(solution: BundleSolution, record: BundleRecord) -> Mapping[str, Callable[[], str]]:
     from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
+    from obseq.images.output.page import page
 
     return {
         "ply": lambda: ply(solution),
         "poses": lambda: pose_table(solution),
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
+        "html": lambda: page(solution, record),
     }
 
 

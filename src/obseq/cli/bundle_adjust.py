@@ -41,6 +41,8 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("--json-files", action="store_true", help="write JSON instead of XML")
     command.add_argument("--json", type=Path, metavar="FILE", help="every result at full precision")
+    command.add_argument("--html", type=Path, metavar="FILE", help="a page with drawings of the block")
+    command.add_argument("--ply", type=Path, metavar="FILE", help="points and cameras for a viewer")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,9 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
     from obseq.project.layout import ProjectTree
 
     options, tree = parse_options(arguments.options), ProjectTree.at(arguments.project)
-    if arguments.json:
-        check_writable([arguments.json])
+    reports = [path for path in (arguments.json, arguments.html, arguments.ply) if path]
+    check_writable(reports)
     with Progress("reading") as progress:
+        from obseq.images.output.clouds import ply
+        from obseq.images.output.page import page
         from obseq.images.output.record import record_of
         from obseq.images.output.summary import summary
         from obseq.project.assembly import assembled
@@ -67,7 +71,12 @@ def run(arguments: argparse.Namespace) -> int:
         files = results.files(solution)
         if arguments.json:
             files[arguments.json] = record.to_json()
+        if arguments.html:
+            files[arguments.html] = page(solution, record)
+        if arguments.ply:
+            files[arguments.ply] = ply(solution)
         check_writable(files)
         write_all(files)
-    print(summary(record, [str(tree.folder("Ori", arguments.out))]), end="")
+    written = [tree.folder("Ori", arguments.out), *reports]
+    print(summary(record, [str(path) for path in written]), end="")
     return 0 if record.is_complete else INCOMPLETE

@@ -1,7 +1,7 @@
 """The record of a bundle adjustment: what is computed once, written as JSON, and printed.
 
-Format "obseq-bundle", version 1. Coordinates in the unit of the world, radians, pixels. A number that is not
-defined is None, and null in the file.
+Format "obseq-bundle", version 2 (1 had no `residuals`). Coordinates are in the unit of the world; radians,
+pixels. A number that is not defined is None, and null in the file.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
 
 FORMAT = "obseq-bundle"
-VERSION = 1
+VERSION = 2
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""
 
@@ -110,6 +110,30 @@ class ImagePointRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ResidualColumns:
+    """All image points that were adjusted, by columns.
+
+    Attributes:
+        image: number of the image, a position in the images of the record.
+        point: number of the point, a position in its points.
+        x: column measured, pixels; `y` the line.
+        dx: computed minus measured, pixels; `dy` the same.
+        sx: sigma, pixels; `sy` the same.
+        weight: what robust weights left, 1 for all.
+    """
+
+    image: tuple[int, ...]
+    point: tuple[int, ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    dx: tuple[float, ...]
+    dy: tuple[float, ...]
+    sx: tuple[float, ...]
+    sy: tuple[float, ...]
+    weight: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class BlockLeftOutRecord:
     """Something that took no part."""
 
@@ -128,6 +152,7 @@ class BundleRecord:
         stopped: why the iterations ended.
         behind: image points whose point is behind the camera in the end.
         worst: the largest residuals, in sigmas.
+        residuals: of all image points.
     """
 
     n_observations: int
@@ -146,6 +171,7 @@ class BundleRecord:
     behind: tuple[ImagePointRecord, ...]
     weakened: int
     worst: tuple[ImagePointRecord, ...]
+    residuals: ResidualColumns
     run: RunRecord
     format: str = FORMAT
     version: int = VERSION
@@ -181,6 +207,7 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         tuple(_image_points(solution, np.flatnonzero(solution.is_behind))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
+        _residuals(solution),
         new_run(),
     )
 
@@ -265,6 +292,13 @@ def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRe
             float(fits.rms[k]),
             tuple(shifts[k].tolist()) if control[k] else None,
         )
+
+
+def _residuals(solution: BundleSolution) -> ResidualColumns:
+    found = solution.residuals
+    columns = np.hstack([found.xy, found.residuals, found.sigmas, found.weights[:, None]])
+    numbers = (tuple(column) for column in columns.T.tolist())
+    return ResidualColumns(tuple(found.image.tolist()), tuple(found.point.tolist()), *numbers)
 
 
 def _image_points(solution: BundleSolution, rows: IntArray) -> Iterator[ImagePointRecord]:

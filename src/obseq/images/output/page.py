@@ -1,0 +1,220 @@
+"""The report of an adjusted block as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.images.output.drawings import arrows, histogram, radial_profile, undistorted_grid
+from obseq.images.output.views import plan_and_side
+from obseq.report.html import escaped
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from obseq.images.adjustment.solution import BundleSolution, Statistics
+    from obseq.images.output.record import BundleRecord, CameraRecord
+
+MOST_IMAGES, MOST_ROWS = 60, 500
+"""Images with a drawing of their own, and rows of a table."""
+HALF = 0.5
+"""Weight below which a measure is listed as weakened."""
+SMALL = 220.0
+STRONG = 0.95
+STYLE = """
+:root{color-scheme:light dark;--line:#888;--ink:#1f77b4;--second:#d95f02}
+body{font:15px system-ui,sans-serif;margin:1rem auto;max-width:64rem;padding:0 1rem}
+main{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;max-width:100%}figcaption{font-size:.85em}
+svg{max-width:100%;height:auto;font:11px system-ui,sans-serif}svg text{fill:currentColor}
+table{border-collapse:collapse;font-size:.85em}td,th{padding:.1rem .5rem;text-align:right}
+td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#8882}
+.scroll{overflow:auto;max-height:28rem}.bad{color:#c0392b;font-weight:bold}.strong{background:#d95f0255}
+.frame,.given,.axis{fill:none;stroke:var(--line)}.arrow,.first{fill:none;stroke:var(--ink)}
+.second{fill:none;stroke:var(--second)}.bin{fill:#8886}.bar{stroke:currentColor;stroke-width:2}
+.ray{fill:none;stroke:#8883;stroke-width:.5}.ellipse{fill:#1f77b422;stroke:var(--ink);stroke-width:.6}
+.tie{fill:currentColor}.control{fill:#c0392b}.camera{fill:#3a7d4455;stroke:#3a7d44}
+"""
+
+
+def page(solution: BundleSolution, record: BundleRecord) -> str:
+    """The page of a solution and its record: drawings, cameras, images, points, what was rejected and why."""
+    parts = [
+        _facts(record),
+        *_views(solution, record),
+        *(part for name in solution.cameras for part in _camera(solution, record, name)),
+        _images(solution, record),
+        *_points(solution, record),
+        *_rejected(solution, record),
+    ]
+    title = escaped(f"Block of {len(record.images)} images, {len(record.points)} points")
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
+        f"<body><h1>{title}</h1>\n{''.join(parts)}</body></html>\n"
+    )
+
+
+def _facts(record: BundleRecord) -> str:
+    state = (
+        "converged"
+        if record.converged
+        else f'<span class="bad">NOT CONVERGED: {escaped(record.stopped)}</span>'
+    )
+    sigma0 = "undefined" if record.sigma0 is None else f"{record.sigma0:.5g}"
+    squares = ", ".join(f"{escaped(name)} {value:.6g}" for name, value in record.squares.items())
+    lines = [
+        f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
+        f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
+        f"precisions {record.precision}",
+        f"weighted sums of squares: {squares}",
+        f"{len(record.left_out)} things left out, {record.weakened} image points with less than half of "
+        f"their weight, {len(record.behind)} behind their camera (at the end of this page)",
+        f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
+    ]
+    return "".join(f"<p>{line}</p>" for line in lines)
+
+
+def _views(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
+    for title, drawing in plan_and_side(solution, record.precision != "none").items():
+        caption = "<figcaption>cameras, rays, control points in red</figcaption>"
+        yield f"<h2>{title}</h2><figure>{drawing}{caption}</figure>"
+
+
+def _camera(solution: BundleSolution, record: BundleRecord, name: str) -> Iterator[str]:
+    found = solution.residuals
+    own = np.array([camera == name for camera in solution.poses.cameras], dtype=bool)
+    rows = np.flatnonzero(own[found.image])
+    camera = solution.cameras[name]
+    xy, residuals = found.xy[rows], found.residuals[rows]
+    normalised = (residuals / found.sigmas[rows]).ravel()
+    drawings = {
+        "residuals (computed minus measured) of all images": arrows(camera, xy, residuals, "residuals"),
+        "by radius: radial part (blue), rms (orange)": radial_profile(
+            camera, xy, residuals, "radial profile"
+        ),
+        "residuals over sigmas, and the normal curve": histogram(normalised, "histogram"),
+        "the image (grey) without distortion (blue)": undistorted_grid(camera, "undistorted grid"),
+    }
+    yield f"<h2>Camera {escaped(name)}</h2>"
+    yield _calibration(next(item for item in record.cameras if item.name == name))
+    figures = (
+        f"<figure>{drawing}<figcaption>{title}</figcaption></figure>" for title, drawing in drawings.items()
+    )
+    yield f"<main>{''.join(figures)}</main>"
+
+
+def _calibration(camera: CameraRecord) -> str:
+    """Parameters, sigmas and correlations; strong ones are marked."""
+    names = [parameter.name for parameter in camera.parameters]
+    rows = []
+    for k, parameter in enumerate(camera.parameters):
+        sigma = "-" if parameter.sigma is None else f"{parameter.sigma:.3g}" if parameter.sigma else "fixed"
+        cells = [f"<td>{escaped(parameter.name)}</td><td>{parameter.value:.10g}</td><td>{sigma}</td>"]
+        cells += [_correlation(camera, k, other) for other in range(k)]
+        rows.append(f"<tr>{''.join(cells)}</tr>")
+    heads = "".join(f"<th>{escaped(word)}</th>" for word in ("parameter", "value", "sigma", *names[:-1]))
+    size = f"{camera.width} by {camera.height} pixels, " if camera.width else ""
+    facts = f"<p>{size}{escaped(camera.projection)}, degree {camera.degree}; {camera.n_measures} measures, "
+    table = f"<table><tr>{heads}</tr>{''.join(rows)}</table>"
+    return f"{facts}rms {camera.rms:.4g} px</p><div class='scroll'>{table}</div>"
+
+
+def _correlation(camera: CameraRecord, row: int, column: int) -> str:
+    if camera.correlations is None:
+        return "<td></td>"
+    value = camera.correlations[row][column]
+    style = ' class="strong"' if abs(value) > STRONG else ""
+    return f"<td{style}>{value:+.2f}</td>" if value else "<td></td>"
+
+
+def _images(solution: BundleSolution, record: BundleRecord) -> str:
+    order = sorted(range(len(record.images)), key=lambda k: -record.images[k].rms)
+    rows = [
+        (
+            image.name, image.n_measures, f"{image.rms:.4g}", f"{image.largest:.4g}",
+            f"{image.mean_dx:+.3f}", f"{image.mean_dy:+.3f}",
+            *(f"{value:.4f}" for value in image.centre), _largest(image.centre_sigmas),
+        )
+        for image in (record.images[k] for k in order[:MOST_ROWS])
+    ]  # fmt: skip
+    heads = ("image", "points", "rms px", "max px", "mean dx", "mean dy", "x", "y", "z", "sigma")
+    drawings = "".join(_image(solution, k) for k in order[:MOST_IMAGES])
+    note = f"<p>drawings of the {MOST_IMAGES} worst images</p>" if len(order) > MOST_IMAGES else ""
+    return f"<h2>Images</h2>{_table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
+
+
+def _image(solution: BundleSolution, row: int) -> str:
+    found = solution.residuals
+    rows = np.flatnonzero(found.image == row)
+    camera = solution.cameras[solution.poses.cameras[row]]
+    drawing = arrows(camera, found.xy[rows], found.residuals[rows], "residuals of an image", SMALL)
+    return f"<figure>{drawing}<figcaption>{escaped(solution.poses.images[row])}</figcaption></figure>"
+
+
+def _points(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
+    control = [point for point in record.points if point.residual is not None]
+    if control:
+        control.sort(key=lambda point: -max(map(abs, point.residual or (0.0,))))
+        rows = [
+            (point.name, point.n_rays, f"{point.rms:.4g}", *map("{:+.5f}".format, point.residual or ()))
+            for point in control[:MOST_ROWS]
+        ]
+        heads = ("point", "rays", "rms px", "dx", "dy", "dz")
+        yield f"<h2>Control points, adjusted minus given</h2>{_table(heads, rows, len(control))}"
+    fits = solution.by_point()
+    yield f"<h2>Points, largest rms first</h2>{_by_point(record, fits)}"
+
+
+def _by_point(record: BundleRecord, fits: Statistics) -> str:
+    rows = []
+    for k in np.argsort(-fits.rms, kind="stable")[:MOST_ROWS]:
+        point = record.points[k]
+        spread = [] if point.covariance is None else [point.covariance[place] ** 0.5 for place in (0, 3, 5)]
+        places = (f"{value:.4f}" for value in (point.x, point.y, point.z))
+        sigmas = [f"{value:.3g}" for value in spread] or ["-"] * 3
+        rows.append(
+            (point.name, point.n_rays, f"{point.rms:.4g}", f"{fits.largest[k]:.4g}", *places, *sigmas)
+        )
+    heads = ("point", "rays", "rms px", "max px", "x", "y", "z", "sx", "sy", "sz")
+    return _table(heads, rows, len(record.points))
+
+
+def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
+    left = [(item.kind, item.name, item.reason) for item in record.left_out]
+    left += [
+        (
+            "measure",
+            f"image {item.image}, point {item.point}",
+            "the point is behind the camera in the solution",
+        )
+        for item in record.behind
+    ]
+    if left:
+        yield f"<h2>Left out</h2>{_table(('what', 'name', 'reason'), left[:MOST_ROWS], len(left))}"
+    found = solution.residuals
+    weak = np.flatnonzero(found.weights < HALF)
+    if weak.size:
+        order = weak[np.argsort(found.weights[weak], kind="stable")]
+        rows = [
+            (
+                solution.poses.images[found.image[k]], solution.points[found.point[k]],
+                f"{found.residuals[k, 0]:+.3f}", f"{found.residuals[k, 1]:+.3f}", f"{found.weights[k]:.3g}",
+                "beyond the threshold" if found.weights[k] == 0.0 else "large residual, attenuated",
+            )
+            for k in order[:MOST_ROWS].tolist()
+        ]  # fmt: skip
+        heads = ("image", "point", "dx px", "dy px", "weight", "why")
+        yield f"<h2>Weakened by robust weights</h2>{_table(heads, rows, len(weak))}"
+
+
+def _largest(sigmas: Sequence[float] | None) -> str:
+    return "-" if sigmas is None else f"{max(sigmas):.3g}"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[object]], count: int) -> str:
+    """A table, and a note when it has not all of so many rows."""
+    body = [f"<tr>{''.join(f'<td>{escaped(str(cell))}</td>' for cell in row)}</tr>" for row in rows]
+    head = "".join(f"<th>{word}</th>" for word in heads)
+    note = f"<p>and {count - len(body)} more, in the JSON file</p>" if count > len(body) else ""
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(body)}</table></div>{note}'
