@@ -88,6 +88,7 @@ def _camera(solution: BundleSolution, record: BundleRecord, name: str) -> Iterat
     camera = solution.cameras[name]
     xy, residuals = found.xy[rows], found.residuals[rows]
     normalised = (residuals / found.sigmas[rows]).ravel()
+    sound = found.weights[rows] >= HALF
     drawings = {
         "residuals (computed minus measured) of all images": arrows(camera, xy, residuals, "residuals"),
         "by radius: radial part (blue), rms (orange)": radial_profile(
