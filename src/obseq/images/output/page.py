@@ -91,8 +91,8 @@ def _camera(solution: BundleSolution, record: BundleRecord, name: str) -> Iterat
     sound = found.weights[rows] >= HALF
     drawings = {
         "residuals (computed minus measured) of all images": arrows(camera, xy, residuals, "residuals"),
-        "by radius: radial part (blue), rms (orange)": radial_profile(
-            camera, xy, residuals, "radial profile"
+        "by radius, without what robust weights weaken: radial part (blue), rms (orange)": radial_profile(
+            camera, xy[sound], residuals[sound], "radial profile"
         ),
         "residuals over sigmas, and the normal curve": histogram(normalised, "histogram"),
         "the image (grey) without distortion (blue)": undistorted_grid(camera, "undistorted grid"),
