@@ -9,6 +9,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network, Quality
+from obseq.survey.conversion import write_dynaml
 from obseq.survey.files.geoid import read_geoid
 
 
@@ -307,3 +308,88 @@ def test_an_unknown_motion_between_epochs_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"n\.msr:21: ITRF2014 at 2010.000 to ITRF2014 at 2020.000"):
         Network.read_project(written(tmp_path, dynamic))
     assert Network.read_project(written(tmp_path, dynamic), ignore=["frames"]).book.clusters
+
+
+# DynaML: what is written is read again.
+
+
+def assert_same_books(book, again):
+    order = np.lexsort((book.observations.values, book.observations.types))
+    other = np.lexsort((again.observations.values, again.observations.types))
+    one, two = book.observations, again.observations
+    np.testing.assert_array_equal(one.types[order], two.types[other])
+    np.testing.assert_allclose(one.values[order], two.values[other], rtol=0, atol=1e-9)
+    for name in ("sigmas", "from_heights", "to_heights", "active"):
+        np.testing.assert_allclose(getattr(one, name)[order], getattr(two, name)[other], rtol=1e-12)
+    names = [
+        [
+            (each.point_names[a], each.point_names[b])
+            for a, b in zip(o.from_points[k], o.to_points[k], strict=True)
+        ]
+        for each, o, k in ((book, one, order), (again, two, other))
+    ]
+    assert names[0] == names[1]
+    assert len(book.clusters) == len(again.clusters)
+
+
+def test_dynaml_says_what_dna_says(tmp_path):
+    stn, msr = dna(Site())
+    kept = [
+        line for line in msr.splitlines() if not line.startswith("L ")
+    ]  # a level difference needs a geoid
+    network = Network.read_project(written(tmp_path, (stn, "\n".join(kept))))
+    write_dynaml(tmp_path / "n.xml", network, epoch="01.01.2020")
+    again = Network.read_project(tmp_path / "n.xml")
+    assert again.points_crs == network.points_crs
+    assert_same_books(network.book, again.book)
+    for one, two in zip(network.book.clusters, again.book.clusters, strict=True):
+        np.testing.assert_array_equal(one.covariance, two.covariance)
+    found, expected = again.adjust(), network.adjust()
+    assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-6)
+    np.testing.assert_allclose(geocentric(found, again), geocentric(expected, network), rtol=0, atol=1e-7)
+
+
+def test_the_gnss_network_from_dynaml(shared_data, tmp_path):
+    given = network(shared_data)
+    write_dynaml(tmp_path / "n.xml", given, epoch="01.01.2020")
+    adjusted = Network.read_project(tmp_path / "n.xml").adjust()
+    expected = json.loads((shared_data / "dynadjust-gnss" / "expected.json").read_text())["summary"]
+    solution = adjusted.solution
+    assert (solution.n_observations, solution.redundancy) == (417, 288)
+    assert solution.variance_factor * solution.redundancy == pytest.approx(expected["chi_squared"], abs=0.02)
+    assert len(adjusted.points.names) == 43
+
+
+def test_what_dynaml_cannot_say_is_refused_by_name(tmp_path):
+    network = Network.read_project(written(tmp_path, dna(Site())))
+    with pytest.raises(InputError, match=r"DH B -> C .*DynaML has no height of the target above the origin"):
+        write_dynaml(tmp_path / "n.xml", network)
+    assert not (tmp_path / "n.xml").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("<Type>S</Type>", "<Type>W</Type>"), "n.xml:25: 'W' is not a type of measurement"),
+        (("<StdDev>", "<Sigma>"), "the XML is broken"),
+        (("<DnaXmlFormat", "<Other"), "the XML is broken"),
+        (("<Type>LLh</Type>", "<Type>LLX</Type>"), "n.xml:3: 'LLX' is no type of coordinates"),
+        (("<Total>2</Total>", "<Total>5</Total>"), "<Total> is 5, and 2 members are in it"),
+        (("<SigmaXX>", "<SigmaXX>x"), "is not a number"),
+        (("<First>A</First>", "<First></First>"), "a name of 1 to"),
+        (
+            ('<?xml version="1.0"?>', '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]>'),
+            "refused: XML with entities or external references",
+        ),
+    ],
+)
+def test_bad_dynaml_is_refused(tmp_path, change, message, capsys):
+    stn, msr = dna(Site())
+    kept = [line for line in msr.splitlines() if not line.startswith("L ")]
+    path = tmp_path / "n.xml"
+    write_dynaml(path, Network.read_project(written(tmp_path, (stn, "\n".join(kept)))))
+    path.write_text(path.read_text().replace(*change, 1))
+    assert main(["adjust", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "n.xml" in error

@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from obseq.cli.network_files import Source, add_network_arguments, given, source_of
@@ -38,12 +39,14 @@ class Request:
         solving: Keyword arguments of `Network.adjust`.
         outputs: Where the results go.
         title: What the reports call it.
+        sinex: Where the points go with their whole covariance; None for nowhere.
     """
 
     source: Source
     solving: dict[str, Any]
     outputs: Outputs
     title: str | None = None
+    sinex: Path | None = None
 
 
 def register(commands: Commands) -> None:
@@ -77,6 +80,9 @@ def register(commands: Commands) -> None:
     command.add_argument("--title", metavar="TEXT", help="what the reports call this adjustment")
     add_quality_arguments(command)
     add_result_arguments(command)
+    command.add_argument(
+        "--sinex", type=Path, metavar="FILE", help="also adjusted points with their whole covariance (SINEX)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -87,7 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
     }
-    return adjust(Request(source_of(arguments), given(solving), outputs_of(arguments), arguments.title))
+    return adjust(
+        Request(source_of(arguments), given(solving), outputs_of(arguments), arguments.title, arguments.sinex)
+    )
 
 
 def _datum(arguments: argparse.Namespace) -> Any:
@@ -103,7 +111,8 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    check_writable([path for path, _ in request.outputs], request.source.files)
+    sinex = [] if request.sinex is None else [request.sinex]
+    check_writable([*(path for path, _ in request.outputs), *sinex], request.source.files)
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
         record = _adjusted(request, watch)
@@ -119,5 +128,10 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
     network = request.source.read()
-    record = network.adjust(progress=watch.progress, **request.solving).record(request.title)
+    adjustment = network.adjust(progress=watch.progress, **request.solving)
+    if request.sinex is not None:
+        from obseq.survey.conversion import write_sinex
+
+        write_sinex(request.sinex, adjustment)
+    record = adjustment.record(request.title)
     return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))

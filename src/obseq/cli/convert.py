@@ -21,8 +21,8 @@ examples:
   obseq convert --obs day1.obs --cor points.cor --refraction 1 --to network.gkf
   obseq convert results/adjustment.json --to adjusted.cor adjusted.csv map.geojson map.gpkg
 
-written, by suffix: of a network .gkf (GNU Gama), .obs, .cor, .csv (points); of a result .cor, .csv (adjusted
-points), .geojson, .gpkg (maps; needs pyogrio)
+written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points); of a result .cor,
+.csv (adjusted points), .geojson, .gpkg (maps; needs pyogrio)
 
 exit code: 0 written; 2 could not run"""
 

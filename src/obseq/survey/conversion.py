@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
-from obseq.arguments import PATH, expecting, instance
+from obseq.arguments import NOTHING, PATH, TEXT, expecting, instance
 from obseq.errors import InputError
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.files.cor import cor_text
+from obseq.survey.files.dynadjust_stations import ELLIPSOID
+from obseq.survey.files.dynaml_writer import DynamlNetwork, dynaml_text
 from obseq.survey.files.gama_writer import GamaNetwork, gama_text
 from obseq.survey.files.obs import obs_text
+from obseq.survey.files.sinex_writer import sinex_text
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.maps import geojson, geopackage
@@ -31,12 +35,15 @@ if TYPE_CHECKING:
 UNIT_SIGMA = 10.0
 """Gama's standard deviation of unit weight, for networks that have none."""
 NO_CORRECTION = 1.0
+MOST_STATIONS = 3000
+"""Stations of a SINEX file: their covariance is dense."""
 
 
 NETWORK_WRITERS: dict[str, Callable[[Network], str]] = {
     ".gkf": lambda network: gama_text(as_gama(network)),
     ".obs": lambda network: obs_text(network.book),
     ".cor": lambda network: cor_text(known_points(network)),
+    ".xml": lambda network: dynaml_text(as_dynaml(network)),
     ".csv": lambda network: csv_text(in_own_system(network)),
 }
 """What writes networks, by the suffix of the file: its text."""
@@ -71,7 +78,7 @@ def as_gama(network: Network) -> GamaNetwork:
             f"Gama computes in a plane with heights, and this network in {network.frame.system.definition}: "
             "distances and directions would have to be reduced to the plane first"
         )
-    _refuse_corrections(network)
+    _refuse_corrections(network, "Gama", NO_CORRECTION)
     system = network.points_crs
     assert isinstance(system, crs.UnreferencedSystem)
     axes = system.definition.partition("*")[2] or "en"
@@ -84,6 +91,86 @@ def as_gama(network: Network) -> GamaNetwork:
         unit_sigma=network.unit_sigma or UNIT_SIGMA,
         description="written by obseq; x and y as in axes-xy",
     )
+
+
+@expecting(path=PATH, network=instance(Network), frame=TEXT | NOTHING, epoch=TEXT)
+def write_dynaml(path: str | Path, network: Network, frame: str | None = None, epoch: str = "") -> None:
+    """Writes a network for DynAdjust, stations and measurements in one file.
+
+    Args:
+        path: The file.
+        network: The network.
+        frame: Name of the reference frame, such as GDA2020; that of the system of the points when None.
+        epoch: dd.mm.yyyy.
+
+    Raises:
+        InputError: DynaML cannot say something in it, which the message names; or nothing can be written.
+    """
+    write_text(path, dynaml_text(as_dynaml(network, frame, epoch)))
+
+
+def as_dynaml(network: Network, frame: str | None = None, epoch: str = "") -> DynamlNetwork:
+    """A network as DynAdjust sees it.
+
+    Raises:
+        InputError: It has no place on the Earth or no reference frame, or needs corrections.
+    """
+    if not network.frame.has_place:
+        raise InputError(
+            f"DynaML is for places on the Earth, and this network is in "
+            f"{network.frame.system.definition}: say the system of its points (--points-crs)"
+        )
+    _refuse_corrections(network, "DynAdjust", 0.0)
+    points, placed = network.points, network.points.has_coordinates
+    if not placed.all():
+        points = replace(points, coordinates=network.initial_values().coordinates)
+    plain = crs.Transformer(network.frame.system, crs.parse(ELLIPSOID))
+    points = replace(points, coordinates=plain.forward(points.coordinates))
+    return DynamlNetwork(points, network.book, frame or _frame_name(network), epoch)
+
+
+def _frame_name(network: Network) -> str:
+    """The name of the reference frame of the points."""
+    from obseq.crs.operations import known_crs
+
+    definition = network.points_crs.definition
+    system = known_crs(definition).geodetic_crs if network.points_crs.kind is crs.Kind.PROJ else None
+    if system is None or system.name in ("", "unknown"):
+        raise InputError(f"the reference frame of the points ({definition}) has no name; say which it is")
+    return str(system.name)
+
+
+@expecting(path=PATH, adjustment=instance(Adjustment))
+def write_sinex(path: str | Path, adjustment: Adjustment) -> None:
+    """Writes the adjusted points as a SINEX file, with their whole covariance.
+
+    Raises:
+        InputError: The network has no place on the Earth, a point is held exactly, or nothing can be written.
+    """
+    write_text(path, sinex_of(adjustment))
+
+
+def sinex_of(adjustment: Adjustment) -> str:
+    """The text of a SINEX file of adjusted points."""
+    solution, points = adjustment.solution, adjustment.points
+    try:
+        rotation, translation = crs.parse(adjustment.frame).geocentric_pose()
+    except crs.CrsError as error:
+        raise InputError(f"SINEX is for places on the Earth: {error}") from error
+    n = len(points.names)
+    if n > MOST_STATIONS:
+        raise InputError(f"SINEX: {n} points have a dense covariance; choose at most {MOST_STATIONS}")
+    ids = solution.table.find(list(points.names), "Point3")
+    blocks = solution.covariance_between(ids, ids, adjustment.precision == "a priori")
+    turn = np.kron(np.eye(n), rotation)
+    whole = turn @ blocks @ turn.T
+    statistics = {
+        "NUMBER OF OBSERVATIONS": float(solution.n_observations + solution.n_constraints),
+        "NUMBER OF UNKNOWNS": float(solution.n_unknowns),
+        "NUMBER OF DEGREES OF FREEDOM": float(solution.redundancy),
+        "VARIANCE FACTOR": float(solution.variance_factor or 1.0),
+    }
+    return sinex_text(points.names, points.coordinates @ rotation.T + translation, whole, statistics)
 
 
 def in_own_system(network: Network) -> Points:
@@ -119,18 +206,19 @@ def known_points(network: Network) -> Points:
     return in_own_system(replace(network, points=points))
 
 
-def _refuse_corrections(network: Network) -> None:
+def _refuse_corrections(network: Network, program: str, without: float) -> None:
+    """Refuses what a program does not correct; `without` is the coefficient at which nothing is corrected."""
     rows = network.book.observations
     zeniths = np.flatnonzero(rows.active & (rows.types == ZEN.code))
-    if zeniths.size and network.frame.refraction_coefficient != NO_CORRECTION:
+    if zeniths.size and network.frame.refraction_coefficient != without:
         raise InputError(
-            f"{network.book.label(int(zeniths[0]))}: zenith angles are corrected for refraction and "
-            f"curvature (coefficient {network.frame.refraction_coefficient:g}), and Gama does neither; with "
-            "--refraction 1 they are written as they are"
+            f"{network.book.label(int(zeniths[0]))}: zenith angles are corrected (coefficient "
+            f"{network.frame.refraction_coefficient:g}), which {program} does not do; with --refraction "
+            f"{without:g} they are written as they are"
         )
     if np.isfinite(network.points.deflections).any():
         raise InputError(
-            "deflections of the vertical are given, which Gama does not know (--ignore deflections)"
+            f"deflections of the vertical are given, which {program} does not read (--ignore deflections)"
         )
 
 

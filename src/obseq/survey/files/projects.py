@@ -13,6 +13,7 @@ from obseq.survey.files.gama import read_gama
 from obseq.survey.files.landxml import ROOT as LANDXML
 from obseq.survey.files.landxml import read_landxml
 from obseq.survey.files.project import Reading, only_one
+from obseq.survey.files.sinex import SUFFIX, read_sinex
 from obseq.survey.files.starnet import read_starnet
 from obseq.survey.files.xml_file import read_xml
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 READERS: dict[str, Reader] = {
     ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
     ".gkf": read_gama,
+    SUFFIX: read_sinex,
     ".dat": read_starnet,
     STN: read_dna,
     MSR: read_dna,

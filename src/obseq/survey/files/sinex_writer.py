@@ -1,0 +1,94 @@
+"""SINEX files of adjusted points: geocentric coordinates with their full covariance."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray
+
+AGENCY = "OBQ"
+LONGEST = 4
+"""Letters of the code of a station."""
+_DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+def codes_of(names: Sequence[str]) -> list[str]:
+    """A code of four letters for each name: the name itself where it fits, else one that no other has."""
+    codes = [name if len(name) <= LONGEST and name.isascii() and name.isalnum() else "" for name in names]
+    taken, number = set(codes), 0
+    for k, code in enumerate(codes):
+        while not code:
+            found = "".join(_DIGITS[number // 36**place % 36] for place in (2, 1, 0))
+            number += 1
+            if number > 36**3:
+                raise InputError(f"SINEX: more than {36**3} stations need a code of their own")
+            code = "" if f"Z{found}" in taken else f"Z{found}"
+        codes[k] = code
+    return codes
+
+
+def sinex_text(
+    names: Sequence[str],
+    geocentric: FloatArray,
+    covariance: FloatArray,
+    statistics: dict[str, float],
+    epoch: datetime | None = None,
+) -> str:
+    """A SINEX 2.02 file.
+
+    Args:
+        names: Of the stations.
+        geocentric: (n, 3) m.
+        covariance: (3 n, 3 n) m^2.
+        statistics: Numbers by their name in SOLUTION/STATISTICS.
+        epoch: Of the coordinates; now when None.
+
+    Raises:
+        InputError: A coordinate is held exactly, or there are too many stations.
+    """
+    if (np.diag(covariance) <= 0.0).any():
+        row = int(np.flatnonzero(np.diag(covariance) <= 0.0)[0])
+        raise InputError(
+            f"SINEX: point {names[row // 3]} is held exactly and has no covariance; give it a sigma, or take "
+            "inner constraints (--datum inner)"
+        )
+    stamp = epoch or datetime.now(UTC)
+    codes, time = codes_of(names), _time(stamp)
+    lines = [
+        f"%=SNX 2.02 {AGENCY} {_time(datetime.now(UTC))} {AGENCY} {time} {time} P {3 * len(names):05d} 2 S"
+    ]
+    lines += ["+FILE/COMMENT", " coordinates and covariance adjusted by obseq"]
+    lines += [f" {code} {name}"[:80] for code, name in zip(codes, names, strict=True) if code != name]
+    lines += ["-FILE/COMMENT", "+SITE/ID"]
+    lines += [f" {code}  A 00000M000 P {name[:22]:<22}" for code, name in zip(codes, names, strict=True)]
+    lines += ["-SITE/ID", "+SOLUTION/STATISTICS"]
+    lines += [f" {name:<30} {value:22.15E}" for name, value in statistics.items()]
+    lines += ["-SOLUTION/STATISTICS", "+SOLUTION/ESTIMATE"]
+    sigmas = np.sqrt(np.diag(covariance))
+    for k, value in enumerate(geocentric.ravel().tolist()):
+        kind, code = f"STA{'XYZ'[k % 3]}", codes[k // 3]
+        lines.append(
+            f" {k + 1:5d} {kind:<6} {code:<4}  A    1 {time} m    2 {value:21.14E} {sigmas[k]:11.5E}"
+        )
+    lines += ["-SOLUTION/ESTIMATE", "+SOLUTION/MATRIX_ESTIMATE L COVA", *_matrix(covariance)]
+    return "\n".join([*lines, "-SOLUTION/MATRIX_ESTIMATE L COVA", "%ENDSNX"]) + "\n"
+
+
+def _matrix(covariance: FloatArray) -> Iterator[str]:
+    for row, numbers in enumerate(covariance.tolist()):
+        for column in range(0, row + 1, 3):
+            part = " ".join(f"{value:21.14E}" for value in numbers[column : min(column + 3, row + 1)])
+            yield f" {row + 1:5d} {column + 1:5d} {part}"
+
+
+def _time(stamp: datetime) -> str:
+    seconds = stamp.hour * 3600 + stamp.minute * 60 + stamp.second
+    return f"{stamp.year % 100:02d}:{stamp.timetuple().tm_yday:03d}:{seconds:05d}"
