@@ -83,7 +83,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
         "point_files": ("files", "model"),
         "maps": (),
-        "conversion": ("network", "point_files", "maps", "files", "model", "kinds"),
+        "conversion": ("network", "adjustment", "point_files", "maps", "files", "model", "kinds"),
     },
 }
 """The same for the rooms, and single files, inside a room."""
