@@ -1,3 +1,4 @@
+import itertools
 import math
 from pathlib import Path
 
@@ -321,6 +322,43 @@ def test_traverse_between_two_known_points_without_azimuth(tmp_path):
         for target in chain[max(k - 1, 0) : k] + chain[k + 1 : k + 2]:
             sketch.full(station, target, g0=0.3 * k)
     sketch.solve("A", "B").assert_true()
+
+
+def test_a_levelled_traverse_between_two_known_points(tmp_path):
+    sketch = Sketch(tmp_path, A=A, P=(60, 20, 11), Q=(110, 80, 12), R=(170, 90, 9), B=(240, 60, 5))
+    chain = ["A", "P", "Q", "R", "B"]
+    for k in (1, 2, 3):
+        sketch.hz(chain[k], chain[k - 1], chain[k + 1], g0=0.3 * k)
+    for one, other in itertools.pairwise(chain):
+        sketch.dist(one, other).dh(one, other)
+    sketch.solve("A", "B").assert_true()
+
+
+@pytest.mark.parametrize("heights", ["zenith angles", "levelling"])
+def test_hansen_two_unknown_stations_see_two_known_points_and_each_other(tmp_path, heights):
+    sketch = Sketch(tmp_path, A=A, B=(500, 30, 12), P=(80, -300, 11), Q=(430, -260, 9))
+    sketch.hz("P", "A", "B", "Q", g0=0.3).hz("Q", "A", "B", "P", g0=2.0)
+    for station in "PQ":
+        sketch = sketch.zen(station, "A") if heights == "zenith angles" else sketch.dh("A", station)
+    solution = sketch.solve("A", "B")
+    solution.assert_true()
+    assert "tied to A, B" in solution.method("P")
+    np.testing.assert_allclose(solution.values.g0, [0.3, 2.0], atol=1e-9)
+
+
+def test_hansen_without_heights_is_told(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=(500, 30, 12), P=(80, -300, 11), Q=(430, -260, 9))
+    solution = sketch.hz("P", "A", "B", "Q").hz("Q", "A", "B", "P").solve("A", "B")
+    for point in "PQ":
+        assert "its horizontal position is found, not its height" in solution.reason(point)
+
+
+def test_a_chain_of_distances_is_told(tmp_path):
+    sketch = Sketch(tmp_path, A=A, P=(60, 20, 11), Q=(110, 80, 12), B=(240, 60, 5))
+    for one, other in itertools.pairwise("APQB"):
+        sketch.dist(one, other).dh(one, other)
+    solution = sketch.solve("A", "B")
+    assert "it has only one distance to A and two height differences to A, Q" in solution.reason("P")
 
 
 def test_unconnected_point_is_told(tmp_path):

@@ -18,16 +18,20 @@ from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import Graph
+    from obseq.survey.initial.sights import Graph, Sight
 
 _LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
+_FLAT_LEVELS = (Level(math.inf, math.inf, uses_hints=True),)
+_BASE = 100.0
+"""Length (m) of the base of a group without lengths: any does."""
+
 _LEAST_BASE = 0.05
 """Least distance between the common points, in parts of the size of the group."""
 
 
 @dataclass(frozen=True)
 class _Tie:
-    """Motion of a plumb local frame: turned by `angle` clockwise, then moved, in the frame at `origin`."""
+    """Motion of a plumb local frame: turned by `angle` clockwise, scaled, moved; in the frame at `origin`."""
 
     origin: int
     angle: float
@@ -35,11 +39,12 @@ class _Tie:
     centre: tuple[float, float]
     rise: float | None
     spread: float
+    scale: float = 1.0
 
     def move(self, state: State, position: Space) -> Space:
         """A position of the local frame, in the frame of the computation."""
         east, north = position[0] - self.local_centre[0], position[1] - self.local_centre[1]
-        cosine, sine = math.cos(self.angle), math.sin(self.angle)
+        cosine, sine = self.scale * math.cos(self.angle), self.scale * math.sin(self.angle)
         turned = (
             self.centre[0] + east * cosine + north * sine,
             self.centre[1] - east * sine + north * cosine,
@@ -65,6 +70,10 @@ class LocalFrames:
         for station in allowed:
             if station in groups and station not in tried and self._has_vector(station):
                 placed.extend(self._try_from(station, frozenset(allowed), tried))
+        for station in allowed:
+            partner = self._partner(station) if station in groups and station not in tried else None
+            if partner is not None:
+                placed.extend(self._try_between(station, *partner, frozenset(allowed), tried))
         return sorted(set(placed))
 
     def _is_usable(self, station: int) -> bool:
@@ -76,12 +85,32 @@ class LocalFrames:
         return all(self.graph.sights[number].reading() is None for number in self.graph.sights_from[station])
 
     def _has_vector(self, station: int) -> bool:
-        """A plumb station with at least one complete vector can begin a local frame."""
+        """A plumb station with at least one complete vector, or one that levelling completes, can begin."""
         if self.graph.orientations[station] != Orientation.VERT:
             return False
-        return any(
-            self.graph.sights[number].vector() is not None for number in self.graph.sights_from[station]
-        )
+        sights = [self.graph.sights[number] for number in self.graph.sights_from[station]]
+        return any(sight.vector() is not None or self._is_levelled(sight) for sight in sights)
+
+    def _is_levelled(self, sight: Sight) -> bool:
+        """Whether a reading with a distance has a height difference between its ends."""
+        if sight.reading() is None or sight.distance is None:
+            return False
+        return any(other == sight.target for other, _, _ in self.graph.height_differences[sight.origin])
+
+    def _partner(self, station: int) -> tuple[int, float, float] | None:
+        """A plumb station that it sees and that sees it, with the readings there and back."""
+        graph = self.graph
+        if graph.orientations[station] != Orientation.VERT:
+            return None
+        for number in graph.sights_from[station]:
+            sight = graph.sights[number]
+            for other in graph.stations_at[sight.target]:
+                back = graph.sight_of.get((other, sight.origin))
+                there, again = sight.reading(), None if back is None else graph.sights[back].reading()
+                is_plumb = graph.orientations[other] == Orientation.VERT
+                if is_plumb and there is not None and again is not None:
+                    return other, there[0], again[0]
+        return None
 
     def _groups_with_ties(self, allowed: list[int]) -> set[int]:
         """Stations whose connected group of sights contains two located points or more."""
@@ -114,8 +143,31 @@ class LocalFrames:
         engine.start_station(station)
         engine.run(_LEVELS)
         tried.update(engine.oriented)
-        located = [p for p in dict.fromkeys(engine.touched_points) if local.verticals[p] is not None]
-        placed = self._tie(station, located)
+        return self._tied(station, engine)
+
+    def _try_between(
+        self, station: int, other: int, there: float, back: float, allowed: frozenset[int], tried: set[int]
+    ) -> list[int]:
+        """Computes a group without lengths from two stations that see each other, in the horizontal."""
+        local, ends = self.scratch, [self.graph.origins[k] for k in (station, other)]
+        engine = Engine(local, self.graph, {}, allowed)
+        places = (0.0, 0.0, 0.0), (_BASE * math.sin(there), _BASE * math.cos(there), 0.0)
+        for point, place in zip(ends, places, strict=True):
+            local.positions[point], local.point_steps[point] = place, Step("origin")
+        for oriented, g0 in ((station, 0.0), (other, there + math.pi - back)):
+            local.g0[oriented], local.station_steps[oriented] = g0, Step("local frame")
+        engine.start(ends)
+        for oriented in (station, other):
+            engine.start_station(oriented)
+        engine.run(_FLAT_LEVELS)
+        tried.update(engine.oriented)
+        return self._tied(station, engine, is_scaled=True)
+
+    def _tied(self, station: int, engine: Engine, *, is_scaled: bool = False) -> list[int]:
+        """Moves what the engine has located in the scratch state into the state, and empties the scratch."""
+        touched = dict.fromkeys(engine.touched_points)
+        located = [point for point in touched if self.scratch.verticals[point] is not None]
+        placed = self._tie(station, located, is_scaled=is_scaled)
         self._forget(engine)
         return placed
 
@@ -131,10 +183,10 @@ class LocalFrames:
             local.azimuth_spreads[station] = 0.0
         local.reference = None
 
-    def _tie(self, station: int, located: list[int]) -> list[int]:
+    def _tie(self, station: int, located: list[int], *, is_scaled: bool) -> list[int]:
         """Moves the located points of the scratch state that are new into the state."""
         common = [point for point in located if self.state.verticals[point] is not None]
-        tie = self._solve(common, located) if len(common) >= 2 else None
+        tie = self._solve(common, located, is_scaled=is_scaled) if len(common) >= 2 else None
         if tie is None:
             return []
         name = self.state.names[self.graph.origins[station]]
@@ -157,8 +209,11 @@ class LocalFrames:
         state.spreads[point] = math.hypot(local.spreads[point], tie.spread)
         state.noises[point], state.parents[point] = local.noises[point], local.parents[point]
 
-    def _solve(self, common: list[int], located: list[int]) -> _Tie | None:
-        """Least-squares rotation about the vertical and translation; None when the base is too short."""
+    def _solve(self, common: list[int], located: list[int], *, is_scaled: bool) -> _Tie | None:
+        """Least-squares rotation about the vertical and translation; None when the base is too short.
+
+        With scale, if it `is_scaled`; heights have no part in that.
+        """
         origin = common[0]
         vertical, start = self.state.vertical_of(origin), self.state.known(origin)
         weights = [1.0 / (self._common_spread(point) ** 2 + 1e-12) for point in common]
@@ -169,15 +224,16 @@ class LocalFrames:
         size = max(math.dist(self.scratch.known(point)[:2], local_centre) for point in located)
         if base <= max(_LEAST_BASE * size, 1e-3):
             return None
-        cross = dot = 0.0
+        cross = dot = square = 0.0
         for p, q, weight in zip(local, real, weights, strict=True):
             a, b = (p[0] - local_centre[0], p[1] - local_centre[1]), (q[0] - centre[0], q[1] - centre[1])
             cross += weight * (b[0] * a[1] - b[1] * a[0])
             dot += weight * (a[0] * b[0] + a[1] * b[1])
+            square += weight * (a[0] * a[0] + a[1] * a[1])
         spread = max(self.state.spreads[point] for point in common)
-        return _Tie(
-            origin, math.atan2(cross, dot), local_centre, centre, self._rise(common, local, real), spread
-        )
+        scale = math.hypot(cross, dot) / square if is_scaled else 1.0
+        rise = None if is_scaled else self._rise(common, local, real)
+        return _Tie(origin, math.atan2(cross, dot), local_centre, centre, rise, spread, scale)
 
     def _common_spread(self, point: int) -> float:
         return math.hypot(self.state.spreads[point], self.scratch.spreads[point])
