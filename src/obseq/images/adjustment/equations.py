@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.images.adjustment.clinometer_equations import ClinometerEquations
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.block import expression
-from obseq.images.names import index_of
+from obseq.images.names import are_among, index_of
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -164,8 +164,7 @@ class Equations:
 
     def _eliminate(self) -> None:
         """Points that only image measures and their own coordinates concern are eliminated."""
-        joined = self.block.joined_points
-        alone = np.array([name not in joined for name in self.start.points], dtype=bool)
+        alone = ~are_among(self.start.points, self.block.joined_points)
         chosen = self.points[alone & ~self.start.is_held.all(axis=1)]
         if chosen.size:
             self.system.eliminate(chosen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from obseq.errors import InputError
 from obseq.images.camera import are_in_front
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
-from obseq.images.names import index_of
+from obseq.images.names import are_among, index_of
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -111,10 +112,8 @@ def start_of(block: Block) -> Start:
     cameras = [block.cameras[block.camera_of[image]] for image in images]
     poses = block.poses.select(images)
     names, sets = _numbered(block, images)
-    control = np.isin(np.array(names, dtype=object), np.array(block.control.names, dtype=object))
-    fixed = control | np.isin(
-        np.array(names, dtype=object), np.array(sorted(block.joined_points), dtype=object)
-    )
+    control = are_among(names, block.control.names)
+    fixed = control | are_among(names, block.joined_points)
     counts = _rays(sets, len(names))
     reasons: dict[int, str] = {
         int(k): f"it has {counts[k]} ray; a free point takes {LEAST_RAYS}"
@@ -134,7 +133,7 @@ def start_of(block: Block) -> Start:
     return Start(
         poses,
         cameras,
-        tuple(name for name, keep in zip(names, kept, strict=True) if keep),
+        tuple(itertools.compress(names, kept)),
         coordinates[kept],
         _covariances(block, names)[kept],
         control[kept],
@@ -186,17 +185,19 @@ def _known_coordinates(block: Block, names: list[str]) -> FloatArray:
     known = dict(zip(block.control.names, block.control.coordinates, strict=True))
     for network in block.surveys:
         known = dict(zip(network.points.names, network.points.coordinates, strict=True)) | known
+    known = block.approximations | known
     nothing = np.full(3, np.nan)
-    rows = [known.get(name, block.approximations.get(name, nothing)) for name in names]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+    return np.array([known.get(name, nothing) for name in names], dtype=np.float64).reshape(-1, 3)
 
 
 def _covariances(block: Block, names: list[str]) -> FloatArray:
-    place = {name: k for k, name in enumerate(block.control.names)}
-    free = np.diag([np.inf] * 3)
-    free[~np.eye(3, dtype=bool)] = 0.0
-    rows = [block.control.covariances[place[name]] if name in place else free for name in names]
-    return np.array(rows).reshape(-1, 3, 3)
+    """(n, 3, 3) of control points; infinite on the diagonal for the others."""
+    place = {name: k for k, name in enumerate(names)}
+    found = np.zeros((len(names), 3, 3))
+    found[:, range(3), range(3)] = np.inf
+    own = [k for k, name in enumerate(block.control.names) if name in place]
+    found[[place[block.control.names[k]] for k in own]] = block.control.covariances[own]
+    return found
 
 
 def _place(
