@@ -307,8 +307,32 @@ def test_a_block_without_datum_is_refused():
     _, poses, _ = scenes.block()
     block.add_control_points(ControlPoints.of(names, line, 0.001))
     block.add_measures(scenes.measured(poses, line, names, 0.5))
-    with pytest.raises(SingularSystemError, match="three control points that are not on a line"):
-        block.solve(strategy="gauss-newton")
+    with pytest.raises(InputError, match="the block: its 3 control points are on a line"):
+        block.solve()
+    block.add_length("L0", "L1", 0.866, 0.001)
+    with pytest.raises(InputError, match="the block: its 3 control points are on a line"):
+        block.solve()
+
+
+def test_an_image_with_too_few_points_is_named():
+    block, _, _ = scenes.block()
+    place = np.array([[10.0, 0.0, 3.0]])
+    block.add_poses(["few"], place, scenes.looking_at(place, np.zeros(3)), cameras="c")
+    block.add_measures(ImagePoints.of(["few"] * 2, ["P7", "P8"], [[1000.0, 700.0], [1100.0, 800.0]]))
+    with pytest.raises(SingularSystemError, match="Image few: 2 of its points take part, and a pose takes 3"):
+        block.solve()
+
+
+def test_a_control_point_that_is_free_takes_two_rays_as_any_other():
+    block, _, truth = scenes.block()
+    place = truth["P9"]
+    block.add_control_points(ControlPoints.of(["lone", "held"], [place, place], [np.inf, 0.001]))
+    block.add_measures(ImagePoints.of(["i0", "i0"], ["lone", "held"], [[900.0, 700.0], [901.0, 700.0]]))
+    solution = block.solve()
+    assert [(item.name, item.reason) for item in solution.left_out] == [
+        ("lone", "it has 1 ray; a free point takes 2")
+    ]
+    assert "held" in solution.points
 
 
 def test_input_that_cannot_be_adjusted_is_named():

@@ -5,8 +5,6 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
@@ -14,6 +12,7 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
+from obseq.images.adjustment.verdicts import check_datum, check_scale, hint
 from obseq.images.block import Block
 from obseq.images.initial.growth import place_images
 from obseq.images.measures import ImagePoints
@@ -23,18 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.images.adjustment.quality import BlunderSearch
-    from obseq.images.adjustment.start import Start
     from obseq.leastsquares import Iteration
 
 MAX_ITERATIONS = 50
-HINT = (
-    "A block needs a datum: three control points that are not on a line, observed poses, or datum='centres'."
-)
-THRESHOLD_HINT = (
-    "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
-    "(it weakens large residuals, and leaves none out), then with the threshold from there."
-)
-DATUMS = ("control", "centres", "points", "none")
 
 
 class BundleAdjustment(Block):
@@ -81,8 +71,8 @@ class BundleAdjustment(Block):
             SingularSystemError: measures do not determine some unknowns, which are named.
         """
         start, initial = with_surveys(self.surveys, start_of(self))
-        self._check_datum(datum, start)
-        self._check_scale(datum)
+        check_datum(self, start, datum)
+        check_scale(self, datum)
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
         equations = Equations(self, start, system, eliminate and not keeps_points)
@@ -107,12 +97,7 @@ class BundleAdjustment(Block):
                 result, found = search_blunders(equations, blunders, {**solving, "strategy": strategy})
                 done += result.iterations
         except SingularSystemError as error:
-            hint = (
-                THRESHOLD_HINT
-                if any(part.weighting and part.weighting.threshold for part in self.sets)
-                else HINT
-            )
-            raise SingularSystemError(f"{error}\n{hint}", error.unknowns) from None
+            raise SingularSystemError(f"{error}\n{hint(self, start)}", error.unknowns) from None
         return BundleSolution(self, start, equations, result, done, tuple(surveys), found)
 
     def initialise(self) -> tuple[str, ...]:
@@ -139,31 +124,3 @@ class BundleAdjustment(Block):
             raise InputError(f"{len(lost)} images cannot be placed; {lost[0]}: {reason}")
         self.add_poses(growth.as_poses().select(waiting))
         return tuple(waiting)
-
-    def _check_datum(self, datum: str | Sequence[str], start: Start) -> None:
-        if isinstance(datum, str) and datum not in DATUMS:
-            raise InputError(f"datum {datum!r} is none of {', '.join(DATUMS)} or a list of point names")
-        if datum != "control" or self.surveys:
-            return
-        known = int(np.count_nonzero(start.is_control[:, None] & ~start.is_free))
-        for patterns in (self.fixed_centres, self.fixed_rotations):
-            known += 3 * sum(any(p.fullmatch(image) for p in patterns) for image in start.poses.images)
-        known += 6 * sum(len(observed.poses) for observed in self.pose_observations)
-        known += sum(len(read.images) for read in self.instruments.inclinations)
-        if known + len(self.lengths.values) < 7:
-            raise InputError(
-                f"the block has no datum: {known} coordinates of measured points are known, and position, "
-                "orientation and scale take 7; add control points, or ask for a free block with "
-                "datum='centres'"
-            )
-
-    def _check_scale(self, datum: str | Sequence[str]) -> None:
-        """Refuses rigid blocks of unknown size without a scale: the world would shrink for their sake."""
-        has_scale = datum == "control" or self.lengths.values or self.surveys
-        for part in self.rigid_blocks:
-            if not (has_scale or part.is_fixed or part.observed_places.keys() - {part.master}):
-                raise InputError(
-                    f"rigid block {part.name}: its sigmas are in the unit of the world, and nothing gives "
-                    "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
-                    "or as observed (place_sigmas)"
-                )

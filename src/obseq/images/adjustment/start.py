@@ -113,7 +113,9 @@ def start_of(block: Block) -> Start:
     poses = block.poses.select(images)
     names, sets = _numbered(block, images)
     control = are_among(names, block.control.names)
-    fixed = control | are_among(names, block.joined_points)
+    covariances = _covariances(block, names)
+    known = np.isfinite(np.diagonal(covariances, axis1=1, axis2=2)).any(axis=1)
+    fixed = known | are_among(names, block.joined_points)
     counts = _rays(sets, len(names))
     reasons: dict[int, str] = {
         int(k): f"it has {counts[k]} ray; a free point takes {LEAST_RAYS}"
@@ -135,7 +137,7 @@ def start_of(block: Block) -> Start:
         cameras,
         tuple(itertools.compress(names, kept)),
         coordinates[kept],
-        _covariances(block, names)[kept],
+        covariances[kept],
         control[kept],
         used,
         tuple(left_out),

@@ -1,0 +1,86 @@
+"""What a block lacks to be adjusted, in the words of its images and points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.initial.distribution import check_spread
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.images.adjustment.start import Start
+    from obseq.images.block import Block
+
+DATUMS = ("control", "centres", "points", "none")
+LEAST_OF_AN_IMAGE = 3
+"""Points that determine a pose."""
+HINT = (
+    "A block needs a datum: three control points that are not on a line, observed poses, or datum='centres'."
+)
+THRESHOLD_HINT = (
+    "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
+    "(it weakens large residuals, and leaves none out), then with the threshold from there."
+)
+
+
+def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
+    """Refuses a block that nothing places in the world, unless a free one is asked for.
+
+    Raises:
+        InputError: the datum is unknown; too little is known; all that is known is on a line.
+    """
+    if isinstance(datum, str) and datum not in DATUMS:
+        raise InputError(f"datum {datum!r} is none of {', '.join(DATUMS)} or a list of point names")
+    if datum != "control" or block.surveys:
+        return
+    known = start.is_control[:, None] & ~start.is_free
+    others = _known_beside_points(block, start)
+    if int(known.sum()) + others < 7:
+        raise InputError(
+            f"the block has no datum: {int(known.sum()) + others} coordinates of measured points are known, "
+            "and position, orientation and scale take 7; add control points, or ask for a free block with "
+            "datum='centres'"
+        )
+    if others == len(block.lengths.values) and (known.all(axis=1) == known.any(axis=1)).all():
+        check_spread(start.coordinates[known.all(axis=1)], "the block")
+
+
+def _known_beside_points(block: Block, start: Start) -> int:
+    """Equations that say something of position, orientation or scale, those of control points left aside."""
+    images = start.poses.images
+    fixed = [*block.fixed_centres, *block.fixed_rotations]
+    held = 3 * sum(bool(pattern.fullmatch(image)) for pattern in fixed for image in images)
+    observed = 6 * sum(len(part.poses) for part in block.pose_observations)
+    read = sum(len(part.images) for part in block.instruments.inclinations)
+    return held + observed + read + len(block.lengths.values)
+
+
+def check_scale(block: Block, datum: str | Sequence[str]) -> None:
+    """Refuses rigid blocks of unknown size without a scale: the world would shrink for their sake."""
+    has_scale = datum == "control" or block.lengths.values or block.surveys
+    for part in block.rigid_blocks:
+        if not (has_scale or part.is_fixed or part.observed_places.keys() - {part.master}):
+            raise InputError(
+                f"rigid block {part.name}: its sigmas are in the unit of the world, and nothing gives "
+                "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
+                "or as observed (place_sigmas)"
+            )
+
+
+def hint(block: Block, start: Start) -> str:
+    """What may be wrong with a block whose measures leave unknowns undetermined."""
+    counts = np.zeros(len(start.poses), dtype=np.int64)
+    for part in start.sets:
+        counts += np.bincount(part.image[part.rows], minlength=len(counts))
+    poor = np.flatnonzero(counts < LEAST_OF_AN_IMAGE)
+    if poor.size:
+        return (
+            f"Image {start.poses.images[poor[0]]}: {counts[poor[0]]} of its points take part, and a pose "
+            f"takes {LEAST_OF_AN_IMAGE} ({poor.size} images have fewer); measure more, or leave it out."
+        )
+    thresholds = [part.weighting for part in block.sets if part.weighting is not None]
+    return THRESHOLD_HINT if any(part.threshold for part in thresholds) else HINT
