@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,20 +24,15 @@ from obseq.arguments import (
     instance,
 )
 from obseq.errors import InputError, ObseqError, SingularSystemError
-from obseq.record import new_run
 from obseq.stopwatch import Stopwatch
-from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
-from obseq.survey.adjustment.adjusted_quality import adjusted_quality
-from obseq.survey.adjustment.adjusted_records import operations
-from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights, singular_parts
+from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
+from obseq.survey.adjustment.computation import Computation, equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held, is_free_standing, without_azimuths
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
-from obseq.survey.adjustment.inner import inner_covariances
-from obseq.survey.adjustment.notes import notes, of_unit_weight
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
-from obseq.survey.adjustment.quality import Examination, Quality, examine
+from obseq.survey.adjustment.quality import Quality
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
@@ -45,7 +40,6 @@ from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
-from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
@@ -53,13 +47,9 @@ from obseq.survey.model import join, merge_points
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.stopwatch import Progress
+    from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.initial.unplaced import Unplaced
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.findings import GrossError
 
@@ -67,11 +57,6 @@ MAX_ITERATIONS = 25
 _LOG = logging.getLogger(__name__)
 QUALITY = Quality()
 GIVEN = Datum()
-
-
-def _described(step: Iteration) -> str:
-    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
-    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
 
 
 def _read_free_format(
@@ -314,35 +299,28 @@ class Network:
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
         chosen = self.datum if datum is None else datum
-        arguments = (max_iterations, tolerance, Stopwatch(progress), quality)
+        watch = Stopwatch(progress)
+        computation = Computation(
+            self.frame, self.points_crs, self.unit_sigma, max_iterations, tolerance, watch, quality
+        )
         if chosen.kind is DatumKind.INNER:
-            return self._adjusted_freely(chosen, *arguments, strict=strict)
-        network = self if chosen.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
-        return network._adjusted_as_given(*arguments, strict=strict, start=start)
+            adjustment = self._adjusted_freely(chosen, computation, strict=strict)
+        else:
+            network = self if chosen.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
+            adjustment = network._adjusted_as_given(computation, strict=strict, start=start)
+        return replace(adjustment, phases=self.phases | watch.seconds)
 
-    def _adjusted_freely(
-        self,
-        datum: Datum,
-        max_iterations: int,
-        tolerance: float,
-        watch: Stopwatch,
-        quality: Quality,
-        *,
-        strict: bool,
-    ) -> Adjustment:
+    def _adjusted_freely(self, datum: Datum, computation: Computation, *, strict: bool) -> Adjustment:
         """Adjusts by inner constraints, from where known coordinates, if there are any, put the points."""
         points, before = self.points, None
         if not is_free_standing(points):
-            plain = replace(
-                quality, reliability=False, relative=False, variance_components=False, snooping=None
-            )
-            before = self._adjusted_as_given(max_iterations, tolerance, watch, plain, strict=strict)
+            before = self._adjusted_as_given(computation.plain(), strict=strict)
             points = before.points.points
         place = points.coordinates if before is None else before.points.coordinates
         book, told = without_azimuths(self.book)
         free, book = join(freed(points, place, datum), book)
         network = replace(self, points=free, book=book)
-        adjustment = network._adjusted_as_given(max_iterations, tolerance, watch, quality, strict=strict)
+        adjustment = network._adjusted_as_given(computation, strict=strict)
         if before is None:
             return replace(adjustment, warnings=(*told, *adjustment.warnings))
         return replace(
@@ -354,29 +332,22 @@ class Network:
         )
 
     def _adjusted_as_given(
-        self,
-        max_iterations: int,
-        tolerance: float,
-        watch: Stopwatch,
-        quality: Quality,
-        *,
-        strict: bool,
-        start: InitialValues | None = None,
+        self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
         from obseq.survey.screening.search import blame, refuse
 
-        with watch.phase("initial values"):
+        with computation.watch.phase("initial values"):
             self._check_datum()
             given = Determined(self.points, self.book, start or self._initial_values())
             if strict:
                 given.initial.require_complete()
                 check_counts(self.points, self.book)
-            replaced = self._replaced(given.initial)
+            replaced = replaced_coordinates(self.points, self.point_system, given.initial)
             given = leave_out(given, given.initial.unplaced)
-        errors = self._announced(given, watch, strict=strict)
+        errors = self._announced(given, computation.watch, strict=strict)
         try:
-            adjustment = self._determined(given, max_iterations, tolerance, watch, quality, strict=strict)
+            adjustment = computation.determined(given, strict=strict)
         except ObseqError as error:
             blame(error, errors or self.gross_errors())
         if not errors and not adjustment.is_honest:
@@ -398,26 +369,6 @@ class Network:
             except SingularSystemError as free:
                 raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
             raise
-
-    def _determined(
-        self,
-        start: Determined,
-        max_iterations: int,
-        tolerance: float,
-        watch: Stopwatch,
-        quality: Quality,
-        *,
-        strict: bool,
-    ) -> Adjustment:
-        """Adjusts, without what turns out to be undetermined."""
-        while True:
-            try:
-                return self._adjusted(start, max_iterations, tolerance, watch, quality)
-            except SingularSystemError as error:
-                undetermined = [] if strict else singular_parts(start, error)
-                if not undetermined or self._was_determined(start, undetermined):
-                    raise
-                start = leave_out(start, undetermined)
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""
@@ -441,128 +392,5 @@ class Network:
             refuse(errors)
         return errors
 
-    def _replaced(self, initial: InitialValues) -> tuple[Replaced, ...]:
-        """The approximate coordinates that are not used, in the system of the points."""
-        rows = list(initial.replaced)
-        if not rows:
-            return ()
-        names = [self.points.names[row] for row in rows]
-        both = self.points.coordinates[rows], initial.coordinates[rows]
-        moved = np.linalg.norm(both[1] - both[0], axis=1).tolist()
-        given, used = (map(tuple, self.point_system.coordinates(xyz, names).tolist()) for xyz in both)
-        places = [self.points.place(row) for row in rows]
-        return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
-
-    def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
-        """Whether these were determined where the iterations started: then they have gone astray instead."""
-        equations = self._equations(start)
-        try:
-            solution = equations.system.solve(max_iterations=0, covariance=True)
-        except SingularSystemError:
-            return False
-        rows = np.array([item.point for item in undetermined if item.station is None], np.intp)
-        covariances = solution.covariance(equations.points[rows], a_priori=True)
-        precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
-        return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
-
     def _equations(self, start: Determined) -> Equations:
-        from obseq.survey.adjustment.equations import Equations
-
-        return Equations(self.frame, self.point_system, start.points, start.book, start.initial)
-
-    def _adjusted(
-        self, start: Determined, max_iterations: int, tolerance: float, watch: Stopwatch, quality: Quality
-    ) -> Adjustment:
-        """Adjusts what is determined of this network."""
-        network, initial = replace(self, points=start.points, book=start.book), start.initial
-        with watch.phase("equations"):
-            equations = self._equations(start)
-        with watch.phase("iterations and covariances"):
-            solving = network._solving(equations, max_iterations, tolerance, watch)
-            found = examine(equations, start.book, quality, solving)
-        if not found.solution.converged:
-            network._require_determined(equations, found.solution)
-        with watch.phase("results"):
-            adjustment = network._adjustment(equations, found, initial.orientations)
-        if quality.inner:
-            with watch.phase("inner constraints"):
-                covariances = inner_covariances(self._equations, start, equations)
-            adjustment = adjustment.with_inner(covariances)
-        return replace(
-            adjustment,
-            left_out=start.left_out,
-            warnings=(*(item.sentence() for item in start.left_out), *adjustment.warnings),
-            phases=self.phases | watch.seconds,
-        )
-
-    def _solving(
-        self, equations: Equations, max_iterations: int, tolerance: float, watch: Stopwatch
-    ) -> dict[str, Any]:
-        """Arguments of `LeastSquares.solve`."""
-        return {
-            "max_iterations": max_iterations,
-            "tolerance": tolerance,
-            "before_iteration": equations.follow,
-            "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
-            "progress": lambda step: watch.progress(_described(step)),
-            "strategy": "controlled",
-        }
-
-    def _require_determined(self, equations: Equations, solution: LeastSquaresResult) -> None:
-        """Raises the error of a singular system for points less precise than their sights are long."""
-        rows = np.flatnonzero(self.points.is_free.any(axis=1))
-        covariances = solution.covariance(equations.points[rows], a_priori=True)
-        precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
-        lost = rows[precisions > nearest_sights(self.book, solution.values(equations.points), rows)]
-        if lost.size:
-            names = [self.points.names[row] for row in lost]
-            raise SingularSystemError(
-                f"the observations leave {', '.join(names)} undetermined: the iterations find no end",
-                tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
-            )
-
-    def _adjustment(
-        self, equations: Equations, found: Examination, orientations: NDArray[np.int8]
-    ) -> Adjustment:
-        solution, quality = found.solution, adjusted_quality(equations, self.book, found)
-        coordinates = solution.values(equations.points)
-        residuals, sigmas = equations.fitted(solution)
-        residuals[quality.rejected] = np.nan
-        return Adjustment(
-            solution=solution,
-            points=self._adjusted_points(coordinates, solution.covariance(equations.points, found.a_priori)),
-            stations=self._adjusted_stations(equations.instrument_rotations(solution), orientations),
-            book=self.book.without(quality.rejected),
-            residuals=residuals,
-            sigmas=sigmas,
-            frame=self.frame.system.definition,
-            points_crs=self.points_crs.definition,
-            points_crs_units=(self.points_crs.plan_unit, self.points_crs.height_unit),
-            precision="a priori" if found.a_priori else "a posteriori",
-            known=equations.known.residuals(solution),
-            warnings=self.book.warnings,
-            notes=(
-                *of_unit_weight(self.unit_sigma, solution.sigma0),
-                *notes(self.frame, self.book, coordinates),
-            ),
-            phases={},
-            run=new_run(),
-            quality=quality,
-            refraction=self.frame.refraction_coefficient,
-            operations=operations((self.frame.system, self.points_crs)),
-        )
-
-    def _adjusted_points(self, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
-        given = self.point_system.coordinates(coordinates, self.points.names)
-        axes, _ = self.point_system.axes(coordinates)
-        turned = axes @ covariances @ axes.transpose(0, 2, 1)
-        precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
-        return AdjustedPoints(self.points, coordinates, covariances, given, precisions)
-
-    def _adjusted_stations(self, rotations: FloatArray, orientations: NDArray[np.int8]) -> AdjustedStations:
-        return AdjustedStations(
-            origins=tuple(self.points.names[origin] for origin in self.book.stations.origins),
-            orientations=orientations,
-            g0=np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]),
-            rotations=rotations,
-        )
+        return equations_of(self.frame, self.point_system, start)

@@ -1,0 +1,216 @@
+"""The computation of an adjustment: iterations, what they leave undetermined, the results with precisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import SingularSystemError
+from obseq.record import new_run
+from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.adjustment.adjusted_quality import adjusted_quality
+from obseq.survey.adjustment.adjusted_records import operations
+from obseq.survey.adjustment.checks import singular_parts
+from obseq.survey.adjustment.inner import inner_covariances
+from obseq.survey.adjustment.notes import notes, of_unit_weight
+from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.adjustment.quality import Examination, Quality, examine
+from obseq.survey.initial.approximations import Replaced, nearest_sights
+from obseq.survey.initial.left_out import Determined, leave_out
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq import crs
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares import Iteration, LeastSquaresResult
+    from obseq.stopwatch import Stopwatch
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.initial.unplaced import Unplaced
+    from obseq.survey.model import Points
+
+
+def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
+    """The equations of what is determined, in a frame."""
+    from obseq.survey.adjustment.equations import Equations
+
+    return Equations(frame, system, start.points, start.book, start.initial)
+
+
+def replaced_coordinates(points: Points, system: PointSystem, initial: InitialValues) -> tuple[Replaced, ...]:
+    """The approximate coordinates that are not used, in the system of the points."""
+    rows = list(initial.replaced)
+    if not rows:
+        return ()
+    names = [points.names[row] for row in rows]
+    both = points.coordinates[rows], initial.coordinates[rows]
+    moved = np.linalg.norm(both[1] - both[0], axis=1).tolist()
+    given, used = (map(tuple, system.coordinates(xyz, names).tolist()) for xyz in both)
+    places = [points.place(row) for row in rows]
+    return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
+
+
+@dataclass(frozen=True)
+class Computation:
+    """How networks are adjusted.
+
+    Attributes:
+        frame: The computation frame.
+        points_crs: The coordinate system of the results.
+        unit_sigma: By what another program multiplies sigma0 where it reports it; None for no such program.
+        max_iterations: The iterations end at this number.
+        tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
+        watch: Times the phases, and tells of progress.
+        quality: What is wanted beside residuals and precisions.
+    """
+
+    frame: Frame
+    points_crs: crs.CoordinateSystem
+    unit_sigma: float | None
+    max_iterations: int
+    tolerance: float
+    watch: Stopwatch
+    quality: Quality
+
+    def plain(self) -> Computation:
+        """The same with nothing beside residuals and precisions."""
+        quality = replace(
+            self.quality, reliability=False, relative=False, variance_components=False, snooping=None
+        )
+        return replace(self, quality=quality)
+
+    @cached_property
+    def point_system(self) -> PointSystem:
+        """The coordinates of points in the system of the results."""
+        return PointSystem(self.frame.system, self.points_crs)
+
+    def determined(self, start: Determined, *, strict: bool) -> Adjustment:
+        """Adjusts, without what turns out to be undetermined.
+
+        Raises:
+            SingularSystemError: the observations do not determine some unknowns, and `strict`; or they did
+                where the iterations started.
+        """
+        while True:
+            try:
+                return self._adjusted(start)
+            except SingularSystemError as error:
+                undetermined = [] if strict else singular_parts(start, error)
+                if not undetermined or self._was_determined(start, undetermined):
+                    raise
+                start = leave_out(start, undetermined)
+
+    def _equations(self, start: Determined) -> Equations:
+        return equations_of(self.frame, self.point_system, start)
+
+    def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
+        """Whether these were determined where the iterations started: then they have gone astray instead."""
+        equations = self._equations(start)
+        try:
+            solution = equations.system.solve(max_iterations=0, covariance=True)
+        except SingularSystemError:
+            return False
+        rows = np.array([item.point for item in undetermined if item.station is None], np.intp)
+        covariances = solution.covariance(equations.points[rows], a_priori=True)
+        precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+        return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
+
+    def _adjusted(self, start: Determined) -> Adjustment:
+        """Adjusts what is determined."""
+        with self.watch.phase("equations"):
+            equations = self._equations(start)
+        with self.watch.phase("iterations and covariances"):
+            found = examine(equations, start.book, self.quality, self._solving(equations))
+        if not found.solution.converged:
+            _require_determined(start, equations, found.solution)
+        with self.watch.phase("results"):
+            adjustment = self._adjustment(start, equations, found)
+        if self.quality.inner:
+            with self.watch.phase("inner constraints"):
+                covariances = inner_covariances(self._equations, start, equations)
+            adjustment = adjustment.with_inner(covariances)
+        return replace(
+            adjustment,
+            left_out=start.left_out,
+            warnings=(*(item.sentence() for item in start.left_out), *adjustment.warnings),
+        )
+
+    def _solving(self, equations: Equations) -> dict[str, Any]:
+        """Arguments of `LeastSquares.solve`."""
+        return {
+            "max_iterations": self.max_iterations,
+            "tolerance": self.tolerance,
+            "before_iteration": equations.follow,
+            "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
+            "progress": lambda step: self.watch.progress(_described(step)),
+            "strategy": "controlled",
+        }
+
+    def _adjustment(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:
+        book, solution, quality = start.book, found.solution, adjusted_quality(equations, start.book, found)
+        coordinates = solution.values(equations.points)
+        residuals, sigmas = equations.fitted(solution)
+        residuals[quality.rejected] = np.nan
+        return Adjustment(
+            solution=solution,
+            points=self._points(start, coordinates, solution.covariance(equations.points, found.a_priori)),
+            stations=_stations(start, equations.instrument_rotations(solution)),
+            book=book.without(quality.rejected),
+            residuals=residuals,
+            sigmas=sigmas,
+            frame=self.frame.system.definition,
+            points_crs=self.points_crs.definition,
+            points_crs_units=(self.points_crs.plan_unit, self.points_crs.height_unit),
+            precision="a priori" if found.a_priori else "a posteriori",
+            known=equations.known.residuals(solution),
+            warnings=book.warnings,
+            notes=(
+                *of_unit_weight(self.unit_sigma, solution.sigma0),
+                *notes(self.frame, book, coordinates),
+            ),
+            phases={},
+            run=new_run(),
+            quality=quality,
+            refraction=self.frame.refraction_coefficient,
+            operations=operations((self.frame.system, self.points_crs)),
+        )
+
+    def _points(self, start: Determined, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
+        given = self.point_system.coordinates(coordinates, start.points.names)
+        axes, _ = self.point_system.axes(coordinates)
+        turned = axes @ covariances @ axes.transpose(0, 2, 1)
+        precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
+        return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
+
+
+def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
+    """Raises the error of a singular system for points less precise than their sights are long."""
+    rows = np.flatnonzero(start.points.is_free.any(axis=1))
+    covariances = solution.covariance(equations.points[rows], a_priori=True)
+    precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+    lost = rows[precisions > nearest_sights(start.book, solution.values(equations.points), rows)]
+    if lost.size:
+        names = [start.points.names[row] for row in lost]
+        raise SingularSystemError(
+            f"the observations leave {', '.join(names)} undetermined: the iterations find no end",
+            tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
+        )
+
+
+def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
+    return AdjustedStations(
+        origins=tuple(start.points.names[origin] for origin in start.book.stations.origins),
+        orientations=start.initial.orientations,
+        g0=np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]),
+        rotations=rotations,
+    )
+
+
+def _described(step: Iteration) -> str:
+    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
+    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
