@@ -1,0 +1,147 @@
+"""The benches as one page: how many times as fast as its rival each part is, in one table and one JSON file.
+
+Runs the benches that have a rival on this machine, one after the other, and leaves out those whose rival is
+not here. All figures are ratios of CPU time in interleaved rounds: what is above 1 is faster than the rival.
+With the file of an earlier run as `--baseline`, says what has become slower by more than noise, and returns 1.
+
+    python tools/benchmarks/page.py --quick
+    python tools/benchmarks/page.py --json page.json --baseline before.json
+"""
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent
+TRAFALGAR = FOLDER.parents[2] / "shared" / "data" / "bal-trafalgar-21" / "problem-21-11315-pre.txt"
+FEW = ("Dist3D", "TopoHz", "BlocRigid", "EqColinearityCamPPC_Stenope_Dist_Rad3_Dec1_XY1")
+NOISE = 0.15
+"""Share by which ratios differ from run to run."""
+
+GENERATED = "the original's way in C++"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the page.
+
+    Attributes:
+        what: What is timed.
+        rival: Against what.
+        times_as_fast: The rival's time over ours.
+        wanted: What it should be at least; None where nothing is asked.
+    """
+
+    what: str
+    rival: str
+    times_as_fast: float
+    wanted: float | None = None
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A bench: its file, its arguments in a whole run and in a quick one, and how its JSON becomes rows."""
+
+    file: str
+    rows: Callable[[Any], Iterable[Row]]
+    whole: tuple[str, ...] = ()
+    quick: tuple[str, ...] = ()
+
+    def run(self, is_quick: bool, folder: Path) -> list[Row]:
+        """Runs it in a process of its own; no rows when it cannot run here, and why on standard error."""
+        target = folder / f"{self.file}.json"
+        command = [sys.executable, str(FOLDER / self.file), *(self.quick if is_quick else self.whole)]
+        done = subprocess.run([*command, "--json", str(target)], capture_output=True, text=True, check=False)
+        if not target.exists():
+            reason = (done.stderr or done.stdout).strip().splitlines()[-1:]
+            print(f"{self.file}: left out: {' '.join(reason)}", file=sys.stderr)
+            return []
+        return list(self.rows(json.loads(target.read_text("utf-8"))))
+
+
+def kernels(content: Any) -> Iterator[Row]:
+    """Kernels in tiles."""
+    ratios = [row["ratios"]["rival"] for row in content["formulas"] if "rival" in row["ratios"]]
+    if ratios:
+        yield Row(f"kernels in tiles, median of {len(ratios)}", GENERATED, statistics.median(ratios), 7.0)
+        yield Row("kernels in tiles, the least", GENERATED, min(ratios), 3.0)
+
+
+def evaluation(content: Any) -> Iterator[Row]:
+    """Public evaluations."""
+    rival = f"{GENERATED}, filled and copied"
+    for rows, wanted in (("100", 1.5), ("1000", 2.5), ("10000", 3.0)):
+        ratios = [row["ratios"][rows] for row in content]
+        yield Row(f"values_and_jacobian, {rows} rows", rival, statistics.median(ratios), wanted)
+
+
+def small(content: Any) -> Iterator[Row]:
+    """Small systems."""
+    for row, wanted in zip(content, (1.0, 2.0, 10.0), strict=True):
+        rival = 'scipy least_squares(method="lm")'
+        yield Row(f"whole solution of {row['unknowns']} unknowns", rival, 1.0 / row["ratio"], wanted)
+
+
+def bundles(content: Any) -> Iterator[Row]:
+    """Bundle adjustments."""
+    for name, figures in content.items():
+        if "ratio" in figures:
+            yield Row(f"iteration of {name}", "Ceres, one thread", 1.0 / figures["ratio"], 1.0 / 0.6)
+
+
+BENCHES = (
+    Bench("bench_kernels.py", kernels, ("--against", "rival"), (*FEW, "--against", "rival")),
+    Bench("bench_evaluation.py", evaluation, (), (*FEW, "--rounds", "5")),
+    Bench("bench_small.py", small, (), ("--rounds", "7")),
+    Bench("bench_bundle.py", bundles, (), ("--rounds", "3")),
+    Bench("bench_bundle.py", bundles, (str(TRAFALGAR),), (str(TRAFALGAR), "--rounds", "3")),
+)
+
+
+def show(rows: Iterable[Row], before: dict[str, float]) -> None:
+    """Prints the table."""
+    print(f"{'':44}{'rival':48}{'times as fast':>14}{'wanted':>8}" + (f"{'before':>9}" if before else ""))
+    for row in rows:
+        wanted = f"{row.wanted:8.2f}" if row.wanted else " " * 8
+        mark = " " if row.wanted is None or row.times_as_fast >= row.wanted else "*"
+        former = f"{before[row.what]:9.2f}" if row.what in before else ""
+        print(f"{row.what:44}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}")
+
+
+def main() -> int:
+    """Reads the command line, runs the benches, prints and writes the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="few formulas and rounds: some minutes")
+    parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="benches whose file has a word")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the page as JSON")
+    parser.add_argument("--baseline", type=Path, metavar="FILE", help="the page of an earlier run")
+    arguments = parser.parse_args()
+    former = json.loads(arguments.baseline.read_text("utf-8"))["rows"] if arguments.baseline else []
+    before = {row["what"]: row["times_as_fast"] for row in former}
+    chosen = [b for b in BENCHES if not arguments.only or any(word in b.file for word in arguments.only)]
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, bench in enumerate(chosen):
+            (place := Path(folder) / str(number)).mkdir()
+            rows += bench.run(arguments.quick, place)
+    show(rows, before)
+    if arguments.json:
+        content = {"format": "obseq-benches", "version": 1, "rows": [asdict(row) for row in rows]}
+        arguments.json.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
+    slower = [row.what for row in rows if row.times_as_fast < (1 - NOISE) * before.get(row.what, 0.0)]
+    if slower:
+        print("slower than before: " + "; ".join(slower))
+    return 1 if slower else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
