@@ -2,7 +2,7 @@
 
 Runs the benches that have a rival on this machine, one after the other, and leaves out those whose rival is
 not here. All figures are ratios of CPU time in interleaved rounds: what is above 1 is faster than the rival.
-With the file of an earlier run as `--baseline`, says what has become slower by more than noise, and returns 1.
+With `--baseline`, the file of an earlier run, says what has become slower by more than noise; returns 1 then.
 
     python tools/benchmarks/page.py --quick
     python tools/benchmarks/page.py --json page.json --baseline before.json
