@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special
 
 import obseq
 from obseq.errors import InputError
@@ -33,7 +33,7 @@ def test_global_test_by_hand():
     assert test.redundancy == 1
     assert test.upper == pytest.approx(5.0239, abs=1e-4)  # tabulated chi-square 0.975, 1 degree of freedom
     assert not test.passed
-    assert test.p_value == pytest.approx(2 * (1 - stats.norm.cdf(np.sqrt(8.0))) * 2, rel=1e-12)
+    assert test.p_value == pytest.approx(2 * (1 - special.ndtr(np.sqrt(8.0))) * 2, rel=1e-12)
     assert test.sigma0 == pytest.approx(np.sqrt(8.0))
     assert test.to_dict()["passed"] is False
 
@@ -62,7 +62,7 @@ def test_no_redundancy_no_test():
 
 def test_tau_is_a_function_of_student():
     for f in (2, 5, 30):
-        t = stats.t.ppf(1 - 0.01 / 2, f - 1)
+        t = special.stdtrit(f - 1, 1 - 0.01 / 2)
         expected = t * np.sqrt(f) / np.sqrt(f - 1 + t * t)
         assert tau_critical(0.01, f) == pytest.approx(expected, rel=1e-12)
         assert float(tau_p_values(expected, f)) == pytest.approx(0.01, rel=1e-9)
@@ -74,7 +74,7 @@ def test_tau_is_a_function_of_student():
 def test_non_centrality_gives_its_power():
     for level, power in ((0.001, 0.80), (0.05, 0.80), (0.05, 0.93), (0.01, 0.999), (0.05, 0.0501)):
         shift, limit = non_centrality(level, power), normal_critical(level)
-        assert stats.norm.sf(limit - shift) + stats.norm.cdf(-limit - shift) == pytest.approx(power, rel=1e-9)
+        assert special.ndtr(shift - limit) + special.ndtr(-limit - shift) == pytest.approx(power, rel=1e-9)
     assert non_centrality(0.001, 0.80) == pytest.approx(4.13, abs=5e-3)  # Baarda's number
     with pytest.raises(InputError, match="must exceed its level"):
         non_centrality(0.05, 0.05)

@@ -22,7 +22,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cpp_contenders
 import numpy as np
@@ -30,7 +30,6 @@ import rival
 from interleaved import Repeat, race, ratio
 from numpy.typing import NDArray
 
-from obseq.arrays import FloatArray
 from obseq.codegen.compiler import Derived, derive
 from obseq.compilation import compiled
 from obseq.formulas import REGISTRY, Formula
@@ -38,6 +37,9 @@ from obseq.kernels import calculator, derivatives
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel
 from obseq.kernels.tiles import aligned_tiles, call_kernel
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
 
 Array = NDArray[np.float64]
 CONTENDERS = ("rival", "graph", "sympy", "jax")
@@ -76,7 +78,7 @@ class Row:
 
 
 @compiled
-def _run_kernel(address: int, tiles: FloatArray, n_tiles: int, repeats: int) -> None:
+def _run_kernel(address: int, tiles: "FloatArray", n_tiles: int, repeats: int) -> None:
     for _ in range(repeats):
         call_kernel(address, tiles, n_tiles)
 
