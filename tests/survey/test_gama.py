@@ -204,3 +204,15 @@ def test_a_free_network_moves_its_datum_least(tmp_path):
     start = np.array([[0, 0], [4, 0], [0, 3]])
     grown = (start - start.mean(axis=0)) * 1.01 + start.mean(axis=0)
     assert points.crs_coordinates[:, :2] == pytest.approx(grown, abs=1e-9)
+
+
+def test_all_networks_go_through_the_command(shared_data, capfd):
+    for folder in SETS:
+        for path in sorted((shared_data / folder).glob("*.gkf")):
+            assert main(["adjust", str(path)]) == 0, path
+    assert "m0 of gama-local" in capfd.readouterr().out
+
+
+def test_a_network_in_a_file_called_xml_is_known_by_its_root(tmp_path):
+    path = network(tmp_path, POINTS + SIGHTS).rename(tmp_path / "n.xml")
+    assert adjusted(path).converged

@@ -74,6 +74,7 @@ class _Scalar:
         unit: Metres or radians in one unit of the entries of a matrix.
         sign: Of the value with respect to the one written.
         problem: Why it is left out; empty when it is not.
+        ends: Names of its points.
     """
 
     measure: Measure
@@ -81,6 +82,7 @@ class _Scalar:
     unit: float
     sign: float = 1.0
     problem: str = ""
+    ends: Sequence[str] = ()
 
 
 class ObservationReader:
@@ -259,6 +261,7 @@ class ObservationReader:
 
     def _judged(self, scalar: _Scalar, ends: Sequence[str], parts: tuple[bool, bool]) -> _Scalar:
         """The scalar, with the reason why it is passive, if there is one."""
+        scalar.ends = ends
         for name in ends:
             point = self._points.get(name)
             if point is None:
@@ -319,14 +322,9 @@ class ObservationReader:
             if len(chosen) > 1 and np.count_nonzero(part - np.diag(np.diag(part))):
                 self._columns.correlate([rows[k] for k in chosen], part)
 
-    def _label(self, scalar: _Scalar) -> str:
-        element, names = scalar.element, list(self._columns.names)
-        ends = dict.fromkeys(
-            names[row]
-            for row in (scalar.measure.backsight, scalar.measure.origin, scalar.measure.target)
-            if row >= 0
-        )
-        return f"{element.name} {' -> '.join(ends)} (line {element.line})"
+    @staticmethod
+    def _label(scalar: _Scalar) -> str:
+        return f"{scalar.element.name} {' -> '.join(scalar.ends)} (line {scalar.element.line})"
 
     def warnings(self, file: str) -> list[str]:
         """One sentence for each reason why observations are left out, with all of these."""

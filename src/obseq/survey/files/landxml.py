@@ -16,6 +16,7 @@ from obseq import crs
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.landxml_observations import HEIGHTS, SurveyReader
 from obseq.survey.files.landxml_units import Units, units_of
+from obseq.survey.files.levelled_points import hold_plans
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.xml_file import Element, read_xml
 from obseq.survey.model import Points
@@ -56,7 +57,8 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
         raise root.error("the file holds no raw observation of a survey")
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
     system = _system(root)
-    return Project(table.points(root, book), book, None if system else "Local", system or "Local")
+    points = hold_plans(table.points(root, book), book)
+    return Project(points, book, None if system else "Local", system or "Local")
 
 
 def _system(root: Element) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,28 @@ def levelled_points(points: Points, book: FieldBook, place: Sequence[float]) -> 
     coordinates = [[place[0], place[1], heights.get(row, 0.0)] for row in new]
     names = [book.point_names[row] for row in new]
     return make_points(names, np.reshape(coordinates, (-1, 3)), np.tile((0.0, 0.0, np.nan), (len(new), 1)))
+
+
+def hold_plans(points: Points, book: FieldBook) -> Points:
+    """The points, with the plan of those held somewhere that have none and that only heights are observed of.
+
+    Args:
+        points: All points that observations name, and others.
+        book: The observations.
+    """
+    rows = book.observations
+    in_plan = rows.active & ~np.isin(rows.types, (DH.code, EQUAL_DH.code))
+    seen = rows.counts(in_plan, len(book.point_names)) > 0
+    named = dict(zip(book.point_names, seen.tolist(), strict=True))
+    levelled = np.array([named.get(name) is False for name in points.names], np.bool_)
+    lacking = levelled & np.asarray(np.isnan(points.coordinates[:, :2]).all(axis=1))
+    if not lacking.any():
+        return points
+    known = points.coordinates[np.isfinite(points.coordinates[:, :2]).all(axis=1), :2]
+    coordinates, sigmas = points.coordinates.copy(), points.sigmas.copy()
+    coordinates[lacking, :2] = known.mean(axis=0) if len(known) else 0.0
+    sigmas[lacking, :2] = 0.0
+    return replace(points, coordinates=coordinates, sigmas=sigmas)
 
 
 def _heights(points: Points, book: FieldBook) -> dict[int, float]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.includes import DEEPEST, Folder
+from obseq.survey.files.levelled_points import hold_plans
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.starnet_observations import CODES, ObservationLines
 from obseq.survey.files.starnet_points import PointLines
@@ -123,8 +124,9 @@ class _Reader:
         if not len(self._columns):
             raise self._first.error(0, "the file holds no observation")
         is_plane = bool(self._options.is_plane)
-        points = self._points.points(self._first.name, tuple(self._columns.names), is_plane)
         book = self._columns.field_book()
+        points = self._points.points(self._first.name, book.point_names, is_plane)
+        points = hold_plans(points, book)
         told = (*self._told(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
         return Project(points, replace(book, warnings=told), "Local", "Local", refraction)
