@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.leastsquares import LeastSquares
+from obseq.leastsquares import LeastSquares, LevenbergMarquardt
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import SymmetricPattern, choose_solver
 
@@ -191,3 +191,36 @@ def test_unknowns_may_be_added_after_the_datum():
     new = system.add_points(["new"], [[1.0, 2.0, 3.0]])
     system.add_prior(new, [[1.0, 2.0, 3.0]], 0.1)
     assert system.solve().converged
+
+
+@pytest.mark.parametrize("strategy", ["controlled", "levenberg-marquardt"])
+@pytest.mark.parametrize("is_eliminated", [False, True])
+def test_damped_steps_from_far_end_on_the_datum(strategy, is_eliminated):
+    rng = np.random.default_rng(4)
+    true = rng.uniform(0, 100, (9, 3))
+    start = true + rng.normal(0, 25, true.shape)
+    i, j = np.triu_indices(9, 1)
+    system = LeastSquares()
+    ids = system.add_points([f"P{k}" for k in range(9)], start)
+    lengths = np.linalg.norm(true[j] - true[i], axis=1) + rng.normal(0, 0.01, len(i))
+    kept = (j > 5) & (i <= 5) | (j <= 5)
+    system.add("Dist3D", {"p1": ids[i[kept]], "p2": ids[j[kept]]}, lengths[kept], 0.01)
+    chosen = ids[[0, 2, 4, 7]]
+    system.set_datum(chosen)
+    if is_eliminated:
+        system.eliminate(ids[6:])
+    result = system.solve(strategy=strategy, max_iterations=200, covariance=True)
+    assert result.converged
+    assert result.redundancy == np.count_nonzero(kept) - 27 + 6
+    assert len(result.iterations) > 6  # some steps were held back
+    change = result.values(chosen) - start[[0, 2, 4, 7]]
+    np.testing.assert_allclose(change.sum(axis=0), 0.0, atol=1e-8)
+
+
+def test_a_constant_damping_is_refused_with_a_datum():
+    system = LeastSquares()
+    ids = system.add_points(["A", "B", "C"], [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]])
+    system.add("Dist3D", {"p1": ids[[0, 1, 2]], "p2": ids[[1, 2, 0]]}, [10.0, 14.1, 10.0], 0.01)
+    system.set_datum(ids)
+    with pytest.raises(InputError, match="not together with a datum"):
+        system.solve(strategy=LevenbergMarquardt(constant=True))

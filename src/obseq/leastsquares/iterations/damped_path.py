@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import sizes_of
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unexplained, newton_step
 from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
 
@@ -30,7 +31,8 @@ class DampedPath:
     """Steps that solve (N + damping D) dx = -g, D the largest diagonal of N met so far.
 
     So an unknown that loses its influence does not run away. A matrix that is singular from the start is
-    damped; its defect is counted, and stays the same or shrinks.
+    damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum: full steps
+    end on it, wherever damped ones have led.
 
     Args:
         equations: The system.
@@ -47,7 +49,8 @@ class DampedPath:
         is_bold: bool = False,
     ) -> None:
         self._equations = equations
-        self._solver = solver
+        self._solver = self._used = solver
+        self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._given = damping
         self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
@@ -119,7 +122,8 @@ class DampedPath:
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
                 linearisation = equations.damped(damping, floor)
-            offset = factor_unexplained(self._solver, linearisation)
+            self._used = self._of_damped if damping else self._solver
+            offset = factor_unexplained(self._used, linearisation)
         except SingularMatrixError as error:
             self._lost = len(error.indices)
             return None
@@ -127,7 +131,7 @@ class DampedPath:
             self._lost = 0
             return None
         self._linearisation = linearisation
-        step = newton_step(equations, self._solver, linearisation, offset)
+        step = newton_step(equations, self._used, linearisation, offset)
         self._measure(step, damping)
         return step
 
@@ -144,7 +148,7 @@ class DampedPath:
         """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""
         self._damping, self._norm = damping, self._norm_of(step.inner)
         pull = self._scale() * step.inner
-        fall = float(pull @ self._solver.solve(pull)) if self._norm > 0.0 else 0.0
+        fall = float(pull @ self._used.solve(pull)) if self._norm > 0.0 else 0.0
         self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
 
     def _norm_of(self, inner: FloatArray) -> float:

@@ -91,6 +91,11 @@ class DatumSolver:
         return self._solver.name
 
     @property
+    def behind(self) -> Solver:
+        """The solver of regular systems: of damped ones, which need no datum."""
+        return self._solver
+
+    @property
     def statistics(self) -> SolverStatistics:
         """Size and cost of the factorisation."""
         return self._solver.statistics

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.iterations.damped_path import DampedPath
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.dogleg_path import DoglegPath
 from obseq.leastsquares.iterations.gauss_newton import iterate
 from obseq.leastsquares.iterations.newton import factor, newton_step
@@ -49,6 +50,8 @@ def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver
         return partial(iterate_in_region, equations, path)
     normal = partial(_normal_direction, equations, solver)
     if isinstance(strategy, LevenbergMarquardt):
+        if isinstance(solver, DatumSolver):
+            raise InputError("a constant damping holds a free network where it is: not together with a datum")
         return partial(iterate, equations, normal, damping=strategy.share)
     if strategy.step == "normal":
         return partial(iterate, equations, normal)
