@@ -139,14 +139,19 @@ def test_points_eliminated_or_not_give_one_solution():
     assert first.sigma0 == pytest.approx(second.sigma0, rel=1e-10)
 
 
-def test_tiny_sigmas_are_held_points():
+@pytest.mark.parametrize("eliminate", [True, False])
+def test_tiny_sigmas_are_held_points(eliminate):
     held, _, truth = scenes.block(sigma=0.0)
     names = list(truth)[:6]
     tiny, _, _ = scenes.block(n_control=0)
     tiny.add_control_points(ControlPoints.of(names, [truth[name] for name in names], 1e-7))
-    first, second = held.solve(), tiny.solve()
+    first, second = held.solve(), tiny.solve(eliminate=eliminate)
     np.testing.assert_allclose(first.poses.centres, second.poses.centres, atol=1e-7)
     np.testing.assert_allclose(first.centre_covariances, second.centre_covariances, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(
+        first.point_covariances[6:], second.point_covariances[6:], rtol=1e-4, atol=1e-12
+    )
+    np.testing.assert_allclose(first.camera_covariance("c"), second.camera_covariance("c"), rtol=1e-4)
     assert first.result.redundancy == second.result.redundancy
 
 

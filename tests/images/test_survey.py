@@ -50,22 +50,43 @@ def test_a_plumb_station_is_a_datum_with_one_control_point(survey):
     assert np.nanmax(np.abs(part.residuals(solution.result))) < 0.001
 
 
-def test_a_levelled_height_improves_heights_as_a_dense_reference_says(survey):
+def _covariances(solution, names):
+    rows = [solution.points.index(name) for name in names]
+    return solution.point_covariances[rows]
+
+
+def _dense(solution, names):
+    """The same from the dense inverse of the whole normal matrix."""
+    system = solution.equations.system
+    normal = system.equations()
+    matrix = normal.pattern.matrix(normal.assemble(viscous=False).values).toarray()
+    inverse = np.linalg.inv(matrix) * solution.result.variance_factor
+    rows = [solution.points.index(name) for name in names]
+    place = normal.free.number[system.unknowns.scalars(solution.equations.points[rows])]
+    return np.array([inverse[np.ix_(k, k)] for k in place])
+
+
+@pytest.mark.parametrize("kind", ["levelled", "plumb station", "distance", "nothing"])
+@pytest.mark.parametrize("eliminate", [True, False])
+def test_an_observation_between_targets_changes_precisions_as_a_dense_reference_says(survey, kind, eliminate):
     block, _, truth = scenes.block()
-    before = block.solve(eliminate=False)
-    levelled = survey(truth, targets=(), levelled=("P10",))
-    block.add_survey(levelled)
-    after = block.solve(eliminate=False)
-    row = before.points.index("P10")
-    z = np.sqrt(after.point_covariances[after.points.index("P10"), 2, 2])
-    assert z < 0.2 * np.sqrt(before.point_covariances[row, 2, 2])
-    # the dense inverse of the whole normal matrix, unknowns in the order of the system
-    normal = after.equations.system.equations()
-    dense = normal.pattern.matrix(normal.assemble(viscous=False).values).toarray()
-    inverse = np.linalg.inv(dense) * after.result.variance_factor
-    place = normal.free.number[after.equations.system.unknowns.scalars(after.equations.points)]
-    expected = np.array([inverse[np.ix_(k, k)] for k in place])
-    np.testing.assert_allclose(after.point_covariances, expected, rtol=1e-6, atol=1e-16)
+    before = block.solve()
+    names = ["P10", "P11", "P0"]
+    if kind == "levelled":
+        block.add_survey(survey(truth, targets=(), levelled=("P10",)))
+    elif kind == "plumb station":
+        block.add_survey(survey(truth, targets=("P10", "P11")))
+    elif kind == "distance":
+        block.add_length("P10", "P0", float(np.linalg.norm(truth["P10"] - truth["P0"])), 1e-5)
+    after = block.solve(eliminate=eliminate)
+    np.testing.assert_allclose(_covariances(after, names), _dense(after, names), rtol=1e-6, atol=1e-15)
+    if kind == "nothing":
+        np.testing.assert_allclose(_covariances(after, names), _covariances(before, names), rtol=1e-6)
+    else:
+        traces = [np.trace(_covariances(part, names)[0]) / part.sigma0**2 for part in (after, before)]
+        assert traces[0] < 0.95 * traces[1]
+        z = [_covariances(part, names)[0, 2, 2] ** 0.5 / part.sigma0 for part in (after, before)]
+        assert z[0] < (0.2 if kind == "levelled" else 1.0) * z[1]
 
 
 def test_a_point_known_twice_is_refused(survey):
