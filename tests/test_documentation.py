@@ -20,6 +20,7 @@ WITH_EXAMPLES = [
     ROOT / "README.md",
     ROOT / "docs" / "first-network.md",
     ROOT / "docs" / "first-block.md",
+    ROOT / "docs" / "camera-model.md",
     ROOT / "docs" / "aerial.md",
     ROOT / "docs" / "epipolar.md",
     ROOT / "docs" / "projects.md",
@@ -93,11 +94,12 @@ class Checker(doctest.OutputChecker):
 
 @pytest.mark.parametrize("page", WITH_EXAMPLES, ids=lambda page: page.name)
 def test_examples_run(page: Path, project: Path) -> None:
+    names: dict[str, object] = {}  # of a page: what one block defines, those after it use
     for language, name, text in blocks(page):
         if language == "text" and name:
             (project / name).write_text(text, encoding="utf-8")
         elif language == "python" and READ_ELSEWHERE not in text:
-            exec(compile(text, f"{page.name}: {text.splitlines()[0]}", "exec"), {})
+            exec(compile(text, f"{page.name}: {text.splitlines()[0]}", "exec"), names)
         elif language == "sh":
             for command in COMMAND.findall(text.replace("\\\n", " ")):
                 assert main(shlex.split(command)) == 0, command

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from obseq.images.initial.resection import Resection, ResectionOptions, refine_poses, resect
     from obseq.images.initial.three_points import poses_of_triplets
     from obseq.images.measures import ImagePoints
+    from obseq.images.model import CameraModel
     from obseq.images.poses import Poses
     from obseq.images.rigid import Exposures, PairStatistics, RigidBlock, initial_block, pair_statistics
     from obseq.images.weighting import Weighting
@@ -34,6 +35,7 @@ _HOMES = {
     "BundleAdjustment": "images.bundle",
     "BundleSolution": "images.adjustment.solution",
     "Camera": "images.camera",
+    "CameraModel": "images.model",
     "Clinometer": "images.clinometers",
     "ControlPoints": "images.control",
     "Distribution": "images.initial.distribution",
@@ -70,6 +72,7 @@ __all__ = [
     "BundleAdjustment",
     "BundleSolution",
     "Camera",
+    "CameraModel",
     "Clinometer",
     "ControlPoints",
     "Distribution",

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.model import CameraModel
     from obseq.kernels import Calculator
+    from obseq.kernels.loading import Kernel
 
 
 NEWTON_STEPS = 50
@@ -60,6 +62,7 @@ class Camera:
             `EquiRect` (MMVII's names).
         fraser: False for MMVII's other choice of the terms of degree 1 (`a`, `b`).
         backward: True when the distortion corrects the measured point, instead of moving the computed one.
+        model: a model of one's own (docs/camera-model.md); None for those of the catalogue.
 
     Example:
         >>> camera = Camera("D5600", 6000, 4000, focal=6153.0, degree=(3, 1, 1), distortion={"K1": -0.1})
@@ -77,6 +80,7 @@ class Camera:
     projection: str = "Stenope"
     fraser: bool = True
     backward: bool = False
+    model: CameraModel | None = None
 
     def __post_init__(self) -> None:
         point = np.array(self.principal_point, dtype=np.float64).reshape(-1)
@@ -129,6 +133,8 @@ class Camera:
 
     @property
     def _model(self) -> str:
+        if self.model is not None:
+            return self.model.distortion.name
         radial, decentric, general = self.degree
         name = f"{'Backward' if self.backward else 'Dist'}_Rad{radial}_Dec{decentric}_XY{general}"
         return name if self.fraser else f"{name}_D1aXbX"
@@ -136,11 +142,25 @@ class Camera:
     @property
     def formula(self) -> str:
         """Name of its colinearity equation."""
-        return f"EqColinearityCamPPC_{self.projection}_{self._model}"
+        return (
+            f"EqColinearityCamPPC_{self.projection}_{self._model}" if self.model is None else self.model.name
+        )
+
+    @property
+    def equation(self) -> str | Kernel:
+        """Its colinearity equation: the name of one of the catalogue, or one's own."""
+        return self.formula if self.model is None else self.model.colinearity
+
+    @property
+    def is_mmvii(self) -> bool:
+        """Whether projection, degree and coefficients say all, as they do in files of MMVII."""
+        return self.model is None and not self.backward
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the distortion coefficients, in the order of the equation."""
+        if self.model is not None:
+            return self.model.coefficient_names
         try:
             return calculator(f"EqDist_{self._model}").observations
         except FormulaError as error:
@@ -176,7 +196,7 @@ class Camera:
 
     @cached_property
     def _distort(self) -> Calculator:
-        return calculator(f"EqDist_{self._model}")
+        return calculator(f"EqDist_{self._model}") if self.model is None else self.model.map
 
     @cached_property
     def _direct(self) -> Calculator:

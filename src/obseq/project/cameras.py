@@ -69,10 +69,10 @@ def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
     Raises:
         InputError: the distortion is of a kind that these files do not have.
     """
-    if camera.backward:
+    if not camera.is_mmvii:
         raise InputError(
-            f"camera {camera.name}: its distortion corrects the measured point, which no calibration file of "
-            "MMVII says; adjust with the other kind (backward=False) to write one"
+            f"camera {camera.name}: no calibration file of MMVII says the distortion of {camera.formula}; "
+            "adjust with one of the catalogue (a degree, backward=False) to write one"
         )
     values = dict(zip(camera.coefficient_names, map(float, camera.coefficients), strict=True))
     parts: dict[str, dict[str, Tree]] = {"Radial": {}, "Decentric": {}, "Polynomial": {}}

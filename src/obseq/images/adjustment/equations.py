@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.start import NumberedSet, Start
     from obseq.images.block import Block
     from obseq.images.parts import PoseObservations
+    from obseq.kernels.loading import Kernel
     from obseq.leastsquares import Batch, LeastSquares
 
 CONTROL = "control points"
@@ -175,16 +176,16 @@ class Equations:
         """One batch per camera model."""
         rows = part.rows
         formulas = [camera.formula for camera in self.start.cameras]
-        kinds = list(dict.fromkeys(formulas))
-        kind = index_of(kinds, formulas, "formula")[part.image[rows]]
-        chosen = [(formula, rows[kind == k]) for k, formula in enumerate(kinds)]
+        equations = {camera.formula: camera.equation for camera in self.start.cameras}
+        kind = index_of(list(equations), formulas, "formula")[part.image[rows]]
+        chosen = [(formula, rows[kind == k]) for k, formula in enumerate(equations.values())]
         return [
             MeasureBatch(number, here, self._add_batch(formula, part, here))
             for formula, here in chosen
             if here.size
         ]
 
-    def _add_batch(self, formula: str, part: NumberedSet, rows: IntArray) -> Batch:
+    def _add_batch(self, formula: str | Kernel, part: NumberedSet, rows: IntArray) -> Batch:
         image, measures = part.image[rows], part.given.measures
         blocks = {
             "point": self.points[part.point[rows]],

@@ -136,7 +136,7 @@ def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:
     interiors = []
     for image in images:
         camera = block.cameras[block.camera_of[image]]
-        if camera.backward or (camera.projection, camera.degree) != ("Stenope", (2, 0, 0)):
+        if not camera.is_mmvii or (camera.projection, camera.degree) != ("Stenope", (2, 0, 0)):
             raise InputError(f"camera {camera.name}: BAL holds pinholes with two radial terms alone")
         interiors.append([camera.focal, *camera.coefficients])
     return np.hstack([logarithm(turned), moved, np.array(interiors).reshape(-1, 3)]).ravel()

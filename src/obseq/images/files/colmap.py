@@ -155,7 +155,7 @@ def colmap_files(solution: BundleSolution, folder: str | Path) -> dict[Path, str
 def _camera_line(number: int, camera: Camera) -> str:
     given = dict(zip(camera.coefficient_names, camera.coefficients, strict=True))
     others = [name for name, value in given.items() if value and name not in ("K1", "K2", "p1", "p2")]
-    if camera.projection != "Stenope" or camera.backward or others:
+    if camera.projection != "Stenope" or not camera.is_mmvii or others:
         raise InputError(
             f"camera {camera.name}: COLMAP has no place for {', '.join(others) or _kind(camera)}"
         )
@@ -167,7 +167,7 @@ def _camera_line(number: int, camera: Camera) -> str:
 
 
 def _kind(camera: Camera) -> str:
-    return "distortion that corrects the measured point" if camera.backward else camera.projection
+    return camera.projection if camera.is_mmvii else f"the distortion of {camera.formula}"
 
 
 def _image_lines(solution: BundleSolution, number: dict[str, int]) -> Iterator[str]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.control import ControlPoints
     from obseq.images.measures import ImagePoints
+    from obseq.kernels.loading import Kernel
     from obseq.leastsquares import LeastSquaresResult
 
 
@@ -268,7 +269,7 @@ def refine_poses(
     system.freeze(points)
     residuals = np.zeros((len(measures), 2))
     batches = []
-    for formula, rows in _by_formula(cameras, image).items():
+    for formula, rows in _by_formula(cameras, image):
         calibrations = _frozen_calibrations(system, cameras, image[rows])
         blocks = {
             "point": points[rows],
@@ -290,12 +291,12 @@ def refine_poses(
     return poses, covariances, _sigma0(squares, image, is_used, len(start)), residuals
 
 
-def _by_formula(cameras: Sequence[Camera], image: IntArray) -> dict[str, IntArray]:
-    """Rows of measures by the colinearity equation of their camera."""
+def _by_formula(cameras: Sequence[Camera], image: IntArray) -> list[tuple[str | Kernel, IntArray]]:
+    """The colinearity equations of the cameras, and the rows of measures of each."""
     names = [camera.formula for camera in cameras]
-    kinds = sorted(set(names))
-    number = index_of(kinds, names, "formula")[image]
-    return {kind: np.flatnonzero(number == k) for k, kind in enumerate(kinds)}
+    equations = {camera.formula: camera.equation for camera in cameras}
+    number = index_of(list(equations), names, "formula")[image]
+    return [(equation, np.flatnonzero(number == k)) for k, equation in enumerate(equations.values())]
 
 
 def _frozen_calibrations(system: LeastSquares, cameras: Sequence[Camera], image: IntArray) -> IntArray:
