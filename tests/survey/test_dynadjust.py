@@ -372,7 +372,7 @@ def test_what_dynaml_cannot_say_is_refused_by_name(tmp_path):
     [
         (("<Type>S</Type>", "<Type>W</Type>"), "n.xml:25: 'W' is not a type of measurement"),
         (("<StdDev>", "<Sigma>"), "the XML is broken"),
-        (("<DnaXmlFormat", "<Other"), "the XML is broken"),
+        (("<DnaXmlFormat", "<Other"), "n.xml: <Other> is not the root of a file"),
         (("<Type>LLh</Type>", "<Type>LLX</Type>"), "n.xml:3: 'LLX' is no type of coordinates"),
         (("<Total>2</Total>", "<Total>5</Total>"), "<Total> is 5, and 2 members are in it"),
         (("<SigmaXX>", "<SigmaXX>x"), "is not a number"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.survey.files import tables
 from obseq.survey.files.comp3d import read_comp3d
 from obseq.survey.files.dynadjust import MSR, STN, read_dna, read_dynaml
 from obseq.survey.files.dynaml import ROOT
@@ -15,18 +17,19 @@ from obseq.survey.files.landxml import read_landxml
 from obseq.survey.files.project import Reading, only_one
 from obseq.survey.files.sinex import SUFFIX, read_sinex
 from obseq.survey.files.starnet import read_starnet
+from obseq.survey.files.text import quoted, read_bytes
 from obseq.survey.files.xml_file import read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.survey.files.project import Project, Reader
-    from obseq.survey.files.xml_file import Element
 
 READERS: dict[str, Reader] = {
     ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
     ".gkf": read_gama,
     SUFFIX: read_sinex,
+    tables.SUFFIX: tables.read_tables,
     ".dat": read_starnet,
     STN: read_dna,
     MSR: read_dna,
@@ -40,6 +43,8 @@ ROOTS: dict[str, Reader] = {
 }
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
+_FIRST_ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
+_START = 4096
 DEFAULTS = Reading()
 
 
@@ -68,7 +73,7 @@ def reader_of(path: Path) -> Reader:
     """
     suffix = path.suffix.lower()
     if suffix == XML:
-        return _reader_of_root(read_xml(path))
+        return _reader_of_root(path)
     reader = READERS.get(suffix)
     if reader is None:
         suffixes = ", ".join([*READERS, XML])
@@ -76,8 +81,14 @@ def reader_of(path: Path) -> Reader:
     return reader
 
 
-def _reader_of_root(root: Element) -> Reader:
-    reader = ROOTS.get(root.name)
+def _reader_of_root(path: Path) -> Reader:
+    """By the first element; the whole file is looked at only where that is not found at its start."""
+    found = _FIRST_ELEMENT.search(read_bytes(path)[:_START].decode("utf-8", "replace"))
+    name = found.group(1).rpartition(":")[2] if found else read_xml(path).name
+    reader = ROOTS.get(name)
     if reader is None:
-        raise root.error(f"is not the root of a file that can be adjusted; these are {', '.join(ROOTS)}")
+        raise InputError(
+            f"{path}: <{quoted(name)}> is not the root of a file that can be adjusted; these are "
+            f"{', '.join(ROOTS)}"
+        )
     return reader

@@ -1,0 +1,229 @@
+"""Tables with named columns (.csv): of points and of observations, told apart by their columns."""
+
+from __future__ import annotations
+
+import csv
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.columns import Columns, Measure
+from obseq.survey.files.project import Project
+from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted, read_text
+from obseq.survey.kinds.directions import ANGLE, AZIM
+from obseq.survey.kinds.geodetic import CHORD, HEIGHT, LATITUDE, LONGITUDE
+from obseq.survey.kinds.lengths import DIST_HZ
+from obseq.survey.kinds.registry import KINDS
+from obseq.survey.model import Orientation, Points, merge_points
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from obseq.survey.files.project import Reading
+    from obseq.survey.files.text import TextFile
+    from obseq.survey.kinds.kind import ObservationKind
+
+SUFFIX = ".csv"
+OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
+MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
+MORE_OF_OBSERVATIONS = (
+    *("unit", "backsight", "set", "relative_sigma", "from_height", "to_height", "active", "remark"),
+)
+ANGLES = {
+    "rad": 1.0,
+    "gon": math.pi / 200.0,
+    "deg": math.pi / 180.0,
+    "mgon": math.pi / 2e5,
+    "arcsec": math.pi / 648e3,
+}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "km": 1e3}
+DEFAULT_UNITS = {True: "gon", False: "m"}
+ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD)
+"""Kinds that a row can hold, and no line of an OBS file."""
+TYPES = {kind.name.lower(): kind for kind in KINDS if kind.is_line or kind in ALONE}
+"""Kinds that a row can hold, by name in small letters."""
+OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
+
+
+class Table:
+    """A table, row by row.
+
+    Attributes:
+        file: Its lines.
+        columns: Position of each column, by name in small letters.
+    """
+
+    def __init__(self, file: TextFile) -> None:
+        self.file = file
+        head = file.lines[0]
+        self.separator = max(",;\t", key=head.count)
+        names = [name.strip().lower() for name in head.split(self.separator)]
+        self.columns = {name: place for place, name in enumerate(names)}
+        if len(self.columns) < len(names):
+            raise file.error(0, "two columns have the same name")
+
+    def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
+        """Refuses columns that are missing or unknown."""
+        missing = [name for name in wanted if name not in self.columns]
+        unknown = [name for name in self.columns if name not in (*wanted, *more)]
+        if missing:
+            raise self.file.error(0, f"column {missing[0]} is missing")
+        if unknown:
+            known = ", ".join((*wanted, *more))
+            raise self.file.error(0, f"column {quoted(unknown[0])} is unknown; there are {known}")
+
+    def rows(self) -> Iterator[tuple[int, dict[str, str]]]:
+        """Line (from 0) and cells by column of each row."""
+        for index, line in enumerate(self.file.lines[1:], start=1):
+            if not line.strip():
+                continue
+            cells = next(csv.reader([line], delimiter=self.separator))
+            if len(cells) != len(self.columns):
+                raise self.file.error(index, f"{len(cells)} cells for {len(self.columns)} columns")
+            yield index, {name: cells[place].strip() for name, place in self.columns.items()}
+
+    def number(self, index: int, cells: dict[str, str], column: str, default: float | None = None) -> float:
+        """The number in a cell; the default when it is empty or the column is not there."""
+        text = cells.get(column, "")
+        if not text and default is not None:
+            return default
+        try:
+            return parse_number(text)
+        except ValueError as error:
+            raise self.file.error(index, f"column {column}: {error}") from error
+
+
+def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
+    """Reads tables of points and of observations that belong together.
+
+    Raises:
+        InputError: Naming file and line, what is wrong and what to do.
+    """
+    columns, points = Columns(), []
+    for path in paths:
+        table = Table(read_text(path, reading.encoding))
+        if "type" in table.columns:
+            _Observations(table, columns).read()
+        else:
+            points.append(_points(table))
+    if not points or not len(columns):
+        what = "points" if not points else "observations"
+        raise InputError(f"{paths[0]}: no table of {what} is given; name both kinds of tables together")
+    return Project(merge_points(points), columns.field_book())
+
+
+def _points(table: Table) -> Points:
+    """The points: free where a sigma is empty, held where it is 0."""
+    table.check(OF_POINTS, MORE_OF_POINTS)
+    names, coordinates, sigmas, infos, lines = [], [], [], [], []
+    for index, cells in table.rows():
+        name = cells["name"]
+        table.file.check_name(index, name)
+        if not name:
+            raise table.file.error(index, "a point has no name")
+        names.append(name)
+        coordinates.append([table.number(index, cells, axis, math.nan) for axis in "xyz"])
+        sigmas.append([table.number(index, cells, f"s{axis}", math.nan) for axis in "xyz"])
+        if any(sigma < 0.0 or 0.0 < sigma < LEAST_SIGMA for sigma in sigmas[-1]):
+            raise table.file.error(index, "a sigma is empty (free), 0 (held) or positive")
+        if any(math.isnan(x) and not math.isnan(s) for x, s in zip(coordinates[-1], sigmas[-1], strict=True)):
+            raise table.file.error(index, "a coordinate that is not given has a sigma")
+        infos.append(cells.get("remark", ""))
+        lines.append(index + 1)
+    n = len(names)
+    return Points(
+        tuple(names),
+        np.reshape(coordinates, (n, 3)).astype(np.float64),
+        np.reshape(sigmas, (n, 3)).astype(np.float64),
+        np.full((n, 2), np.nan),
+        tuple(infos),
+        (table.file.name,),
+        np.zeros(n, np.int32),
+        np.array(lines, np.int32),
+    )
+
+
+class _Observations:
+    """Reads a table of observations into columns."""
+
+    def __init__(self, table: Table, columns: Columns) -> None:
+        table.check(OF_OBSERVATIONS, MORE_OF_OBSERVATIONS)
+        self._table, self._columns = table, columns
+        self._number = columns.open_file(table.file)
+        self._stations: dict[tuple[int, str, bool], int] = {}
+
+    def read(self) -> None:
+        """Adds all rows."""
+        for index, cells in self._table.rows():
+            self._columns.append(self._measure(index, cells), self._number, index)
+
+    def _measure(self, index: int, cells: dict[str, str]) -> Measure:
+        table, kind = self._table, self._kind(index, cells)
+        unit = self._unit(index, cells, kind)
+        value = table.number(index, cells, "value") * unit
+        sigma = table.number(index, cells, "sigma") * unit
+        is_active = self._is_active(index, cells)
+        if is_active and not sigma >= LEAST_SIGMA:
+            raise table.file.error(index, "column sigma: it is not positive; the weight would be infinite")
+        problem = kind.problem(value) if is_active else None
+        if problem is not None:
+            raise table.file.error(index, f"the {kind.words} {problem}; correct it, or active 0")
+        ends = self._ends(index, cells, kind)
+        return Measure(
+            kind,
+            *ends[:2],
+            value,
+            sigma,
+            is_active,
+            table.number(index, cells, "relative_sigma", 0.0),
+            table.number(index, cells, "from_height", 0.0),
+            table.number(index, cells, "to_height", 0.0),
+            self._station(cells, kind, ends[0]),
+            backsight=ends[2],
+        )
+
+    def _kind(self, index: int, cells: dict[str, str]) -> ObservationKind:
+        kind = TYPES.get(cells["type"].lower())
+        if kind is None:
+            listed = ", ".join(found.name for found in TYPES.values())
+            raise self._table.file.error(
+                index, f"type {quoted(cells['type'])!r} is unknown; there are {listed}"
+            )
+        return kind
+
+    def _unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
+        units = ANGLES if kind.is_angle else LENGTHS
+        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
+        if name not in units:
+            raise self._table.file.error(
+                index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
+            )
+        return units[name]
+
+    def _is_active(self, index: int, cells: dict[str, str]) -> bool:
+        text = cells.get("active", "").lower()
+        if text not in OFF:
+            raise self._table.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
+        return OFF[text]
+
+    def _ends(self, index: int, cells: dict[str, str], kind: ObservationKind) -> tuple[int, int, int]:
+        names = [cells["from"], cells["to"] or (cells["from"] if kind.is_absolute else "")]
+        if kind is ANGLE:
+            names.append(cells.get("backsight", ""))
+        if not all(names) or (len(set(names)) < len(names) and not kind.is_absolute):
+            raise self._table.file.error(index, f"{kind.words}: it needs {len(names)} different points")
+        rows = [self._columns.point(self._table.file, index, name) for name in names]
+        return rows[0], rows[1], rows[2] if len(rows) > 2 else -1
+
+    def _station(self, cells: dict[str, str], kind: ObservationKind, origin: int) -> int:
+        """Rows of one point and one set are of one set-up; azimuths have their own."""
+        if not kind.needs_station:
+            return -1
+        key = (origin, cells.get("set", ""), kind is AZIM)
+        if key not in self._stations:
+            orientation = Orientation.FIX if key[2] else Orientation.VERT
+            self._stations[key] = self._columns.open_station(origin, orientation)
+        return self._stations[key]
