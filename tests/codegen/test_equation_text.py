@@ -137,8 +137,10 @@ class Reader:
     def named(self, name: str) -> Any:
         if name in self.names:
             return self.names[name]
-        vector, _, axis = name.rpartition("_")
-        return self.names[vector]["xyz".index(axis)]
+        whole, _, part = name.rpartition("_")
+        if part.isdigit():
+            return self.named(whole)[int(part) - 1]
+        return self.named(whole)["xyz".index(part)]
 
 
 def multiplied(a: Any, b: Any) -> Any:

@@ -172,7 +172,7 @@ def cut(system: LeastSquares, depth: int) -> tuple[list[Part], np.ndarray]:
     """The parts of a system of points and rotations, and (n_unknowns,) the node where each is eliminated."""
     table, equations = system.unknowns, system.equations()
     n_leaves, n_blocks = 2**depth, len(table)
-    points = np.flatnonzero(table.each(POINT3.__eq__))
+    points = np.flatnonzero(table.each(lambda kind: kind == POINT3))
     leaf_of = np.zeros(n_blocks, dtype=np.int64)
     leaf_of[points] = halved(table.read(points)[:, :2], depth)
     touched = np.zeros((n_leaves, n_blocks), dtype=bool)
@@ -208,7 +208,10 @@ def _part(
     of_scalar: np.ndarray,
 ) -> Part:
     table, equations = system.unknowns, system.equations()
-    chosen = [np.flatnonzero(of_leaves[key] & table.each(kind.__eq__)) for kind in (POINT3, ROTATION)]
+    chosen = [
+        np.flatnonzero(of_leaves[key] & table.each(lambda kind, wanted=wanted: kind == wanted))
+        for wanted in (POINT3, ROTATION)
+    ]
     blocks = np.concatenate(chosen)
     local = np.full(len(table), -1)
     local[blocks] = np.arange(len(blocks))

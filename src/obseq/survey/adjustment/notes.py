@@ -54,6 +54,9 @@ def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Itera
         return
     corrections = frame.refraction(book, rows, coordinates)
     if not corrections.any():
+        neither = ", neither for refraction nor for the curvature of the Earth" if frame.is_plane else ""
+        start = f"refraction coefficient {frame.refraction_coefficient:g}: zenith angles are not corrected"
+        yield start + neither
         return
     largest = int(np.abs(corrections).argmax())
     row = rows[largest]
