@@ -224,3 +224,13 @@ def test_a_constant_damping_is_refused_with_a_datum():
     system.set_datum(ids)
     with pytest.raises(InputError, match="not together with a datum"):
         system.solve(strategy=LevenbergMarquardt(constant=True))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_what_the_datum_alone_determines_has_no_variance_and_no_negative_one(seed):
+    _, matrix = free_network(seed=seed)
+    chosen = np.isin(np.arange(24), [4, 5, 12])  # as many as there are free parameters
+    solver, pattern = solver_on(matrix, chosen, "dense")
+    variances = solver.selected_inverse()[pattern.diagonal]
+    assert variances.min() >= 0.0
+    assert variances[chosen].max() < 1e-9 * variances.max()

@@ -204,6 +204,7 @@ def test_polar_sub_frames(tmp_path):
     ("files", "message"),
     [
         ({"config": {"files_unit": 4}}, "config.files_unit is 4; it goes from 0 to 3"),
+        ({"config": {"files_unit": 1.0}}, "config.files_unit is 1.0; it goes from 0 to 3"),
         ({"config": {"refraction": "k"}}, "config.refraction is 'k'"),
         ({"config": {"root_OBS_file": "none.obs"}}, "none.obs: there is no such file"),
         ({"config": {"compute_type": 2}}, "only adjustments"),

@@ -161,6 +161,8 @@ class DatumSolver:
         half = across - 0.5 * self._kernel @ within
         for kernel, shift in zip(self._kernel.T, half.T, strict=True):
             entries -= kernel[rows] * shift[columns] + shift[rows] * kernel[columns]
+        variances = self._pattern.diagonal  # of what the datum alone determines: zero, to the rounding
+        entries[variances] = np.maximum(entries[variances], 0.0)
         return entries
 
     def defect(self) -> Defect:

@@ -117,7 +117,7 @@ def _check(path: Path, config: dict[str, Any]) -> None:
     for key in ("root_COR_file", "root_OBS_file"):
         if not config[key]:
             raise InputError(f"{path}: config.{key} is empty; name the file")
-    if config["files_unit"] not in range(len(UNITS)):
+    if config["files_unit"] not in range(len(UNITS)) or not isinstance(config["files_unit"], int):
         raise InputError(f"{path}: config.files_unit is {config['files_unit']!r}; it goes from 0 to 3")
     if config["compute_type"] != 0:
         raise InputError(
