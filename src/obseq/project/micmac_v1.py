@@ -102,7 +102,8 @@ def _distortion(
     if standard is not None:
         powers = {"P1": ("p1", 1), "P2": ("p2", 1), "b1": ("b1", 0), "b2": ("b2", 0)}
         for tag, (name, power) in powers.items():
-            found[name] = float(standard.findtext(tag, "0")) * focal**power
+            node = standard.find(tag)
+            found[name] = (0.0 if node is None else _numbers(node, 1, place)[0]) * focal**power
     return found
 
 

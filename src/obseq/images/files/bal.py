@@ -165,6 +165,8 @@ def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> Bundl
         raise InputError(f"{path}: not a Bundler file of version 0.3 (the first line says so)")
     try:
         numbers = [np.array(line.split(), dtype=np.float64) for line in text.splitlines()[1:] if line.strip()]
+        if not all(np.isfinite(row).all() for row in numbers):
+            raise ValueError("a number is not finite")
         n, m = (int(value) for value in numbers[0])
         cameras = np.concatenate(numbers[1 : 1 + 5 * n]).reshape(n, 15)
         rest = numbers[1 + 5 * n : 1 + 5 * n + 3 * m]

@@ -64,6 +64,11 @@ class ColmapImage:
     xy: FloatArray
     points: tuple[int, ...]
 
+    def __post_init__(self) -> None:
+        largest = float(np.abs(self.quaternion).max(initial=0.0))
+        if not 1e-100 < largest < 1e100:
+            raise InputError(f"image {self.name}: {self.quaternion.tolist()} is no rotation")
+
 
 @dataclass(frozen=True, eq=False)
 class ColmapModel:
@@ -80,9 +85,11 @@ def read_model(folder: Path) -> ColmapModel:
     Raises:
         InputError: a file is missing, cut short, or holds what it should not.
     """
-    if all((folder / f"{name}.bin").is_file() for name in ("cameras", "images", "points3D")):
-        return _binary(folder)
-    return _text(folder)
+    binary = all((folder / f"{name}.bin").is_file() for name in ("cameras", "images", "points3D"))
+    try:
+        return _binary(folder) if binary else _text(folder)
+    except InputError as error:
+        raise InputError(str(error) if str(folder) in str(error) else f"{folder}: {error}") from None
 
 
 def _text(folder: Path) -> ColmapModel:

@@ -64,8 +64,13 @@ class BrownCamera:
         if len(self.decentric) == 2:
             given |= {"p1": self.decentric[0] * self.focal, "p2": -self.decentric[1] * self.focal}
         given["b1"] = self.aspect - 1.0
-        middle = np.array(self.principal_point) / self.pixel
-        return Camera(self.name, *self.size, self.focal / self.pixel, middle, DEGREE, given, backward=True)
+        with np.errstate(all="ignore"):
+            x, y, focal = np.array([*self.principal_point, self.focal]) / self.pixel
+        if not np.isfinite([x, y, focal]).all():
+            raise InputError(
+                f"camera {self.name}: its focal length or principal point is not finite in pixels"
+            )
+        return Camera(self.name, *self.size, focal, np.array([x, y]), DEGREE, given, backward=True)
 
 
 @dataclass(frozen=True)
@@ -219,9 +224,10 @@ def _numbers(element: Element, tag: str, count: int | None = None, words: Sequen
     fields = [field.strip() for field in content(element, tag).split(",")]
     try:
         found = [np.nan if field in words else float(field) for field in fields]
+        found = [] if "nan" in "".join(fields).lower() else found
     except ValueError:
         found = []
-    if not found or (count is not None and len(found) != count):
+    if any(np.isinf(found)) or len(found) != (count or len(found)) or not found:
         raise problem(element, f"{tag} should be {count or 'some'} numbers, not {content(element, tag)!r}")
     return found
 

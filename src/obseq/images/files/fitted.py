@@ -50,7 +50,8 @@ def fitted_camera(
         InputError: no camera of these degrees comes within a hundredth of a pixel.
     """
     plane = _grid(size, focal)
-    pixels = projection(plane)
+    with np.errstate(all="ignore"):
+        pixels = projection(plane)
     inside = ((pixels >= 0.0) & (pixels <= np.array(size))).all(axis=1)
     if np.count_nonzero(inside) < STEPS:
         raise InputError(f"camera {name}: its parameters project hardly anything into its image")
@@ -69,7 +70,10 @@ def _closest(
     name: str, size: tuple[int, int], degree: tuple[int, int, int], plane: FloatArray, pixels: FloatArray
 ) -> tuple[Camera, float]:
     """The closest camera of a degree, and the largest distance (pixels) to what is wanted."""
-    found, *_ = np.linalg.lstsq(_columns(name, degree, plane), pixels.ravel(), rcond=None)
+    columns = _columns(name, degree, plane)
+    if not np.isfinite(columns).all():
+        raise InputError(f"camera {name}: its focal length is no focal length in pixels")
+    found, *_ = np.linalg.lstsq(columns, pixels.ravel(), rcond=None)
     middle = np.array(found[1:3], dtype=np.float64)
     camera = Camera(name, *size, float(found[0]), middle, degree, found[3:] / found[0])
     local = np.column_stack([plane, np.ones(len(plane))])
@@ -77,7 +81,7 @@ def _closest(
 
 
 def _grid(size: tuple[int, int], focal: float) -> FloatArray:
-    reach = BEYOND * np.array(size) / (2.0 * focal)
+    reach = np.clip(BEYOND * np.array(size) / (2.0 * max(focal, 1e-9)), 1e-9, 1e9)
     x, y = np.meshgrid(*(np.linspace(-r, r, STEPS) for r in reach))
     return np.column_stack([x.ravel(), y.ravel()])
 

@@ -63,7 +63,7 @@ def read_photomodeler(path: str | Path, size: tuple[int, int] | None = None) -> 
             "object points, marks"
         )
     words = head[1].numbers(2)
-    columns, rows = size or tuple(int(value) for value in words[2:4]) or (0, 0)
+    columns, rows = size or (tuple(int(value) for value in words[2:4]) if len(words) > 3 else (0, 0))
     if min(columns, rows) < 1:
         raise InputError(f"{head[1].where}: the size of the images is missing; give it")
     block = BundleAdjustment()

@@ -1,0 +1,150 @@
+"""Chunks of Metashape: what they say is what we say; what has no place here is refused by its line."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from obseq.errors import InputError
+from obseq.images.files.metashape import read_metashape
+
+METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.1.0">
+  <chunk label="one" enabled="true">
+    <sensors next_id="1">
+      <sensor id="0" label="X100" type="frame">
+        <resolution width="2000" height="1500"/>
+        <calibration type="frame" class="initial"><f>1000</f></calibration>
+        <calibration type="frame" class="adjusted">
+          <resolution width="2000" height="1500"/>
+          <f>1800</f><cx>-10</cx><cy>5</cy><k1>-0.1</k1><k2>0.03</k2><p1>0.001</p1><p2>-0.0005</p2>{b}
+        </calibration>
+      </sensor>
+    </sensors>
+    <cameras>
+      <camera id="3" sensor_id="0" label="a.jpg">
+        <transform>1 0 0 0 0 1 0 0 0 0 1 -10 0 0 0 1</transform></camera>
+      <group id="0" label="g"><camera id="5" sensor_id="0" label="b.jpg">
+        <transform>1 0 0 2 0 1 0 0 0 0 1 -10 0 0 0 1</transform></camera></group>
+      <camera id="6" sensor_id="0" label="lost.jpg"/>
+    </cameras>
+    <markers>
+      <marker id="0" label="M1">
+        <reference x="101" y="202" z="303" sx="0.01" sy="0.01" sz="0.02" enabled="true"/></marker>
+      <marker id="1" label="M2"><reference x="1" y="2" z="3" enabled="false"/></marker>
+    </markers>
+    <scalebars><scalebar id="0" label="s" marker_1_id="0" marker_2_id="1">
+      <reference distance="1.5" accuracy="0.001" enabled="true"/></scalebar></scalebars>
+    <frames><frame id="0"><markers>
+      <marker marker_id="0"><location camera_id="3" pinned="true" x="1000" y="700"/>
+        <location camera_id="5" pinned="false" x="1" y="1"/></marker>
+      <marker marker_id="1"><location camera_id="5" pinned="true" x="900" y="600"/></marker>
+    </markers></frame></frames>
+    <transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>100 200 300</translation>
+      <scale>2</scale></transform>
+    <reference>{reference}</reference>
+    <settings><property name="accuracy_projections" value="0.5"/></settings>
+  </chunk>
+</document>
+"""
+LOCAL = "LOCAL_CS[&quot;Local Coordinates (m)&quot;]"
+
+
+def _metashape(tmp_path, text=METASHAPE, b="", reference=LOCAL):
+    path = tmp_path / "block.xml"
+    path.write_text(text.replace("{b}", b).replace("{reference}", reference))
+    return path
+
+
+def test_a_chunk_of_metashape_is_a_block(tmp_path):
+    block, frame = read_metashape(_metashape(tmp_path))
+    assert frame == "LocalNONE"
+    assert block.poses.images == ("a.jpg", "b.jpg")
+    assert set(block.camera_of) == {"a.jpg", "b.jpg", "lost.jpg"}
+    # 2 R (0, 0, -10) + T
+    np.testing.assert_allclose(block.poses["a.jpg"].centre, [100, 200, 280])
+    np.testing.assert_allclose(block.poses["b.jpg"].centre, [100, 204, 280])
+    np.testing.assert_allclose(block.poses["a.jpg"].rotation[:, 0], [0, 1, 0])
+    assert block.control.names == ("M1",)
+    assert block.control.sigmas[0].tolist() == [0.01, 0.01, 0.02]
+    (part,) = block.sets
+    assert part.measures.xy.tolist() == [[1000, 700], [900, 600]]
+    assert part.measures.sigmas[0].tolist() == [0.5, 0.5]
+    assert block.lengths.values == (1.5,)
+
+
+def _agisoft(x, y, b1, b2):
+    """The formula of Metashape's manual, with the parameters of the file."""
+    r2 = x**2 + y**2
+    radial = 1 - 0.1 * r2 + 0.03 * r2**2
+    u = x * radial + 0.001 * (r2 + 2 * x**2) + 2 * -0.0005 * x * y
+    v = y * radial + -0.0005 * (r2 + 2 * y**2) + 2 * 0.001 * x * y
+    return [1000 - 10 + u * 1800 + u * b1 + v * b2, 750 + 5 + v * 1800]
+
+
+@pytest.mark.parametrize(
+    ("b", "b1", "b2", "tolerance"), [("", 0, 0, 1e-9), ("<b1>0.8</b1><b2>-0.4</b2>", 0.8, -0.4, 0.01)]
+)
+def test_its_camera_projects_as_its_manual_says(tmp_path, b, b1, b2, tolerance):
+    block, _ = read_metashape(_metashape(tmp_path, b=b))
+    (camera,) = block.cameras.values()
+    for x, y in ((0.1, 0.2), (-0.5, 0.35), (0.4, -0.3)):
+        np.testing.assert_allclose(camera.project([[x, y, 1.0]])[0], _agisoft(x, y, b1, b2), atol=tolerance)
+
+
+def test_a_chunk_on_the_earth_becomes_a_local_frame(tmp_path):
+    text = METASHAPE.replace('x="101" y="202" z="303"', 'x="2.4" y="48.8" z="100"')
+    wgs84 = "EPSG:4979"
+    # the identity: the chunk is geocentric
+    start = text.index("<transform><rotation>")
+    text = text[:start] + "<transform></transform>" + text[text.index("</transform>", start) + 12 :]
+    block, frame = read_metashape(_metashape(tmp_path, text, reference=wgs84))
+    assert frame.startswith("RTL*")
+    np.testing.assert_allclose(block.control.coordinates[0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(block.control.sigmas[0], [0.01, 0.01, 0.02], rtol=1e-9)
+    # the cameras are near the middle of the Earth: as far below as its radius there
+    assert block.poses["a.jpg"].centre[2] == pytest.approx(-6366e3, abs=5e3)
+
+
+def test_a_project_of_metashape_holds_its_chunks_beside(tmp_path):
+    whole = METASHAPE.replace("{b}", "").replace("{reference}", LOCAL)
+    chunk = whole[whole.index("<chunk") : whole.index("</document>")]
+    folder = tmp_path / "p.files/0"
+    folder.mkdir(parents=True)
+    with zipfile.ZipFile(folder / "chunk.zip", "w") as archive:
+        archive.writestr("doc.xml", chunk)
+    with zipfile.ZipFile(tmp_path / "p.files/project.zip", "w") as archive:
+        archive.writestr(
+            "doc.xml", '<document><chunks next_id="1"><chunk id="0" path="0/chunk.zip"/></chunks></document>'
+        )
+    (tmp_path / "p.psx").write_text('<document version="1.2.0" path="{projectname}.files/project.zip"/>')
+    block, _ = read_metashape(tmp_path / "p.psx")
+    assert block.poses.images == ("a.jpg", "b.jpg")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'type="frame">\n        <res',
+            'type="fisheye">\n        <res',
+            r"block\.xml:5: <sensor>: a camera of type fisheye",
+        ),
+        ("<p1>", "<p3>0.1</p3><p1>", r"block\.xml:10: <p3>: the parameter p3 has no place"),
+        ("</document>", '<chunk label="two"/></document>', "there are 2 chunks: choose one of one, two"),
+        ("<f>1800</f>", "<f>many</f>", r"block\.xml:10: <f>: 1 finite numbers are expected"),
+        ('camera_id="3"', 'camera_id="9"', "the camera '9' is not in the list"),
+        (
+            '<property name="accuracy_projections" value="0.5"/>',
+            "",
+            "the accuracy of image measures is not said",
+        ),
+        ('<?xml version="1.0" encoding="UTF-8"?>', '<!DOCTYPE a [<!ENTITY b "c">]>', "entities"),
+        ("</chunk>", "", "the XML is broken"),
+        ("1 0 0 0 0 1 0 0 0 0 1 -10", "1 0 0 0 0 1 0 0 0 0 1 x", "16 finite numbers are expected"),
+        ("0 -1 0 1 0 0 0 0 1", "0 -1 0 1 0 0 0 0 2", "no similarity"),
+    ],
+)
+def test_what_metashape_has_and_we_have_not_is_refused_by_its_line(tmp_path, old, new, message):
+    with pytest.raises(InputError, match=message):
+        read_metashape(_metashape(tmp_path, METASHAPE.replace(old, new)))
