@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from obseq.images.initial.eleven import UncalibratedResection, resect_uncalibrated
     from obseq.images.initial.growth import Growth, place_images, similarity
     from obseq.images.initial.intersection import Intersection, intersect
+    from obseq.images.initial.planes import PlaneResection, resect_on_plane
     from obseq.images.initial.relative import RelativeOrientation, relative_orientation
     from obseq.images.initial.resection import Resection, ResectionOptions, refine_poses, resect
     from obseq.images.initial.three_points import poses_of_triplets
@@ -44,6 +45,7 @@ _HOMES = {
     "ImagePoints": "images.measures",
     "Intersection": "images.initial.intersection",
     "PairStatistics": "images.rigid",
+    "PlaneResection": "images.initial.planes",
     "Pose": "geometry",
     "Poses": "images.poses",
     "RelativeOrientation": "images.initial.relative",
@@ -62,6 +64,7 @@ _HOMES = {
     "refine_poses": "images.initial.resection",
     "relative_orientation": "images.initial.relative",
     "resect": "images.initial.resection",
+    "resect_on_plane": "images.initial.planes",
     "resect_uncalibrated": "images.initial.eleven",
     "similarity": "images.initial.growth",
 }
@@ -81,6 +84,7 @@ __all__ = [
     "ImagePoints",
     "Intersection",
     "PairStatistics",
+    "PlaneResection",
     "Pose",
     "Poses",
     "RelativeOrientation",
@@ -99,6 +103,7 @@ __all__ = [
     "refine_poses",
     "relative_orientation",
     "resect",
+    "resect_on_plane",
     "resect_uncalibrated",
     "similarity",
 ]

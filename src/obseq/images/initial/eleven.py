@@ -114,7 +114,7 @@ def _linear(
     if not planarity > FLAT:
         raise InputError(
             f"image {image}: its {len(xy)} control points are in a plane, which leaves eleven parameters "
-            "undetermined; add points off the plane, or use a calibration"
+            "undetermined; add points off the plane, use a calibration, or resect_on_plane"
         )
     middle, scale = _frame(ground)
     projection = _projection(xy, (ground - middle) / scale)
