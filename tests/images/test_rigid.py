@@ -168,8 +168,9 @@ def test_missing_images_are_counted_and_a_mixed_project_is_no_error():
     without.add_rigid_block(_block(without.poses))
     solution = without.solve()
     assert ("pair", "block TheBloc, exposure 2, cameras A and B") in [
-        (item.kind, item.name) for item in solution.left_out
+        (item.kind, item.name) for item in solution.unpaired
     ]
+    assert [(item.kind, item.name) for item in solution.left_out] == [("image", "B_2.tif")]
     assert len(solution.rigid_residuals("TheBloc").exposures) == 11
 
 

@@ -139,8 +139,12 @@ class BundleSolution:
     def left_out(self) -> tuple[LeftOut, ...]:
         """What took no part, and why."""
         rejected = () if self.blunders is None else self.blunders.rejected
-        pairs = [item for part in self.equations.rigid for item in part.pairs.missing]
-        return (*self.start.left_out, *pairs, *(item.as_left_out() for item in rejected))
+        return (*self.start.left_out, *(item.as_left_out() for item in rejected))
+
+    @property
+    def unpaired(self) -> tuple[LeftOut, ...]:
+        """Exposures of rigid blocks that lack an image of a pair of cameras."""
+        return tuple(item for part in self.equations.rigid for item in part.pairs.missing)
 
     @property
     def sigma0(self) -> float | None:
