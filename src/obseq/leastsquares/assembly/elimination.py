@@ -118,6 +118,7 @@ class Elimination:
             failed,
             *self._room(),
             record,
+            np.empty(groups.widest, dtype=np.int64),
         )
 
     def substitute_back(self, store: FloatArray, damping: float, step: FloatArray) -> None:

@@ -56,6 +56,7 @@ class DampedPath:
         self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
         self._lost = 0
         self._is_new = True
+        self._stepped: NewtonStep | None = None
         self.is_bold = is_bold
         self.radius = np.inf
         self.first_radius = np.inf
@@ -63,6 +64,7 @@ class DampedPath:
 
     def linearise(self, in_passing: bool = False) -> None:
         """Assembles at the current values."""
+        self._stepped = None
         diagonal = self._equations.collect()
         if in_passing:
             return
@@ -118,6 +120,9 @@ class DampedPath:
 
     def _step(self, damping: float) -> NewtonStep | None:
         """The step under a damping; None where the matrix is singular."""
+        if self._stepped is not None and damping == self._damping:
+            return self._stepped
+        self._stepped = None
         equations, floor = self._equations, self._floor
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
@@ -133,6 +138,7 @@ class DampedPath:
         self._linearisation = linearisation
         step = newton_step(equations, self._used, linearisation, offset)
         self._measure(step, damping)
+        self._stepped = step
         return step
 
     def _regular_step(self) -> NewtonStep:

@@ -151,36 +151,47 @@ def subtract_squares(
     record: FloatArray,
     width: int,
     n: int,
+    columns: IntArray,
 ) -> int:
     """Subtracts Y' Y from the matrix for one group; returns the number of the next pair.
 
-    `slots`: first and last neighbour of the group. `record`: Y row by row, `width` apart, then -Y.
+    `slots`: first and last neighbour of the group. `record`: Y row by row, `width` apart, then -Y. `columns`:
+    room for where the columns of each neighbour begin, and the height of the first if it is a three.
     """
     opposite, w, rows = n * width, np.uint64(width), np.uint64(n)
+    for b in range(slots[0], slots[1]):
+        slot = 2 * (b - slots[0])
+        columns[slot] = indptr[first[neighbours[b]]]
+        height = indptr[first[neighbours[b]] + 1] - columns[slot]
+        columns[slot + 1] = height if count[neighbours[b]] == 3 and n == 3 else 0
     for a in range(slots[0], slots[1]):
         high = neighbours[a]
-        if count[high] == 3:
+        is_three = count[high] == 3
+        if is_three:
             top = indptr[first[high]]
             height = indptr[first[high] + 1] - top
             subtract_square_of_three(store, top, height, record, part[a], width, n)
-        for j in range(0 if count[high] == 3 else count[high]):
+        for j in range(0 if is_three else count[high]):
             target = indptr[first[high] + j]
             for i in range(j, count[high]):
                 value = 0.0
                 for k in range(n):
                     value += record[k * width + part[a] + i] * record[k * width + part[a] + j]
                 store[target + i - j] -= value
+        left = np.uint64(opposite + part[a])
         for b in range(slots[0], a):
+            top, height = columns[2 * (b - slots[0])], columns[2 * (b - slots[0]) + 1]
+            if is_three and height > 0:
+                place = np.uint64(top + np.int64(offsets[pair]))
+                outer_padded_threes(store, place, np.uint64(height), record, left, np.uint64(part[b]), w)
+                pair += 1
+                continue
             low = neighbours[b]
             top, offset = indptr[first[low]], np.int64(offsets[pair])
             pair += 1
             if count[high] == 3 and count[low] == 3:
-                at, height = np.uint64(top + offset), np.uint64(indptr[first[low] + 1] - top)
-                left, right = np.uint64(opposite + part[a]), np.uint64(part[b])
-                if n == 3:
-                    outer_padded_threes(store, at, height, record, left, right, w)
-                else:
-                    outer_threes(store, at, height, record, left, right, w, rows)
+                at, tall = np.uint64(top + offset), np.uint64(indptr[first[low] + 1] - top)
+                outer_threes(store, at, tall, record, left, np.uint64(part[b]), w, rows)
                 continue
             for j in range(count[low]):
                 target = indptr[first[low] + j] + offset - j
@@ -212,6 +223,7 @@ def eliminate(
     factor: FloatRows,
     right: FloatArray,
     record: FloatArray,
+    columns: IntArray,
 ) -> float:
     """Subtracts the effect of some groups of eliminated blocks from a matrix and from a gradient.
 
@@ -234,6 +246,7 @@ def eliminate(
         factor: (most, most) room for the factor of a group.
         right: (most,) room for its gradient.
         record: (2 most widest,) room for its rows, and for their opposites.
+        columns: (widest,) room for the places of its neighbours' columns.
 
     Returns:
         Sum of g_t' N_tt^-1 g_t over the blocks of these groups.
@@ -264,7 +277,7 @@ def eliminate(
             k = neighbours[a]
             subtract_pull(gradient, first[k], count[k], record, part[a], width, right, n)
         pair = subtract_squares(
-            target, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n
+            target, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n, columns
         )
     return decrease
 
