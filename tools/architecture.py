@@ -40,7 +40,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "generated": ("kernels",),
     "kernels": ("compilation",),
     "leastsquares": ("kernels", "compilation", "geometry"),
-    "survey": ("leastsquares", "kernels", "geometry", "crs"),
+    "survey": ("leastsquares", "kernels", "geometry", "crs", "report"),
     "images": ("leastsquares", "kernels", "geometry", "crs", "survey", "report"),
     "project": ("images", "survey", "geometry", "crs"),
     "cli": (
@@ -78,7 +78,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "initial": ("model", "kinds"),
         "adjustment": ("initial", "model", "kinds"),
         "screening": ("adjustment", "initial", "model", "kinds"),
-        "network": ("screening", "adjustment", "initial", "files", "model"),
+        "tables": ("files", "model", "kinds"),
+        "network": ("tables", "screening", "adjustment", "initial", "files", "model"),
         "epochs": ("adjustment", "model"),
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
         "point_files": ("files", "model"),

@@ -1,7 +1,7 @@
 """A plan of the network, drawn as SVG: points, lines of sight, and error ellipses large enough to be seen."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from obseq.record import AdjustmentRecord, PointRecord
@@ -40,18 +40,25 @@ class View:
 
 
 def network_figure(record: AdjustmentRecord) -> str:
-    """The plan as an SVG element; of a large network, not every line of sight and not every name."""
-    points = {point.name: point for point in record.points}
+    """The plan of an adjusted network as an SVG element."""
+    sights = ((row.origin, row.target) for row in record.observations if row.active)
+    return plan_figure(record.points, sights, {row.origin for row in record.stations})
+
+
+def plan_figure(
+    given: Sequence[PointRecord], sights: Iterable[tuple[str, str]], stations: Collection[str]
+) -> str:
+    """A plan as an SVG element; of a large network, not every line of sight and not every name."""
+    points = list(given)
     if not points:
         return ""
-    view = _view(list(points.values()))
-    stations = {row.origin for row in record.stations}
-    exaggeration = _exaggeration(list(points.values()), view)
+    view = _view(points)
+    exaggeration = _exaggeration(points, view)
     parts = [
         f'<svg viewBox="0 0 {WIDTH:.0f} {view.height:.0f}" role="img" aria-label="plan of the network">',
-        f'<path class="sight" d="{_sights(record, points, view)}"/>',
-        *_marks(list(points.values()), stations, view, exaggeration),
-        *_names(list(points.values()), stations, view),
+        f'<path class="sight" d="{_sights(sights, {point.name: point for point in points}, view)}"/>',
+        *_marks(points, stations, view, exaggeration),
+        *_names(points, stations, view),
         *_legend(view, exaggeration),
         "</svg>",
     ]
@@ -68,12 +75,8 @@ def _view(points: list[PointRecord]) -> View:
     return View(left, max(ys), scale, tall * scale + 2.0 * MARGIN + LEGEND)
 
 
-def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View) -> str:
-    pairs = {
-        (min(row.origin, row.target), max(row.origin, row.target))
-        for row in record.observations
-        if row.active
-    }
+def _sights(sights: Iterable[tuple[str, str]], points: dict[str, PointRecord], view: View) -> str:
+    pairs = {(min(ends), max(ends)) for ends in sights}
     known = sorted(pair for pair in pairs if pair[0] in points and pair[1] in points)
     return "".join(
         "M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*view.place(points[start]), *view.place(points[end]))
@@ -81,7 +84,9 @@ def _sights(record: AdjustmentRecord, points: dict[str, PointRecord], view: View
     )
 
 
-def _marks(points: list[PointRecord], stations: set[str], view: View, exaggeration: float) -> Iterator[str]:
+def _marks(
+    points: list[PointRecord], stations: Collection[str], view: View, exaggeration: float
+) -> Iterator[str]:
     for point in points:
         x, y = view.place(point)
         yield _precision(point, x, y, exaggeration * view.scale)
@@ -91,7 +96,7 @@ def _marks(points: list[PointRecord], stations: set[str], view: View, exaggerati
             yield f'<circle class="point" cx="{x:.1f}" cy="{y:.1f}" r="3"/>'
 
 
-def _names(points: list[PointRecord], stations: set[str], view: View) -> Iterator[str]:
+def _names(points: list[PointRecord], stations: Collection[str], view: View) -> Iterator[str]:
     """The names that find room, those of stations first; none where there are too many points."""
     taken: list[tuple[float, float, float]] = []
     for point in sorted(points, key=lambda point: point.name not in stations):

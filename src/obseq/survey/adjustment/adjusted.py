@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from obseq.errors import InputError
+from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.record import (
@@ -26,6 +28,7 @@ from obseq.survey.adjustment.adjusted_records import (
     Fit,
     by_setup,
     by_type,
+    columns_of,
     ellipsoids,
     known_letters,
     moves,
@@ -285,6 +288,28 @@ class Adjustment:
     def to_dict(self) -> dict[str, Any]:
         """The plain form of the record: the content of the result file (docs/result-file.md)."""
         return self.record().to_dict()
+
+    def table(self, name: str = "points", package: str | None = None) -> Any:
+        """One list of the record as columns: "points", "observations", "stations", "constraints", ...
+
+        Args:
+            name: A field of the record (docs/result-file.md) that is a list.
+            package: "pandas" for a DataFrame, "pyarrow" for a Table; None for a dictionary of lists.
+
+        Raises:
+            InputError: The record has no such list, or the package is not installed.
+        """
+        found = self.to_dict().get(name)
+        if not isinstance(found, list) or not all(isinstance(row, dict) for row in found):
+            raise InputError(f"the record has no table {name!r}; it has points, observations, stations...")
+        columns = columns_of(found)
+        return columns if package is None else as_table(columns, package)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the outcome, the plan, the worst observations, the points."""
+        from obseq.report.notebook import adjustment_html
+
+        return adjustment_html(self.record())
 
     def _stations(self) -> Iterator[StationRecord]:
         stations = self.stations

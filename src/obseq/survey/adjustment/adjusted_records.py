@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq import crs
-from obseq.record import EllipsoidRecord, OperationRecord, StatisticsRecord, defined
+from obseq.record import EllipsoidRecord, OperationRecord, PointRecord, StatisticsRecord, defined
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
@@ -110,3 +110,18 @@ def ellipsoids(covariances: FloatArray, factor: float) -> list[EllipsoidRecord]:
     elevations = np.arcsin(np.clip(ends[:, :, 2], 0.0, 1.0))
     columns = (axes.tolist(), bearings.tolist(), elevations.tolist())
     return [EllipsoidRecord(*map(tuple, row)) for row in zip(*columns, strict=True)]
+
+
+def place_records(points: Points) -> list[PointRecord]:
+    """Where the points are that have coordinates (in the frame), before anything is adjusted."""
+    empty = (None,) * 6
+    return [
+        PointRecord(points.names[row], *points.coordinates[row].tolist(), *empty)
+        for row in np.flatnonzero(points.has_coordinates).tolist()
+    ]
+
+
+def columns_of(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Plain records as columns: all keys that any has, None where one lacks it."""
+    names = list(dict.fromkeys(name for record in records for name in record))
+    return {name: [record.get(name) for record in records] for name in names}

@@ -1,0 +1,187 @@
+"""Networks from tables in memory, and results as tables: dictionaries of columns, or data frames.
+
+A table is anything that gives its columns by name: a dictionary of lists or arrays, a pandas data frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.columns import Columns, Measure
+from obseq.survey.kinds.registry import KINDS
+from obseq.survey.model import FieldBook, Orientation, Points, make_points
+
+if TYPE_CHECKING:
+    from obseq.survey.kinds.kind import ObservationKind
+
+Table = Mapping[str, Sequence[Any]]
+"""Columns by name; a data frame of pandas is one too."""
+
+ANGLE_UNITS = {"rad": 1.0, "gon": math.pi / 200.0, "degree": math.pi / 180.0}
+POINT_COLUMNS = ("name", "x", "y", "z", "sx", "sy", "sz")
+OBSERVATION_COLUMNS = (
+    "type",
+    "from",
+    "to",
+    "value",
+    "sigma",
+    "setup",
+    "orientation",
+    "relative_sigma",
+    "from_height",
+    "to_height",
+    "backsight",
+    "active",
+)
+FILE = "observations"
+"""What messages call the table of observations: its rows count from 1, as lines do."""
+
+_KINDS = {kind.name: kind for kind in KINDS}
+
+
+def points_of(table: Table) -> Points:
+    """Points from a table: `name`, `x`, `y`, `z`, and `sx`, `sy`, `sz` of known coordinates.
+
+    A missing or empty sigma means a free coordinate, 0 one that is held; a missing coordinate is computed
+    from the observations. Metres, or the units of the system of the points.
+
+    Raises:
+        InputError: A column is missing or not known, or a value is no number.
+    """
+    columns = _columns("points", table, POINT_COLUMNS, ("name",))
+    n = len(columns["name"])
+    numbers = {name: _numbers("points", name, columns.get(name), n, math.nan) for name in POINT_COLUMNS[1:]}
+    coordinates = np.column_stack([numbers[name] for name in "xyz"])
+    sigmas = np.column_stack([numbers[f"s{name}"] for name in "xyz"])
+    if (sigmas < 0.0).any():
+        row = int(np.flatnonzero((sigmas < 0.0).any(axis=1))[0])
+        raise InputError(f"points, row {row + 1} ({columns['name'][row]}): a sigma is negative")
+    return make_points([str(name) for name in columns["name"]], coordinates, sigmas)
+
+
+def observations_of(table: Table, angles: str = "rad") -> FieldBook:
+    """Observations from a table, in metres and in the unit of angles.
+
+    Columns: `type` (`Hz`, `Zen`, `Dist`, `DH`...: `obseq.survey.KINDS`), `from`, `to`, `value`, `sigma`; and
+    where they are needed `setup` (what tells set-ups of one point apart), `orientation` of the set-up
+    (`VERT`, the default, `FIX`, `BASC`), `relative_sigma`, `from_height`, `to_height`, `backsight`,
+    `active`.
+
+    Args:
+        table: The columns.
+        angles: Unit of angles and of their sigmas: "rad", "gon" or "degree".
+
+    Raises:
+        InputError: A column is missing or not known, or a value is not what it must be; the row is named.
+    """
+    if angles not in ANGLE_UNITS:
+        raise InputError(f"unknown unit of angles {angles!r}; known: {', '.join(ANGLE_UNITS)}")
+    columns = _columns(FILE, table, OBSERVATION_COLUMNS, OBSERVATION_COLUMNS[:5])
+    return _Book(columns, ANGLE_UNITS[angles]).filled()
+
+
+class _Book:
+    """A field book that is filled from columns, set-up by set-up."""
+
+    def __init__(self, columns: Mapping[str, list[Any]], unit: float) -> None:
+        self._given = columns
+        self._unit = unit
+        self._n = len(columns["type"])
+        self._book = Columns()
+        self._book.files.append(FILE)
+        self._setups: dict[tuple[str, Any], int] = {}
+
+    def filled(self) -> FieldBook:
+        """The book with all rows."""
+        for row, measure in enumerate(self._measures()):
+            self._book.append(measure, 0, row)
+        return self._book.field_book()
+
+    def _measures(self) -> Iterator[Measure]:
+        names = ("value", "sigma", "relative_sigma", "from_height", "to_height")
+        numbers = {name: _numbers(FILE, name, self._given.get(name), self._n, 0.0) for name in names}
+        active = self._given.get("active") or [True] * self._n
+        for row in range(self._n):
+            kind = self._kind(row)
+            factor = self._unit if kind.is_angle else 1.0
+            value, sigma, relative, from_height, to_height = (float(numbers[name][row]) for name in names)
+            if not (sigma > 0.0 or (sigma == 0.0 and relative > 0.0)):
+                raise InputError(f"{self._place(row)}: the sigma {sigma:g} is not positive")
+            yield Measure(
+                kind=kind,
+                origin=self._point(row, "from"),
+                target=self._point(row, "to"),
+                value=factor * value,
+                sigma=factor * sigma,
+                is_active=bool(active[row]),
+                relative=relative,
+                from_height=from_height,
+                to_height=to_height,
+                station=self._station(row) if kind.needs_station else -1,
+                backsight=self._point(row, "backsight") if self._has(row, "backsight") else -1,
+            )
+
+    def _place(self, row: int) -> str:
+        return f"{FILE}, row {row + 1} ({self._given['from'][row]} -> {self._given['to'][row]})"
+
+    def _kind(self, row: int) -> ObservationKind:
+        name = str(self._given["type"][row])
+        if name not in _KINDS:
+            raise InputError(f"{self._place(row)}: unknown type {name!r}; known: {', '.join(_KINDS)}")
+        return _KINDS[name]
+
+    def _has(self, row: int, name: str) -> bool:
+        return name in self._given and not _is_empty(self._given[name][row])
+
+    def _point(self, row: int, name: str) -> int:
+        text = str(self._given[name][row])
+        return self._book.names.setdefault(text, len(self._book.names))
+
+    def _station(self, row: int) -> int:
+        """The set-up of an observation: one for each point and each entry of `setup`."""
+        key = (str(self._given["from"][row]), self._given["setup"][row] if self._has(row, "setup") else None)
+        if key not in self._setups:
+            word = str(self._given["orientation"][row]) if self._has(row, "orientation") else "VERT"
+            name = word.removeprefix("#").upper()
+            if name not in Orientation.__members__:
+                known = ", ".join(Orientation.__members__)
+                raise InputError(f"{self._place(row)}: unknown orientation {word!r}; known: {known}")
+            self._setups[key] = self._book.open_station(self._point(row, "from"), Orientation[name])
+        return self._setups[key]
+
+
+def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str]) -> dict[str, list[Any]]:
+    """The columns as lists of one length; those that are missing or unknown are an error."""
+    names = [str(name) for name in table.keys()]  # noqa: SIM118  # a data frame gives its columns by keys()
+    missing = [name for name in wanted if name not in names]
+    unknown = [name for name in names if name not in known]
+    if missing or unknown:
+        said = f"lacks {', '.join(missing)}" if missing else f"has {', '.join(unknown)}, which nothing uses"
+        raise InputError(f"{what}: the table {said}; its columns may be {', '.join(known)}")
+    columns = {name: list(table[name]) for name in names}
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise InputError(f"{what}: the columns have different lengths: {sorted(lengths)}")
+    return columns
+
+
+def _numbers(
+    what: str, name: str, values: Sequence[Any] | None, n: int, empty: float
+) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """(n,) numbers of a column; what is empty, or a missing column, has the value given."""
+    found = np.full(n, empty)
+    for row, value in enumerate(values or ()):
+        try:
+            found[row] = empty if _is_empty(value) else float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"{what}, row {row + 1}: {name} is {value!r}, not a number") from None
+    return found
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or value == "" or (isinstance(value, float) and math.isnan(value))

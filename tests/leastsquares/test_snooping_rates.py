@@ -1,0 +1,46 @@
+"""Snooping and single tests find as much as theory says: the bench, with a seed and fewer draws."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+BENCH = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "bench_snooping.py"
+DRAWS = 500
+
+
+@pytest.fixture(scope="module")
+def bench() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("bench_snooping", BENCH)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def of_chance(share: float, draws: int = DRAWS, times: float = 3.5) -> float:
+    """What a share of so many draws may be off by chance."""
+    return times * float(np.sqrt(share * (1.0 - share) / draws))
+
+
+def test_single_tests_reject_as_often_as_announced(bench) -> None:
+    network = bench.Levelling(4)
+    rates = bench.rates(network, DRAWS, seed=7)
+    assert rates.alarms == pytest.approx(bench.LEVEL, abs=of_chance(bench.LEVEL, DRAWS * network.n))
+    assert rates.overall == pytest.approx(bench.OVERALL, abs=of_chance(bench.OVERALL))
+    assert np.all(np.abs(rates.found - rates.expected) < [of_chance(share) for share in rates.expected])
+    assert np.all(rates.first > 0.85 * rates.found)
+
+
+@pytest.mark.slow
+def test_runs_of_snooping_leave_out_the_planted_blunder(bench) -> None:
+    network = bench.Levelling(4)
+    alarms, first = bench.snooped(network, DRAWS, seed=7)
+    _, redundancy = bench.transfer(network)
+    expected = float(bench.power(redundancy, bench.sidak_critical(network.n)).mean())
+    assert alarms == pytest.approx(bench.OVERALL, abs=of_chance(bench.OVERALL))
+    assert 0.9 * expected < first < expected + of_chance(expected)

@@ -1,0 +1,102 @@
+"""Networks from tables in memory, and results as tables."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from obseq.errors import InputError
+from obseq.survey import Network
+
+POINTS = {
+    "name": ["PtA", "PtB", "PtC", "PtD"],
+    "x": [657700.0, 657710.0, 657710.0, 657700.0],
+    "y": [6860700.0, 6860700.0, 6860710.0, 6860690.0],
+    "z": [10.0, 10.0, 10.0, 10.0],
+    "sx": [0.001, None, None, 0.001],
+    "sy": [0.001, None, None, 0.001],
+    "sz": [0.001, None, None, 0.001],
+}
+SIGHTS = [("PtA", "PtB"), ("PtA", "PtC"), ("PtD", "PtB"), ("PtD", "PtC")]
+READINGS = [(0.0, 100.0, 10.05), (-40.62, 100.0, 14.88), (0.0, 100.0, 14.88), (-14.96, 100.0, 22.82)]
+
+
+def observations() -> dict[str, list]:
+    rows = [
+        (kind, *ends, value, 0.005 if kind == "Dist" else 0.001)
+        for ends, values in zip(SIGHTS, READINGS, strict=True)
+        for kind, value in zip(("Hz", "Zen", "Dist"), values, strict=True)
+    ]
+    return dict(
+        zip(("type", "from", "to", "value", "sigma"), map(list, zip(*rows, strict=True)), strict=True)
+    )
+
+
+def made(**changes) -> Network:
+    table = observations() | changes.pop("observations", {})
+    return Network.from_tables(POINTS | changes, table, points_crs="IGNF:LAMB93", angles="gon")
+
+
+@pytest.fixture(scope="module")
+def adjusted():
+    return made().adjust()
+
+
+def test_a_network_in_memory_is_that_of_its_files(adjusted) -> None:
+    data = files("obseq.survey") / "data"
+    read = Network.read(str(data / "demo.obs"), str(data / "demo.cor"), points_crs="IGNF:LAMB93").adjust()
+    assert adjusted.sigma0 == pytest.approx(read.sigma0, rel=1e-9)
+    order = [read.points.names.index(name) for name in adjusted.points.names]
+    np.testing.assert_allclose(adjusted.points.coordinates, read.points.coordinates[order], atol=1e-9)
+
+
+def test_results_come_back_as_columns(adjusted) -> None:
+    points, rows = adjusted.table("points"), adjusted.table("observations")
+    np.testing.assert_array_equal(points["x"], adjusted.points.coordinates[:, 0])
+    assert rows["from"] == observations()["from"]
+    np.testing.assert_allclose(rows["residual"], adjusted.residuals)
+    with pytest.raises(InputError, match="no table 'sigma0'"):
+        adjusted.table("sigma0")
+
+
+def test_data_frames_go_in_and_come_out(adjusted) -> None:
+    pandas = pytest.importorskip("pandas")
+    again = Network.from_tables(
+        pandas.DataFrame(POINTS), pandas.DataFrame(observations()), points_crs="IGNF:LAMB93", angles="gon"
+    ).adjust()
+    assert again.sigma0 == adjusted.sigma0
+    frame = again.table("observations", "pandas")
+    assert frame.groupby("type")["residual"].count().to_dict() == {"Dist": 4, "Hz": 4, "Zen": 4}
+
+
+def test_setups_and_switched_off_rows_are_told_apart() -> None:
+    network = made(observations={"setup": [1] * 3 + [2] * 3 + [1] * 6, "active": [True] * 11 + [False]})
+    assert len(network.book.stations) == 3
+    assert network.book.observations.active.tolist() == [True] * 11 + [False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"observations": {"sigma": [0.0] * 12}}, "row 1 .PtA -> PtB.*not positive"),
+        ({"observations": {"type": ["Hz"] * 11 + ["Foo"]}}, "row 12 .PtD -> PtC.*unknown type 'Foo'"),
+        ({"observations": {"value": ["x"] + [1.0] * 11}}, "row 1: value is 'x', not a number"),
+        ({"observations": {"valeur": [1.0] * 12}}, "has valeur, which nothing uses"),
+        ({"observations": {"orientation": ["UP"] * 12}}, "unknown orientation 'UP'"),
+        ({"sx": [-1.0, None, None, 0.001]}, "row 1 .PtA.: a sigma is negative"),
+        ({"x": [1.0]}, "different lengths"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_named(changes, message) -> None:
+    with pytest.raises(InputError, match=message):
+        made(**changes)
+
+
+def test_a_notebook_shows_the_network_and_its_adjustment(adjusted) -> None:
+    before = made()._repr_html_()
+    assert "4 points (2 known), 12 observations" in before
+    assert before.count('class="station"') == 2
+    after = adjusted._repr_html_()
+    for words in ("rejected: too large", "<ellipse", "redundancy", "standardised", "PtC"):
+        assert words in after
+    assert "<script" not in before + after
