@@ -1,9 +1,9 @@
 """How often tests of single observations find what theory says: false alarms, and planted blunders.
 
-A network of height differences with simulated errors. Without blunders, snooping at a stated overall level
-and the test of one observation reject as often as announced. With a bias of five sigmas in each observation
-in turn, its own test rejects it with the power that its redundancy gives; the share of draws in which it is also
-the worst of all is printed beside.
+A network of height differences with simulated errors. Without blunders, snooping at an overall level and the
+test of one observation reject as often as announced. With a bias of five sigmas in each observation in turn,
+its own test rejects it with the power that its redundancy gives; the share of draws in which it is also the
+worst of all is printed beside.
 
 Example:
     python tools/benchmarks/bench_snooping.py --draws 500
