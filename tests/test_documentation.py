@@ -19,6 +19,7 @@ PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglo
 WITH_EXAMPLES = [
     ROOT / "README.md",
     ROOT / "docs" / "first-network.md",
+    ROOT / "docs" / "examples.md",
     ROOT / "docs" / "first-block.md",
     ROOT / "docs" / "camera-model.md",
     ROOT / "docs" / "aerial.md",

@@ -204,3 +204,28 @@ def test_inner_precisions_do_not_depend_on_what_is_known(tmp_path) -> None:
     loose = np.where(np.isnan(network.points.sigmas), np.nan, 0.0005)
     other = replace(network, points=replace(network.points, sigmas=loose)).adjust(quality=wanted).inner
     np.testing.assert_allclose(other, tight, rtol=0.02, atol=1e-9)
+
+
+def test_reliability_of_a_polygon_is_that_of_comp3d(shared_data) -> None:
+    folder = shared_data / "comp3d-polygone-k06"
+    expected = json.loads((folder / "expected.json").read_text(encoding="utf-8"))["observations"]
+    record = Network.read_project(folder / "project.comp").adjust().record()
+    codes = {5: "Hz", 7: "Hz", 6: "Zen", 1: "Dist", 3: "Dist"}
+    theirs = {
+        (codes[row["code"]], row["from"], row["to"], round(row["value"], 6)): row
+        for row in expected
+        if row["code"] in codes and row["active"] and row["redundancy_pct"] is not None
+    }
+    compared = 0
+    for row in record.observations:
+        factor = 1.0 if row.unit == "m" else 200.0 / math.pi
+        found = theirs.get((row.type, row.origin, row.target, round(row.value * factor, 6)))
+        if found is None or not row.active:
+            continue
+        compared += 1
+        assert row.redundancy == pytest.approx(found["redundancy_pct"] / 100, abs=5e-7)
+        if found["standardized"] is not None:  # Comp3D's residuals are those of its own frame (a sphere)
+            own = math.sqrt(row.redundancy) * found["sigma_total"]
+            assert found["residual"] / own == pytest.approx(found["standardized"], abs=2e-7)
+            assert row.standardised_residual == pytest.approx(found["standardized"], abs=2e-4)
+    assert compared > 340

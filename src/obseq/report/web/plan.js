@@ -42,6 +42,7 @@ class Plan {
     const area = Math.max(wide, tall / 20) * Math.max(tall, wide / 20);
     this.spacing = Math.sqrt(area / Math.max(this.drawn.length, 1));
     this.usual = high(major, 0.95);
+    this.reach = Math.min(this.spacing * 0.6, Math.max(wide, tall) * 0.15);
     this.farthest = high(this.content.moved?.map((shift) => (shift ? Math.hypot(...shift) : null)), 0.95);
   }
 
@@ -118,7 +119,7 @@ class Plan {
   }
 
   stroke(lines, count) {
-    const thin = count > 1500;
+    const thin = count > 1500 && this.isCrowded;
     this.context.globalAlpha = this.colouring === "none" ? (thin ? 0.4 : 0.75) : 0.9;
     this.context.lineWidth = this.colouring === "none" ? (thin ? 0.5 : 0.9) : thin ? 0.9 : 1.7;
     for (const { colour, dash, path } of lines.values()) {
@@ -136,7 +137,7 @@ class Plan {
 
   /** How many times ellipses are larger than life: the usual one reaches half way to its neighbour. */
   get ellipseFactor() {
-    return this.usual > 0 ? this.enlarged * roundBelow((0.6 * Math.max(this.spacing, 18 / this.scale)) / this.usual) : 1;
+    return this.usual > 0 ? this.enlarged * roundBelow(Math.max(this.reach, 11 / this.scale) / this.usual) : 1;
   }
 
   get isCrowded() {
@@ -245,6 +246,9 @@ class Plan {
   drawScale() {
     const { context, palette, height } = this;
     const length = roundBelow(this.width / 5 / this.scale);
+    context.fillStyle = palette.paper;
+    context.fillRect(8, height - 36, length * this.scale + 12, 30);
+    context.fillRect(10, 2, 24, 54);
     Object.assign(context, { strokeStyle: palette.ink, fillStyle: palette.ink, lineWidth: 2, font: "12px system-ui, sans-serif", textBaseline: "alphabetic" });
     context.strokeRect(14, height - 14, length * this.scale, 0);
     context.fillText(`${significant(length)} m`, 14, height - 20);

@@ -114,9 +114,9 @@ def ellipsoids(covariances: FloatArray, factor: float) -> list[EllipsoidRecord]:
 
 def place_records(points: Points) -> list[PointRecord]:
     """Where the points are that have coordinates (in the frame), before anything is adjusted."""
-    empty = (None,) * 6
+    unknown: dict[str, Any] = dict.fromkeys(("sx", "sy", "sz", "crs_x", "crs_y", "crs_z"))
     return [
-        PointRecord(points.names[row], *points.coordinates[row].tolist(), *empty)
+        PointRecord(points.names[row], *points.coordinates[row].tolist(), **unknown)
         for row in np.flatnonzero(points.has_coordinates).tolist()
     ]
 
