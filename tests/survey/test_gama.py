@@ -216,3 +216,33 @@ def test_all_networks_go_through_the_command(shared_data, capfd):
 def test_a_network_in_a_file_called_xml_is_known_by_its_root(tmp_path):
     path = network(tmp_path, POINTS + SIGHTS).rename(tmp_path / "n.xml")
     assert adjusted(path).converged
+
+
+def test_a_wrong_name_in_an_angle_is_found(tmp_path):
+    # a square of 100 m and its middle M, by angles and distances alone: one angle is written to another point
+    corners = {"A": (0, 0), "B": (0, 100), "C": (100, 100), "D": (100, 0), "M": (50, 50)}
+    body = "".join(
+        f'<point id="{name}" x="{x}" y="{y}" {"fix" if name in "AB" else "adj"}="xy" />'
+        for name, (x, y) in corners.items()
+    )
+    angles = [
+        ("A", "B", "M", 50),
+        ("A", "M", "D", 50),
+        ("B", "C", "M", 50),
+        ("B", "M", "A", 50),
+        ("C", "D", "M", 50),
+        ("C", "M", "B", 50),
+        ("D", "A", "M", 50),
+        ("M", "A", "B", 100),
+        ("M", "B", "C", 100),
+        ("M", "C", "D", 100),
+    ]
+    body += "<obs>" + "".join(
+        f'<angle from="{at}" bs="{back}" fs="{to}" val="{value}" stdev="10" />'
+        for at, back, to, value in [*angles, ("C", "D", "A", 100)]
+    )
+    body += "".join(f'<distance from="M" to="{to}" val="70.7107" stdev="5" />' for to in "ABCD") + "</obs>"
+    result = adjusted(network(tmp_path, body, '<network axes-xy="en" angles="left-handed">'))
+    (error,) = result.gross_errors
+    assert error.points == ("A", "B")
+    assert "it fits B, not A" in result.warnings[0]

@@ -14,7 +14,8 @@ from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.files.cor import cor_text
 from obseq.survey.files.dynadjust_stations import ELLIPSOID
 from obseq.survey.files.dynaml_writer import DynamlNetwork, dynaml_text
-from obseq.survey.files.gama_writer import GamaNetwork, gama_text
+from obseq.survey.files.gama_sets import GamaNetwork
+from obseq.survey.files.gama_writer import gama_text
 from obseq.survey.files.obs import obs_text
 from obseq.survey.files.sinex_writer import sinex_text
 from obseq.survey.kinds.directions import ZEN

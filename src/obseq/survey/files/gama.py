@@ -13,6 +13,7 @@ from obseq import crs
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.gama_observations import Defaults, ObservationReader
 from obseq.survey.files.gama_points import PointTable
+from obseq.survey.files.levelled_points import with_heights
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.xml_file import Element, read_xml
 
@@ -74,6 +75,7 @@ def read_gama(paths: tuple[Path, ...], reading: Reading) -> Project:
     if not len(points):
         raise network.error("no point has fix or adj: nothing is to be adjusted")
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
+    points = with_heights(points, book)
     return Project(points, book, "Local", system.definition, NEITHER, unit_sigma=unit_sigma)
 
 

@@ -63,6 +63,24 @@ def hold_plans(points: Points, book: FieldBook) -> Points:
     return replace(points, coordinates=coordinates, sigmas=sigmas)
 
 
+def with_heights(points: Points, book: FieldBook) -> Points:
+    """The points, with approximate heights of those whose plan is held, along the height differences.
+
+    Args:
+        points: All points.
+        book: The observations.
+    """
+    xyz, sigmas = points.coordinates, points.sigmas
+    lacking = np.isnan(xyz[:, 2]) & (sigmas[:, :2] == 0.0).all(axis=1)
+    if not lacking.any():
+        return points
+    heights = {book.point_names[row]: height for row, height in _heights(points, book).items()}
+    coordinates = xyz.copy()
+    for row in np.flatnonzero(lacking).tolist():
+        coordinates[row, 2] = heights.get(points.names[row], np.nan)
+    return replace(points, coordinates=coordinates)
+
+
 def _heights(points: Points, book: FieldBook) -> dict[int, float]:
     """Heights along the height differences from the points that files describe, as far as they lead."""
     observations = book.observations

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.includes import DEEPEST, Folder
-from obseq.survey.files.levelled_points import hold_plans
+from obseq.survey.files.levelled_points import hold_plans, with_heights
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.starnet_observations import CODES, ObservationLines
 from obseq.survey.files.starnet_points import PointLines
@@ -126,7 +126,7 @@ class _Reader:
         is_plane = bool(self._options.is_plane)
         book = self._columns.field_book()
         points = self._points.points(self._first.name, book.point_names, is_plane)
-        points = hold_plans(points, book)
+        points = with_heights(hold_plans(points, book), book)
         told = (*self._told(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
         return Project(points, replace(book, warnings=told), "Local", "Local", refraction)

@@ -17,7 +17,7 @@ from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.directions import HZ, ZEN
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.lengths import DIST, DIST_HZ
 from obseq.survey.kinds.registry import codes
 from obseq.survey.model import Orientation
 
@@ -85,6 +85,7 @@ class Approximations:
         )
         zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
         wrong = (kinds == DIST.code) & (np.abs(length - values) > _FAR * np.abs(values))
+        wrong |= (kinds == DIST_HZ.code) & (np.abs(flat - values) > _FAR * np.abs(values))
         wrong |= (kinds == ZEN.code) & is_plumb & (zenith > _FAR)
         shifts = np.isin(kinds, codes(DX, DY, DZ))
         wrong |= shifts & (np.abs(values) > (1.0 + _FAR) * length + 1.0)

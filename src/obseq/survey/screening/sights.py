@@ -122,6 +122,13 @@ def _to_all_points(found: Estimate, row: int, *, at_target: bool) -> FloatArray:
     offsets[:, 2] += float(observations.to_heights[row] - observations.from_heights[row])
     if kind.start is Start.DISTANCE:
         return np.asarray(np.linalg.norm(offsets, axis=1))
+    if kind.start is Start.FLAT:
+        return np.asarray(np.hypot(offsets[:, 0], offsets[:, 1]))
+    if kind.start is Start.ANGLE:
+        back = found.coordinates[observations.backsights[row]]
+        backwards = back - (base if at_target else found.coordinates)
+        azimuths = [np.arctan2(sight[..., 0], sight[..., 1]) for sight in (offsets, backwards)]
+        return np.asarray(azimuths[0] - azimuths[1])
     if kind.start is Start.RISE:
         there = found.coordinates[end if at_target else start]
         rise = found.coordinates[:, 2] - there[2]

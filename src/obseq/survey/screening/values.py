@@ -90,7 +90,7 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
         return _ANGLES + _OF_ZENITH
     if kind.is_angle:
         return _ANGLES + _OF_HZ
-    return _LENGTHS if kind.start is Start.DISTANCE else (*_LENGTHS, _SIGN)
+    return _LENGTHS if kind.start in (Start.DISTANCE, Start.FLAT) else (*_LENGTHS, _SIGN)
 
 
 def _sexagesimal(value: float) -> float:
