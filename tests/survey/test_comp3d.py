@@ -220,6 +220,8 @@ def test_polar_sub_frames(tmp_path):
         ({"lines": "11 A @s.xyz X\n", "s_xyz": "P 1 2 3 1\n"}, "o.obs:1: 'X': V or 1"),
         ({"lines": "21 @e.eq\n", "e_eq": "A P 0\n"}, "e.eq:1: a sigma of 0"),
         ({"lines": "-11 A @s.xyz\n"}, "a file of observations has no sign"),
+        ({"config": {"coord_cov_file": "c.csv"}, "c_csv": "param A_x\n,\n"}, "c.csv:2: the row of A_x"),
+        ({"config": {"coord_cov_file": "c.csv"}, "c_csv": ",\n"}, "c.csv:1: the first line"),
     ],
 )
 def test_bad_input_is_refused_by_file_and_line(tmp_path, files, message):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 from importlib.resources import files
 
 import numpy as np
@@ -144,6 +145,13 @@ def test_figure_starts_from_one_point_and_agrees_with_mmvii(shared_data, tmp_pat
     assert adjusted.solution.n_observations == 533
     assert adjusted.sigma0 == pytest.approx(sigma0, abs=1e-6)
     assert adjusted.converged
+
+
+def test_an_adjustment_and_its_network_can_be_pickled(demo):
+    again, network = pickle.loads(pickle.dumps((demo, demo_network())))
+    assert again.record() == demo.record()
+    np.testing.assert_array_equal(again.points.covariances, demo.points.covariances)
+    assert network.adjust().sigma0 == demo.sigma0
 
 
 def test_record_has_the_fields_of_the_contract(demo):

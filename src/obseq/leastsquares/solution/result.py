@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.arguments import expecting, instance
 from obseq.errors import InputError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.solution.export import as_table, observation_columns, rows, unknown_columns
 
 if TYPE_CHECKING:
@@ -18,8 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
     from obseq.leastsquares.solution.cofactors import Cofactors
 
@@ -135,6 +136,7 @@ class LeastSquaresResult:
         """Solution of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
         return self.table.read(ids, self.state)
 
+    @expecting(batch=instance(Batch))
     def residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed at the solution, in the unit of the observation."""
         try:
@@ -144,12 +146,14 @@ class LeastSquaresResult:
 
     def whitened_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) what the adjustment sees: residuals, whitened where they are correlated."""
-        return np.ascontiguousarray(batch.whitened(self.residuals(batch).T[:, None])[:, 0].T)
+        residuals = self.residuals(batch)
+        return np.ascontiguousarray(batch.whitened(residuals.T[:, None])[:, 0].T)
 
     def normalised_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) residuals divided by the given sigmas."""
         return self.whitened_residuals(batch) / batch.sigmas
 
+    @expecting(prior=instance(Prior))
     def prior_residuals(self, prior: Prior) -> FloatArray:
         """(n_scalars,) unknowns minus given values at the solution."""
         return prior.residuals(self.state.values)

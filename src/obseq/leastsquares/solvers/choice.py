@@ -64,7 +64,7 @@ def checked_solver(name: str) -> str:
     Raises:
         InputError: there is no such solver.
     """
-    if name not in ("auto", *SOLVER_NAMES):
+    if not isinstance(name, str) or name not in ("auto", *SOLVER_NAMES):
         raise InputError(f"there is no solver {name!r}; choose one of: auto, {', '.join(SOLVER_NAMES)}")
     return name
 

@@ -185,14 +185,14 @@ def _covariance(folder: Folder, name: str, points: Points) -> CoordinateCovarian
     """The covariance of known coordinates that have a sigma; other parameters of the file have no part."""
     file = folder.open(name)
     rows = [(index, line.replace(",", " ").split()) for index, line in enumerate(file.lines) if line.strip()]
-    if not rows or rows[0][1][0] != "param":
+    if not rows or rows[0][1][:1] != ["param"]:
         raise file.error(0, "the first line of a covariance file is `param` and the names of the parameters")
     names = rows[0][1][1:]
     matrix = np.zeros((len(names), len(names)))
     if len(rows) != len(names) + 1:
         raise file.error(rows[-1][0], f"{len(rows) - 1} rows for {len(names)} parameters")
     for k, (index, fields) in enumerate(rows[1:]):
-        if fields[0] != names[k] or len(fields) != len(names) + 1:
+        if fields[:1] != [names[k]] or len(fields) != len(names) + 1:
             raise file.error(index, f"the row of {names[k]} with {len(names)} numbers is expected here")
         try:
             matrix[k] = [parse_number(text) for text in fields[1:]]
