@@ -36,7 +36,7 @@ from obseq.formulas.base import Formula
 class Stage(NamedTuple):
     """A stage: what runs, what it takes, what it gives."""
 
-    run: Callable[[Any], Any]
+    run: Callable[[Any], object]
     takes: type
     gives: type
 

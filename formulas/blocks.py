@@ -10,74 +10,17 @@ instrument or of a camera to the world is `R = R0 (I - [w]x)`, with `R0` its cur
 `(I + [w]x) R0^T`. After a solution `R0` becomes `R0 exp(-[w]x)` and `w` returns to 0.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Self, overload
+from typing import Self, overload
 
+from obseq.formulas.declarations import WORLD_TO_LOCAL as WORLD_TO_LOCAL
+from obseq.formulas.declarations import Atom as Atom
+from obseq.formulas.declarations import Declaration as Declaration
+from obseq.formulas.declarations import Unit as Unit
+from obseq.formulas.declarations import component_names as component_names
+from obseq.formulas.declarations import matrix_names as matrix_names
 from obseq.formulas.functions import Scalar, let, sqrt
-
-WORLD_TO_LOCAL = "world to local"
-"""Marks a pose or rotation whose context is its transposed matrix (MMVII pushes it by columns)."""
-
-
-@dataclass(frozen=True)
-class Atom:
-    """An atomic block: scalars that are adjusted, frozen and updated together.
-
-    Attributes:
-        kind: `Point3`, `Point2`, `Rotation`, `Direction`, `Vector`, `Scalar`, or a kind of one's own.
-        scalars: Names of its scalars.
-        context: Names of its context values.
-        part: What it is in a composite block (`centre`, `rotation`), else empty.
-        transposed: True when the context holds the transposed matrix.
-        unit: Unit of its scalars, for the documentation.
-        meaning: What its context holds, for the documentation.
-    """
-
-    kind: str
-    scalars: tuple[str, ...]
-    context: tuple[str, ...] = ()
-    part: str = ""
-    transposed: bool = False
-    unit: str = ""
-    meaning: str = ""
-
-
-@dataclass(frozen=True)
-class Unit:
-    """The unit of an argument when it is not its block's: `Annotated[Point2, "Im", Unit("pixel")]`."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Declaration:
-    """What an argument of a formula is made of: its atomic blocks and how they become the argument.
-
-    Attributes:
-        atoms: Atomic blocks in the order of their scalars.
-        build: Makes the argument from (scalars, context).
-    """
-
-    atoms: tuple[Atom, ...]
-    build: Callable[[Sequence[Scalar], Sequence[Scalar]], Any]
-
-
-def component_names(labels: Sequence[str], suffixes: Sequence[str]) -> tuple[str, ...]:
-    """Names of components: one label is a prefix, as many labels as components are the names themselves.
-
-    A label with `{}` is a pattern: `"p_{}_0"` gives `p_x_0`, `p_y_0`; the prefix `"p"` is short for `"p_{}"`.
-    """
-    if len(labels) == len(suffixes) and len(labels) > 1:
-        return tuple(labels)
-    (prefix,) = labels
-    pattern = prefix if "{}" in prefix else f"{prefix}_{{}}"
-    return tuple(pattern.format(suffix) for suffix in suffixes)
-
-
-def matrix_names(prefix: str, columns: int = 3, rows: int = 3) -> tuple[str, ...]:
-    """Names `prefix_column_row` of a matrix, row by row, as MMVII writes them; or those of a pattern."""
-    return component_names((prefix,), [f"{column}_{row}" for row in range(rows) for column in range(columns)])
 
 
 class Number(Scalar):  # type: ignore[misc]  # to the reader of a formula it is a scalar

@@ -73,7 +73,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "survey": {
         "kinds": (),
-        "model": ("kinds",),
+        "points": (),
+        "model": ("points", "kinds"),
         "files": ("model", "kinds"),
         "initial": ("model", "kinds"),
         "adjustment": ("initial", "model", "kinds"),

@@ -4,13 +4,17 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from obseq.cli.parsing import finite_number, positive_number
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.survey import Network
+
+Options: TypeAlias = dict[str, Any]
+"""Arguments of a reader, by name."""
+
 
 IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames")
 
@@ -28,7 +32,7 @@ class Source:
 
     observations: Sequence[Path]
     points: Sequence[Path]
-    reading: dict[str, Any]
+    reading: Options
     project: Sequence[Path] = ()
 
     @property
@@ -47,6 +51,12 @@ class Source:
 
 def add_network_arguments(command: argparse.ArgumentParser) -> None:
     """Add the files of a network, its systems, and how they are read."""
+    _add_files(command)
+    _add_systems(command)
+    _add_reading(command)
+
+
+def _add_files(command: argparse.ArgumentParser) -> None:
     files = command.add_argument_group("files")
     files.add_argument(
         "project",
@@ -79,6 +89,9 @@ def add_network_arguments(command: argparse.ArgumentParser) -> None:
     files.add_argument(
         "--comment", metavar="C", help="with --point-format: what begins a comment (without it: #)"
     )
+
+
+def _add_systems(command: argparse.ArgumentParser) -> None:
     systems = command.add_argument_group("coordinate systems")
     systems.add_argument(
         "--frame",
@@ -92,6 +105,9 @@ def add_network_arguments(command: argparse.ArgumentParser) -> None:
         metavar="SYSCO",
         help="system of the coordinates in the point files (without it: the frame)",
     )
+
+
+def _add_reading(command: argparse.ArgumentParser) -> None:
     computation = command.add_argument_group("reading")
     computation.add_argument(
         "--point-sigma",
@@ -150,12 +166,12 @@ def source_of(arguments: argparse.Namespace) -> Source:
     return Source(arguments.obs, arguments.cor, reading)
 
 
-def given(options: dict[str, Any]) -> dict[str, Any]:
+def given(options: Options) -> Options:
     """The options that were given: the others keep the defaults of what they are passed to."""
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> dict[str, Any]:
+def _project_options(arguments: argparse.Namespace, reading: Options) -> Options:
     """What may be said about a project besides its name."""
     accepted = {"frame", "refraction", "encoding", "ignore", "sigmas"}
     surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
@@ -167,7 +183,7 @@ def _project_options(arguments: argparse.Namespace, reading: dict[str, Any]) -> 
     return reading | given({"outside": arguments.outside, "geoid": arguments.geoid})
 
 
-def _point_format(arguments: argparse.Namespace) -> dict[str, Any]:
+def _point_format(arguments: argparse.Namespace) -> Options:
     """How points are read when they are not in COR files."""
     options = given({"free_pattern": arguments.free, "comment": arguments.comment})
     if arguments.point_format is None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound="Callable[..., Any]")
 NUMBERS = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_int64}
-CONVERSIONS: dict[str, Callable[[Any], Any]] = {"int64": operator.index, "float64": float, "bool": int}
+CONVERSIONS: dict[str, Callable[[Any], object]] = {"int64": operator.index, "float64": float, "bool": int}
 
 
 class Loop(Function):
@@ -107,7 +107,7 @@ NDARRAY = id(np.ndarray)
 """What machine code compares the type of arrays with: it reads their fields."""
 
 
-def _described(value: Any) -> str:
+def _described(value: object) -> str:
     if not isinstance(value, np.ndarray):
         return type(value).__name__
     order = "" if value.flags.c_contiguous else ", not contiguous"

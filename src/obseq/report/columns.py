@@ -32,37 +32,37 @@ def small(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(f"{value:.{DIGITS}g}")
 
 
-def column(title: str, quantity: str, values: Iterable[Any], **more: Any) -> Column:
+def column(title: str, quantity: str, values: Iterable[object], **more: object) -> Column:
     """A column of a table."""
     return {"title": title, "quantity": quantity, "values": list(values), **more}
 
 
-def choice(title: str, texts: Sequence[str], **more: Any) -> Column:
+def choice(title: str, texts: Sequence[str], **more: object) -> Column:
     """A column of few different texts."""
     found: dict[str, int] = {}
     values = [found.setdefault(text, len(found)) for text in texts]
     return column(title, "choice", values, choices=[printable_line(text) for text in found], **more)
 
 
-def table(name: str, short: str, title: str, columns: Sequence[Column], **more: Any) -> dict[str, Any]:
+def table(name: str, short: str, title: str, columns: Sequence[Column], **more: object) -> Table:
     """A table; columns without any value are left out."""
     kept = [item for item in columns if any(value is not None for value in item["values"])]
     return {"id": name, "short": short, "title": printable_line(title), "columns": kept, **more}
 
 
-def field(title: str, quantity: str, rows: Iterable[Any], name: str, **more: Any) -> Column:
+def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:
     """A column of one field of records, to the digits of residuals and precisions; dots lead inside."""
     value = attrgetter(name)
     return column(title, quantity, (small(value(row)) for row in rows), **more)
 
 
-def inside(title: str, quantity: str, parts: Iterable[Any], name: str, **more: Any) -> Column:
+def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more: object) -> Column:
     """The same of records of which some may be missing."""
     value = attrgetter(name)
     return column(title, quantity, (None if row is None else small(value(row)) for row in parts), **more)
 
 
-def element(title: str, quantity: str, parts: Iterable[Any], k: int, **more: Any) -> Column:
+def element(title: str, quantity: str, parts: Iterable[Any], k: int, **more: object) -> Column:
     """A column of one element of tuples of which some may be missing."""
     return column(title, quantity, (None if row is None else small(row[k]) for row in parts), **more)
 

@@ -12,7 +12,7 @@ import tempfile
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.record import AdjustmentRecord
+
+Properties: TypeAlias = dict[str, Any]
+"""What is said of one feature."""
+
 
 RING = 48
 """Corners of an ellipse."""
@@ -45,7 +49,7 @@ class Layer:
     name: str
     geometry: str
     shapes: Sequence[FloatArray]
-    properties: Sequence[dict[str, Any]]
+    properties: Sequence[Properties]
 
 
 def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
@@ -80,7 +84,7 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
     ]
 
 
-def _of_ellipse(name: str, ellipse: Any, scale: float) -> dict[str, Any]:
+def _of_ellipse(name: str, ellipse: Any, scale: float) -> Properties:
     return {
         "name": name,
         "semi_major_m": ellipse.semi_major,
@@ -90,7 +94,7 @@ def _of_ellipse(name: str, ellipse: Any, scale: float) -> dict[str, Any]:
     }
 
 
-def _of_observation(observation: Any) -> dict[str, Any]:
+def _of_observation(observation: Any) -> Properties:
     keys = ("type", "value", "sigma", "residual", "normalised_residual", "redundancy", "unit", "active")
     found = {key: getattr(observation, key) for key in keys}
     ends = {"from": observation.origin, "to": observation.target}
@@ -125,7 +129,7 @@ def geojson(record: AdjustmentRecord, ellipse_scale: float) -> str:
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False, indent=1) + "\n"
 
 
-def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[dict[str, Any]]:
+def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[Properties]:
     if not layer.shapes:
         return
     geodetic = frame.geodetic(np.concatenate(layer.shapes))
@@ -192,7 +196,7 @@ def _well_known(layer: Layer, frame: crs.CoordinateSystem, target: crs.Coordinat
     return found
 
 
-def _columns(properties: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _columns(properties: Sequence[Properties]) -> Properties:
     """Arrays by name: numbers with NaN for what is missing, truths, texts."""
     columns = {}
     for name in properties[0]:

@@ -10,13 +10,19 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
-from obseq.leastsquares.problem.arguments import plain, real, text, texts, truths
+from obseq.leastsquares.problem.arguments import real, text, texts, truths
 from obseq.leastsquares.problem.clusters import Clusters
+from obseq.leastsquares.problem.given import (
+    block_columns,
+    numbers_by_name,
+    rows_given,
+    stretched_columns,
+)
 from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence, Set
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
@@ -24,7 +30,7 @@ if TYPE_CHECKING:
     from obseq.arrays import Array, BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.problem.shapes import Role, Shape
+    from obseq.leastsquares.problem.shapes import Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
     Labels = Sequence[str] | Callable[[int], str] | None
@@ -99,9 +105,9 @@ class Batch:
         self.shape = shape
         self._table = table
         self._group = shape.name if group is None else text(group, f"{shape.name}, group")
-        columns = self._checked_columns(blocks)
-        self.n: int = max(_rows_of(shape, observations, columns))
-        self.blocks = self._broadcast(columns)
+        columns = block_columns(table, shape, blocks)
+        self.n: int = max(rows_given(shape, observations, columns))
+        self.blocks = stretched_columns(shape, columns, self.n)
         self._label = self._labelling(labels)
         self.observation_tiles = np.zeros((len(shape.observation_rows), padded_length(self.n)))
         self.observations = observations
@@ -145,7 +151,7 @@ class Batch:
     def observations(self, new: ArrayLike | Mapping[str, ArrayLike] | None) -> None:
         width = len(self.shape.observation_rows)
         if isinstance(new, Mapping):
-            array = self._by_name(new)
+            array = numbers_by_name(self.shape, new, self.n)
         else:
             array = np.zeros((self.n, 0)) if new is None else real(new, f"{self.name}, observations")
         if array.shape != (self.n, width) and not (array.shape == (self.n,) and width == 1):
@@ -157,22 +163,6 @@ class Batch:
         if wrong.size:
             raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")
         self.observation_tiles[:] = _padded(array.T, np.float64)
-
-    def _by_name(self, given: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n, m) numbers from arrays by name, each of its natural shape for all rows, or for one and all."""
-        known = {column.name: column for column in self.shape.columns}
-        _refuse_other_names(f"{self.name}: observations", known.keys(), given.keys())
-        array = np.empty((self.n, len(self.shape.observation_rows)))
-        for name, column in known.items():
-            rows = real(given[name], f"{self.name}, {name}")
-            if rows.shape not in (column.shape, (self.n, *column.shape)):
-                raise InputError(
-                    f"{self.name}, {name}: it has shape {rows.shape}; expected {(self.n, *column.shape)}, or "
-                    f"{column.shape} for all"
-                )
-            flat = rows.reshape(-1, column.size)
-            array[:, column.first : column.first + column.size] = flat
-        return array
 
     @property
     def sigmas(self) -> FloatArray:
@@ -364,35 +354,6 @@ class Batch:
             raise InputError(f"{self.shape.name}: {len(names)} labels for {self.n} observations")
         return names.__getitem__
 
-    def _checked_columns(self, blocks: Mapping[str, ArrayLike]) -> list[IntArray]:
-        if not isinstance(blocks, Mapping):
-            raise InputError(f"{self.name}: blocks are given by name, not as {type(blocks).__name__}")
-        roles = self.shape.roles
-        _refuse_other_names(f"{self.name}: block arguments", {role.name for role in roles}, blocks.keys())
-        return [self._checked_role(role, blocks[role.name]) for role in roles]
-
-    def _broadcast(self, columns: list[IntArray]) -> IntArray:
-        """(n_roles, n) ids, one alone standing for all rows."""
-        for role, column in zip(self.shape.roles, columns, strict=True):
-            if len(column) not in (1, self.n):
-                raise InputError(
-                    f"{self.name}, {role.name}: {len(column)} ids; other arguments have {self.n}"
-                )
-        return np.array([np.broadcast_to(column, self.n) for column in columns])
-
-    def _checked_role(self, role: Role, ids: ArrayLike) -> IntArray:
-        table, what = self._table, f"{self.name}, {role.name}"
-        array = table.checked(ids, what)
-        accepted = table.each(role.takes)[array] & (table.size[array] == role.size)
-        wrong = np.flatnonzero(~accepted)
-        if wrong.size:
-            block = array[wrong[0]]
-            raise InputError(
-                f"{what}: row {wrong[0]} gives {table.names[block]!r}, a {table.manifold(block).label} of "
-                f"{table.size[block]}; the formula wants a {role.kind} of {role.size}"
-            )
-        return array
-
     def _checked_sigmas(self, sigmas: ArrayLike) -> FloatArray:
         shape = (self.n, self.shape.n_residuals)
         array = real(sigmas, f"{self.name}, sigmas")
@@ -428,26 +389,3 @@ class Batch:
         self.starts = _padded(table.start[self.blocks], np.uint32)
         self.contexts = _padded(contexts, np.uint32)
         self.observation_rows = np.array(shape.observation_rows, dtype=np.int64)
-
-
-def _refuse_other_names(what: str, expected: Set[str], given: Set[str]) -> None:
-    if expected != given:
-        missing = ", ".join(sorted(expected - given)) or "none"
-        unknown = ", ".join(sorted(map(str, given - expected))) or "none"
-        raise InputError(f"{what} missing: {missing}; not in the formula: {unknown}")
-
-
-def _rows_of(
-    shape: Shape, observations: ArrayLike | Mapping[str, ArrayLike] | None, columns: Sequence[IntArray]
-) -> Iterator[int]:
-    """Numbers of rows of the blocks, and of the observations where each block is given by one id alone."""
-    yield from (len(column) for column in columns)
-    if observations is None or any(len(column) != 1 for column in columns):
-        return
-    if not isinstance(observations, Mapping):
-        yield len(np.atleast_1d(plain(observations, f"{shape.name}, observations")))
-        return
-    for column in shape.columns:
-        array = plain(observations.get(column.name, 0.0), f"{shape.name}, {column.name}")
-        if array.ndim > len(column.shape):
-            yield len(array)

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.survey.model import Points
+
+Configuration: TypeAlias = dict[str, Any]
+"""A project file as it is parsed."""
+
 
 UNITS = (1.0, math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0)
 """Radians in one unit of angles, by `files_unit`: radian, gon, degree, arc second."""
@@ -90,7 +94,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
     )
 
 
-def _settings(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _settings(path: Path) -> tuple[Configuration, tuple[str, ...]]:
     """The settings with defaults for what is missing, and sentences about these."""
     file = Folder(path.parent, "latin-1", True).open(path.name)
     _, found, text = "\n".join(file.lines).partition("=")
@@ -110,7 +114,7 @@ def _settings(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
     return complete, told
 
 
-def _check(path: Path, config: dict[str, Any]) -> None:
+def _check(path: Path, config: Configuration) -> None:
     for key, default in DEFAULTS.items():
         if not _is_like(config[key], default):
             raise InputError(f"{path}: config.{key} is {config[key]!r}; something like {default!r} is needed")
@@ -144,7 +148,7 @@ def _moves_heights(definition: str, east: float, north: float) -> bool:
     return abs(float(system.geodetic(np.array([east, north, 0.0]))[2])) > _SAME_HEIGHT
 
 
-def _systems(config: dict[str, Any]) -> tuple[str, str]:
+def _systems(config: Configuration) -> tuple[str, str]:
     """Definitions of the system of the points and of the computation frame."""
     east, north = (float(value) for value in config["local_center"][:2])
     definition = config["proj_def"]
@@ -163,7 +167,7 @@ def _inner(remote: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]
     return tuple(remote), tuple(name for name, code in remote.items() if code == KNOWN_REMOTE)
 
 
-def _points(folder: Folder, config: dict[str, Any]) -> tuple[Points, frozenset[str], Mapping[str, str]]:
+def _points(folder: Folder, config: Configuration) -> tuple[Points, frozenset[str], Mapping[str, str]]:
     """The points, the names to be ignored with their observations, and the codes of remote points."""
     columns, ignored = PointColumns(), set()
     remote: dict[str, str] = {}

@@ -1,0 +1,95 @@
+"""What users give for a batch of equations: blocks for the roles of a formula, numbers by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.leastsquares.problem.arguments import plain, real
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence, Set
+
+    from numpy.typing import ArrayLike
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.problem.shapes import Role, Shape
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+
+def block_columns(table: UnknownTable, shape: Shape, blocks: Mapping[str, ArrayLike]) -> list[IntArray]:
+    """Ids of blocks for each role of a formula, one or one per row.
+
+    Raises:
+        InputError: a role has none, there are others, or a block is of another kind.
+    """
+    if not isinstance(blocks, Mapping):
+        raise InputError(f"{shape.name}: blocks are given by name, not as {type(blocks).__name__}")
+    roles = shape.roles
+    _refuse_other_names(f"{shape.name}: block arguments", {role.name for role in roles}, blocks.keys())
+    return [_checked_role(table, shape, role, blocks[role.name]) for role in roles]
+
+
+def stretched_columns(shape: Shape, columns: list[IntArray], n: int) -> IntArray:
+    """(n_roles, n) ids, one alone standing for all rows."""
+    for role, column in zip(shape.roles, columns, strict=True):
+        if len(column) not in (1, n):
+            raise InputError(f"{shape.name}, {role.name}: {len(column)} ids; other arguments have {n}")
+    return np.array([np.broadcast_to(column, n) for column in columns])
+
+
+def _checked_role(table: UnknownTable, shape: Shape, role: Role, ids: ArrayLike) -> IntArray:
+    what = f"{shape.name}, {role.name}"
+    array = table.checked(ids, what)
+    accepted = table.each(role.takes)[array] & (table.size[array] == role.size)
+    wrong = np.flatnonzero(~accepted)
+    if wrong.size:
+        block = array[wrong[0]]
+        raise InputError(
+            f"{what}: row {wrong[0]} gives {table.names[block]!r}, a {table.manifold(block).label} of "
+            f"{table.size[block]}; the formula wants a {role.kind} of {role.size}"
+        )
+    return array
+
+
+def numbers_by_name(shape: Shape, given: Mapping[str, ArrayLike], n: int) -> FloatArray:
+    """(n, m) numbers from arrays by name, each of its natural shape for all rows, or for one and all."""
+    known = {column.name: column for column in shape.columns}
+    _refuse_other_names(f"{shape.name}: observations", known.keys(), given.keys())
+    array = np.empty((n, len(shape.observation_rows)))
+    for name, column in known.items():
+        rows = real(given[name], f"{shape.name}, {name}")
+        if rows.shape not in (column.shape, (n, *column.shape)):
+            raise InputError(
+                f"{shape.name}, {name}: it has shape {rows.shape}; expected {(n, *column.shape)}, or "
+                f"{column.shape} for all"
+            )
+        flat = rows.reshape(-1, column.size)
+        array[:, column.first : column.first + column.size] = flat
+    return array
+
+
+def rows_given(
+    shape: Shape, observations: ArrayLike | Mapping[str, ArrayLike] | None, columns: Sequence[IntArray]
+) -> Iterator[int]:
+    """Numbers of rows of the blocks, and of the observations where each block is given by one id alone."""
+    yield from (len(column) for column in columns)
+    if observations is None or any(len(column) != 1 for column in columns):
+        return
+    if not isinstance(observations, Mapping):
+        yield len(np.atleast_1d(plain(observations, f"{shape.name}, observations")))
+        return
+    for column in shape.columns:
+        array = plain(observations.get(column.name, 0.0), f"{shape.name}, {column.name}")
+        if array.ndim > len(column.shape):
+            yield len(array)
+
+
+def _refuse_other_names(what: str, expected: Set[str], given: Set[str]) -> None:
+    if expected != given:
+        missing = ", ".join(sorted(expected - given)) or "none"
+        unknown = ", ".join(sorted(map(str, given - expected))) or "none"
+        raise InputError(f"{what} missing: {missing}; not in the formula: {unknown}")
