@@ -49,6 +49,18 @@ def test_frozen_parameters_stay():
     assert all((camera.coefficients[:5] == 0.0).all() for camera in free.cameras.values())
 
 
+def test_the_principal_point_is_held_where_it_is_said_to_be():
+    poses, control, measures = _scene(LINEAR, 0.0)
+    held = resect_uncalibrated(measures, control, (2000, 1500), principal_point=(0.49, 760 / 1500))
+    for image in poses.images:
+        assert held.cameras[image].principal_point.tolist() == pytest.approx([980.0, 760.0], rel=1e-14)
+        assert held.cameras[image].focal == pytest.approx(1800.0, abs=1e-5)
+    middle = resect_uncalibrated(measures, control, (2000, 1500), frozen="b.", principal_point=(0.5, 0.5))
+    for camera in middle.cameras.values():
+        assert camera.principal_point.tolist() == [1000.0, 750.0]
+        assert camera.focal != pytest.approx(1800.0, abs=1e-3)
+
+
 def test_planes_and_few_points_are_refused():
     _, control, measures = _scene(LINEAR, 0.0)
     flat = ControlPoints.of(control.names, control.coordinates * [1.0, 1.0, 0.0])

@@ -49,6 +49,9 @@ def register(commands: Commands) -> None:
     command.add_argument(
         "--freeze", metavar="PATTERN", help="parameters that stay as the linear map has them"
     )
+    command.add_argument(
+        "--principal-point", nargs=2, type=float, metavar=("X", "Y"), help="held at these shares of the size"
+    )
     command.add_argument("--no-median", action="store_true", help="no shared calibrations")
 
     purpose = "find the relative poses of rigidly mounted cameras (BlockCamInit)"
@@ -183,12 +186,13 @@ def _resected(
 
     measures, control = _measured(arguments, tree)
     degree = tuple(arguments.degree) if arguments.degree else None
+    middle = tuple(arguments.principal_point) if arguments.principal_point else None
     parts: dict[str, UncalibratedResection] = {}
     lost: list[str] = []
     for image in measures.image_names:
         try:
             parts[image] = resect_uncalibrated(
-                measures.of_image(image), control, tuple(arguments.size), degree, arguments.freeze
+                measures.of_image(image), control, tuple(arguments.size), degree, arguments.freeze, middle
             )
         except InputError as error:
             lost.append(str(error))

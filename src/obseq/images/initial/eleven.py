@@ -7,7 +7,7 @@ distortion is then found by least squares on the colinearity equations, one came
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,6 +60,7 @@ def resect_uncalibrated(
     size: tuple[int, int],
     degree: tuple[int, int, int] | None = None,
     frozen: str | None = None,
+    principal_point: tuple[float, float] | None = None,
 ) -> UncalibratedResection:
     """The poses and calibrations of images, each by itself.
 
@@ -69,6 +70,7 @@ def resect_uncalibrated(
         size: columns and lines of the images.
         degree: of the distortion; None for the linear map (degree (0, 0, 1)).
         frozen: pattern of parameters that stay as the linear map has them, distortion zero.
+        principal_point: shares of columns and lines where it is held, (0.5, 0.5) in the middle; None: found.
 
     Raises:
         InputError: an image has fewer than six control points, or they are in a plane.
@@ -90,6 +92,10 @@ def resect_uncalibrated(
     )
     wanted = degree or (0, 0, 1)
     start = {image: _with_degree(camera, wanted) for image, camera in cameras.items()}
+    if principal_point is not None:
+        middle = np.array(size) * np.array(principal_point)
+        start = {image: replace(camera, principal_point=middle) for image, camera in start.items()}
+        frozen = f"{frozen}|PP[xy]" if frozen else "PP[xy]"
     return _refined(known, control, poses, start, frozen)
 
 
