@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-import uuid
+import os
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
@@ -368,7 +368,7 @@ def defined(values: NDArray[np.float64]) -> list[float | None]:
 def new_run() -> RunRecord:
     """The record of a run that begins now."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    return RunRecord(uuid.uuid4().hex[:12], created, dict(_versions()))
+    return RunRecord(os.urandom(6).hex(), created, dict(_versions()))
 
 
 @functools.cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ def plain(given: object, what: str) -> Array:
         array = np.asarray(given)
     except (TypeError, ValueError) as error:
         raise InputError(f"{what}: not an array of numbers: {error}") from None
-    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+    if "numpy.ma" in sys.modules and isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         row = np.argwhere(np.atleast_1d(np.ma.getmaskarray(given)))[0]
         raise InputError(f"{what}: row {row[0]} is masked; leave masked rows out, or give `active`")
     return array
