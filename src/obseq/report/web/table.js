@@ -142,7 +142,9 @@ class Table {
   describe() {
     this.columns.forEach((column, k) => {
       const unit = titleUnit(column);
-      this.heads[k].firstChild.textContent = unit ? `${column.title} (${unit})` : column.title;
+      const title = unit ? `${column.title} (${unit})` : column.title;
+      this.heads[k].firstChild.textContent = title;
+      this.heads[k].dataset.title = title; // what paper repeats on each sheet: it takes no buttons
       const sign = this.order?.column === k ? this.order.sign : 0;
       this.heads[k].setAttribute("aria-sort", sign ? (sign > 0 ? "ascending" : "descending") : "none");
     });
@@ -170,6 +172,7 @@ class Table {
   }
 
   draw(force = false) {
+    if (!this.element.isConnected) return;
     const height = this.rowHeight ?? 26;
     const seen = Math.ceil((this.scroll.clientHeight || 480) / height);
     const first = Math.max(0, Math.min(Math.floor(this.scroll.scrollTop / height), this.rows.length - seen) - BESIDE);
@@ -177,7 +180,7 @@ class Table {
     if (!force && first === this.first && last === this.last) return;
     Object.assign(this, { first, last });
     this.show(first, last, height);
-    this.rowHeight = this.body.querySelector("tr[data-row]")?.getBoundingClientRect().height || this.rowHeight;
+    this.rowHeight ||= this.body.querySelector("tr[data-row]")?.getBoundingClientRect().height;
   }
 
   show(first, last, height) {
