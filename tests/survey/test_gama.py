@@ -191,6 +191,20 @@ def test_entities_are_refused(tmp_path):
         Network.read_project(path)
 
 
+def test_a_document_type_is_not_loaded(tmp_path):
+    path = network(tmp_path, POINTS + SIGHTS)
+    plain = adjusted(path).points.coordinates
+    path.write_text(path.read_text().replace("\n", '\n<!DOCTYPE g SYSTEM "no-such-file.dtd">\n', 1))
+    assert np.array_equal(adjusted(path).points.coordinates, plain)
+    secret = tmp_path / "secret"
+    secret.write_text('<!ENTITY x "leaked">')
+    for entity in (f'<!ENTITY x SYSTEM "{secret}">', f'<!ENTITY % x SYSTEM "{secret}"> %x;'):
+        path = network(tmp_path, POINTS + SIGHTS, "<network><description>&x;</description>")
+        path.write_text(path.read_text().replace("\n", f"\n<!DOCTYPE g [{entity}]>\n", 1))
+        with pytest.raises(InputError, match="refused: XML with entities"):
+            Network.read_project(path)
+
+
 def test_a_free_network_moves_its_datum_least(tmp_path):
     # three distances of a triangle whose sides are 3, 4 and 5, all 1 % too long: it grows about its middle
     body = (

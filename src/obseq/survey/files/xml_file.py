@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from xml.sax import SAXException, SAXParseException
-from xml.sax.handler import ContentHandler
+from xml.sax.handler import ContentHandler, feature_external_ges
 
 from obseq.errors import InputError
 from obseq.survey.files.text import TextFile, parse_number, quoted, read_bytes
@@ -124,6 +124,8 @@ def xml_of(data: bytes, name: str) -> Element:
 
     file = TextFile(name, data.decode("utf-8", "replace").splitlines() or [""], True, "UTF-8")
     parser = make_parser()
+    parser.forbid_external = False  # a document type is named in old files: it is not loaded
+    parser.setFeature(feature_external_ges, False)
     builder = _Builder(file, parser.getLineNumber)
     parser.setContentHandler(builder)
     try:
