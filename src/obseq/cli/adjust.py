@@ -1,6 +1,7 @@
 """`obseq adjust`: a survey network from observation and point files."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ class Request:
         outputs: Where the results go.
         title: What the reports call it.
         sinex: Where the points go with their whole covariance; None for nowhere.
+        estimated: What is estimated of instruments and refraction.
     """
 
     source: Source
@@ -47,6 +49,7 @@ class Request:
     outputs: Outputs
     title: str | None = None
     sinex: Path | None = None
+    estimated: Sequence[str] = ()
 
 
 def register(commands: Commands) -> None:
@@ -65,6 +68,14 @@ def register(commands: Commands) -> None:
         nargs="+",
         metavar="NAME",
         help="with --datum inner: the points that carry the constraints (without it: all)",
+    )
+    computation.add_argument(
+        "--estimate",
+        nargs="+",
+        choices=("constant", "scale", "refraction"),
+        metavar="WHAT",
+        help="unknowns of each file of observations: additive constant and scale of slope distances, "
+        "refraction coefficient of zenith angles (constant, scale, refraction)",
     )
     computation.add_argument(
         "--iterations",
@@ -94,7 +105,14 @@ def run(arguments: argparse.Namespace) -> int:
         "datum": _datum(arguments),
     }
     return adjust(
-        Request(source_of(arguments), given(solving), outputs_of(arguments), arguments.title, arguments.sinex)
+        Request(
+            source_of(arguments),
+            given(solving),
+            outputs_of(arguments),
+            arguments.title,
+            arguments.sinex,
+            arguments.estimate or (),
+        )
     )
 
 
@@ -128,6 +146,10 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
     network = request.source.read()
+    if request.estimated:
+        from obseq.survey import estimating
+
+        network = replace(network, book=estimating(network.book, request.estimated))
     adjustment = network.adjust(progress=watch.progress, **request.solving)
     if request.sinex is not None:
         from obseq.survey.conversion import write_sinex

@@ -2,6 +2,7 @@
 
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.datum import Datum
+from obseq.survey.adjustment.instruments import estimating
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.epochs.comparison import Comparison, compare
 from obseq.survey.files.cor import read_cor, write_cor
@@ -43,6 +44,7 @@ __all__ = [
     "Stations",
     "automatic_fix",
     "compare",
+    "estimating",
     "initial_values",
     "join",
     "make_points",

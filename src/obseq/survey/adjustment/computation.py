@@ -172,6 +172,7 @@ class Computation:
             notes=(
                 *of_unit_weight(self.unit_sigma, solution.sigma0),
                 *notes(self.frame, book, coordinates),
+                *equations.shared.sentences(solution, found.a_priori),
             ),
             phases={},
             run=new_run(),

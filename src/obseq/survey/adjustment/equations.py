@@ -61,6 +61,7 @@ class Equations:
         batches: Rows of the field book and batch of every family of kinds present, those of observations
             that are correlated with others apart.
         known: The equations of known coordinates.
+        shared: The unknowns that groups of observations share.
     """
 
     def __init__(
@@ -100,9 +101,9 @@ class Equations:
             ids = self.stations[initial.orientations == status]
             if ids.size:
                 self.system.freeze(ids, components)
-        shared_unknowns = SharedUnknowns(self.system, book)
-        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, shared_unknowns)
-        shared_unknowns.add(self._site, initial.coordinates)
+        self.shared = SharedUnknowns(self.system, book)
+        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, self.shared)
+        self.shared.add(self._site, initial.coordinates)
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system)
 
@@ -171,8 +172,9 @@ class Equations:
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
         labels = Labels(self._book, rows)
         if kind.is_linear(self._site):
-            ids, count = list(blocks.values()), len(blocks)
-            parts = np.split(measured[:, :-1], count, axis=1)
+            ids = list(blocks.values())
+            sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
+            parts = np.split(measured[:, :-1], np.cumsum(sizes)[:-1], axis=1)
             batch = self.system.add_linear(
                 ids, parts, measured[:, -1], sigmas, labels=labels, group=kind.group
             )

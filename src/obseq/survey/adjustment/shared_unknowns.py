@@ -11,9 +11,13 @@ from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquares
+    from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.survey.kinds.kind import Shared, Site
     from obseq.survey.model import FieldBook
+
+
+UNITS = {"constant": " m", "scale": "", "refraction": ""}
+"""Units of the unknowns of instruments, which results tell."""
 
 
 class SharedUnknowns:
@@ -48,6 +52,15 @@ class SharedUnknowns:
         name = f"{part} of {self._book.groups[owner].name}"
         add = self._system.add_directions if unknown.is_direction else self._system.add_scalars
         self._blocks[owner, part] = int(add([name], np.asarray([unknown.value]))[0])
+
+    def sentences(self, solution: LeastSquaresResult, a_priori: bool) -> tuple[str, ...]:
+        """What was found of instruments and refraction, with standard deviations."""
+        return tuple(
+            f"{part} of {self._book.groups[owner].name}: {float(solution.values([block])[0, 0]):.6g} +- "
+            f"{float(solution.precisions([block], a_priori)[0, 0]):.2g}{UNITS[part]}"
+            for (owner, part), block in self._blocks.items()
+            if part in UNITS
+        )
 
     def _require_axes(self, rows: IntArray) -> None:
         """Raises InputError for an axis whose direction no target gives."""

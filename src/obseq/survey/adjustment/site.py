@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +64,16 @@ class NetworkSite:
     def refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) corrections of zenith angles."""
         return self.frame.refraction(self.book, rows, coordinates)
+
+    @property
+    def refraction_coefficient(self) -> float:
+        """Coefficient of zenith angles."""
+        return self.frame.refraction_coefficient
+
+    def refraction_of_one(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) what a coefficient of 1 adds to the corrections of zenith angles."""
+        more = replace(self.frame, refraction_coefficient=self.refraction_coefficient + 1.0)
+        return more.refraction(self.book, rows, coordinates) - self.refraction(rows, coordinates)
 
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""

@@ -65,6 +65,13 @@ class Site(Protocol):
     def refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) corrections of zenith angles."""
 
+    @property
+    def refraction_coefficient(self) -> float:
+        """Coefficient of zenith angles."""
+
+    def refraction_of_one(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) what a coefficient of 1 adds to the corrections of zenith angles."""
+
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
 

@@ -13,6 +13,7 @@ from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
+from obseq.survey.kinds.instruments import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
 from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
@@ -25,6 +26,7 @@ KINDS: tuple[ObservationKind, ...] = (
     *(DIST_HZ0, ALPHA, BETA, VECTOR, VECTOR_Y, VECTOR_Z, EQUAL_DH, EQUAL_DIST),
     *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
     *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
+    *(DIST_CONSTANT, DIST_SCALE, DIST_CONSTANT_SCALE, ZEN_REFRACTION),
     *(GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, CHORD),
 )
 

@@ -1,0 +1,147 @@
+"""Distances and zenith angles with unknowns of their instrument or their day: constant, scale, refraction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.kinds.kind import ObservationKind, Shared, Start
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.kinds.kind import Site
+
+SHORTEST = 1e-9
+"""Length (m) that stands for shorter ones in a division."""
+
+
+@dataclass(frozen=True)
+class OfInstrument(ObservationKind):
+    """An observation with unknowns of its group, in linear rows that are made anew at each place.
+
+    Attributes:
+        parts: The unknowns, by name.
+    """
+
+    parts: tuple[str, ...] = ()
+
+    def is_linear(self, site: Site) -> bool:
+        """Linear rows."""
+        return True
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Its rows are made anew."""
+        return True
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """Both ends, and the unknowns."""
+        origins, targets = site.ends(rows)
+        return {"origin": origins, "target": targets} | {part: site.shared(rows, part) for part in self.parts}
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Derivatives by both ends, and by the unknowns."""
+        along = self.towards(site, rows, coordinates)[1]
+        return np.hstack([-along, along, -self.shares(site, rows, coordinates)])
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """What makes the row that of the tangent there."""
+        computed, along = self.towards(site, rows, coordinates)
+        first, last = site.positions(rows, coordinates)
+        here = np.einsum("ni,ni->n", along, last - first)
+        return np.asarray(self.reading(site, rows, coordinates) - computed + here)
+
+    def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) computed values without the unknowns, and (n, 3) derivatives by the target."""
+        raise NotImplementedError
+
+    def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, k) what one unit of each unknown adds to what was read."""
+        raise NotImplementedError
+
+    def reading(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) what was read, where all unknowns are 0."""
+        return site.measured(rows)
+
+    def sights(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) from instrument to target."""
+        first, last = site.positions(rows, coordinates)
+        return np.asarray(last - first + site.offsets(rows, coordinates))
+
+
+@dataclass(frozen=True)
+class CalibratedDistance(OfInstrument):
+    """A slope distance of an instrument: true = read (1 + scale) + constant."""
+
+    def problem(self, value: float) -> str | None:
+        """Distances are positive."""
+        return None if value > 0.0 else "is not positive"
+
+    def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances and directions."""
+        sights = self.sights(site, rows, coordinates)
+        lengths = np.linalg.norm(sights, axis=1)
+        return lengths, sights / np.maximum(lengths, SHORTEST)[:, None]
+
+    def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """1 for the constant, what was read for the scale."""
+        read = site.measured(rows)
+        columns = {"constant": np.ones(len(rows)), "scale": read}
+        return np.column_stack([columns[part] for part in self.parts])
+
+    def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
+        """An instrument without error."""
+        return {part: Shared(0.0) for part in self.parts}
+
+
+@dataclass(frozen=True)
+class ZenithWithRefraction(OfInstrument):
+    """A zenith angle of a plumb instrument, with the refraction coefficient of its group."""
+
+    def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Zenith angles of straight lines, corrected by the coefficient of the network."""
+        axes, sights = site.verticals(rows, coordinates), self.sights(site, rows, coordinates)
+        east, north, up = np.einsum("nij,nj->in", axes, sights)
+        flat = np.maximum(np.hypot(east, north), SHORTEST)
+        square = np.square(flat) + np.square(up)
+        local = np.column_stack([east * up / flat, north * up / flat, -flat]) / square[:, None]
+        return np.arctan2(flat, up), np.einsum("ni,nij->nj", local, axes)
+
+    def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """The correction for a coefficient of 1."""
+        return site.refraction_of_one(rows, coordinates)[:, None]
+
+    def reading(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """With the correction where the coefficient is 0: curvature, in a plane."""
+        given, share = site.refraction(rows, coordinates), site.refraction_of_one(rows, coordinates)
+        return np.asarray(site.measured(rows) + given - site.refraction_coefficient * share)
+
+    def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
+        """The coefficient of the network."""
+        return {"refraction": Shared(site.refraction_coefficient)}
+
+
+def _distance(name: str, code: int, *parts: str) -> CalibratedDistance:
+    words = f"slope distance with unknown {' and '.join(parts)}"
+    return CalibratedDistance(
+        name, code, words, "", start=Start.DISTANCE, takes_heights=False, is_line=False, parts=parts
+    )
+
+
+DIST_CONSTANT = _distance("DistC", 161, "constant")
+DIST_SCALE = _distance("DistS", 162, "scale")
+DIST_CONSTANT_SCALE = _distance("DistCS", 163, "constant", "scale")
+ZEN_REFRACTION = ZenithWithRefraction(
+    "ZenK",
+    164,
+    "zenith angle with unknown refraction",
+    "",
+    is_angle=True,
+    needs_station=True,
+    start=Start.ZENITH,
+    takes_heights=False,
+    is_line=False,
+    parts=("refraction",),
+)

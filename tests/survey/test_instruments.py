@@ -1,0 +1,88 @@
+"""Unknowns of instruments: constant and scale of distances, refraction."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+from obseq.errors import InputError
+from obseq.survey import Network, estimating
+
+POINTS = {"A": (0, 0, 10), "B": (900, 50, 60), "C": (300, 700, 25), "D": (1000, 900, 90), "P": (500, 400, 40)}
+FRAME = "RTL*2.4*48.8*0*+proj=longlat +datum=WGS84"
+
+
+def lines(constant, scale, coefficient, network):
+    """Distances and zenith angles between all points, as a wrong instrument reads them in refracting air."""
+    for a in POINTS:
+        for b in POINTS:
+            if a == b:
+                continue
+            first, last = np.array(POINTS[a], float), np.array(POINTS[b], float)
+            length = np.linalg.norm(last - first)
+            yield f"3 {a} {b} {(length - constant) / (1 + scale):.6f} 0.0005"
+            east, north, up = network.frame.vertical(first[None])[0] @ (last - first)
+            zenith = math.atan2(math.hypot(east, north), up)
+            bent = coefficient * math.hypot(east, north) / (2 * 6380000.0)
+            yield f"6 {a} {b} {(zenith - bent) * 200 / math.pi:.7f} 0.0002"
+
+
+def network(folder, constant=0.0, scale=0.0, coefficient=0.12, name="o.obs"):
+    known = [f"1 {n} {x} {y} {z} 0.0001 0.0001 0.0001" for n, (x, y, z) in POINTS.items() if n != "P"]
+    (folder / "p.cor").write_text("\n".join([*known, "0 P 500.1 400.1 40.1"]) + "\n")
+    (folder / name).write_text("3 A B 1 1\n")
+    plain = Network.read(folder / name, folder / "p.cor", frame=FRAME)
+    (folder / name).write_text("\n".join(lines(constant, scale, coefficient, plain)) + "\n")
+    return Network.read(folder / name, folder / "p.cor", frame=FRAME)
+
+
+def more(given, *what):
+    return replace(given, book=estimating(given.book, what))
+
+
+def test_constant_and_scale(tmp_path):
+    given = network(tmp_path, 0.012, 30e-6)
+    assert given.adjust().sigma0 > 5.0
+    adjusted = more(given, "constant", "scale").adjust()
+    assert adjusted.sigma0 < 0.3
+    values = dict(note.split(": ") for note in adjusted.notes if " of o.obs" in note)
+    assert float(values["constant of o.obs"].split()[0]) == pytest.approx(0.012, abs=2e-4)
+    assert float(values["scale of o.obs"].split()[0]) == pytest.approx(30e-6, abs=3e-7)
+    np.testing.assert_allclose(adjusted.points.coordinates[-1], POINTS["P"], rtol=0, atol=2e-4)
+    assert adjusted.solution.n_unknowns == given.adjust().solution.n_unknowns + 2
+
+
+def test_refraction(tmp_path):
+    adjusted = more(network(tmp_path, coefficient=0.3), "refraction").adjust()
+    (note,) = [note for note in adjusted.notes if note.startswith("refraction of o.obs")]
+    assert float(note.split(": ")[1].split()[0]) == pytest.approx(0.3, abs=2e-3)
+    assert adjusted.sigma0 < 0.2
+
+
+def test_each_file_has_unknowns_of_its_own(tmp_path):
+    network(tmp_path, 0.010, name="one.obs")
+    network(tmp_path, -0.004, name="two.obs")
+    both = Network.read([tmp_path / "one.obs", tmp_path / "two.obs"], tmp_path / "p.cor", frame=FRAME)
+    notes = more(both, "constant").adjust().notes
+    found = [float(note.split(": ")[1].split()[0]) for note in notes if note.startswith("constant")]
+    np.testing.assert_allclose(found, (0.010, -0.004), rtol=0, atol=2e-4)
+
+
+def test_what_cannot_be_estimated(tmp_path, capsys):
+    given = network(tmp_path)
+    with pytest.raises(InputError, match="--estimate colour: unknown"):
+        more(given, "colour")
+    (tmp_path / "o.obs").write_text("4 A P 30 0.001\n")
+    command = [
+        "adjust",
+        "--obs",
+        str(tmp_path / "o.obs"),
+        "--cor",
+        str(tmp_path / "p.cor"),
+        "--estimate",
+        "scale",
+    ]
+    assert main(command) == 2
+    assert "no active observation for a slope distance with unknown scale" in capsys.readouterr().err
