@@ -133,6 +133,8 @@ def _to_all_points(found: Estimate, row: int, *, at_target: bool) -> FloatArray:
         there = found.coordinates[end if at_target else start]
         rise = found.coordinates[:, 2] - there[2]
         return np.asarray(found.computed[row] + (rise if at_target else -rise))
+    if observations.stations[row] < 0:
+        return np.full(len(offsets), np.nan)
     local = offsets @ found.rotations[observations.stations[row]]
     if kind.start is Start.ZENITH:
         return np.asarray(np.arctan2(np.hypot(local[:, 0], local[:, 1]), local[:, 2]))
