@@ -17,7 +17,6 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import groupby
 from pathlib import Path
 
 import cpp_contenders
@@ -42,9 +41,11 @@ class Row:
 
 def one_of_each_family() -> list[Formula]:
     """The middle formula of each family that has unknowns and residuals."""
-    whole = [formula for formula in REGISTRY if formula.unknowns and formula.expressions()]
-    families = [list(members) for _, members in groupby(whole, key=type)]
-    return [members[len(members) // 2] for members in families]
+    families: dict[type[Formula], list[Formula]] = {}
+    for formula in REGISTRY:
+        if formula.unknowns and formula.expressions():
+            families.setdefault(type(formula), []).append(formula)
+    return [members[len(members) // 2] for members in families.values()]
 
 
 def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> Row:
