@@ -65,6 +65,9 @@ def register(commands: Commands) -> None:
         commands, "report-gcp", _report, purpose, ("images", "points", "measures", "orientation")
     )
 
+    purpose = "list the files of a project, and name what is not understood"
+    add_tree_command(commands, "project-contents", _contents, purpose, ())
+
     purpose = "convert the 3D points of a project to another coordinate system (GCPChSysCo)"
     add_tree_command(commands, "change-sysco", _change_system, purpose, ("system", "points", "out"))
 
@@ -257,6 +260,20 @@ def _report(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fi
     folder = tree.folder("Reports", "ReportGCP") / name
     texts = gcp_reports(measures, control, poses, cameras)
     return texts["ByImage.csv"], {folder / file: text for file, text in texts.items()}, True
+
+
+def _contents(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from collections import Counter
+
+    from obseq.project.contents import contents
+
+    found = list(contents(tree))
+    counts = Counter((item.path.parent.relative_to(tree.root), item.kind or "not read") for item in found)
+    lines = [f"{folder}: {count} {kind}" for (folder, kind), count in sorted(counts.items())]
+    for item in found:
+        if item.unknown:
+            lines.append(f"not understood in {item.path}: {', '.join(item.unknown)}")
+    return "".join(f"{line}\n" for line in lines), {}, not any(item.unknown for item in found)
 
 
 def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:

@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import Pose, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
-from obseq.project.tree import Reader, read_tree, tree_text
+from obseq.project.tree import Reader, merged, read_tree, tree_text
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ IMAGE_CALIBRATION = "Calib-PerspCentral-"
 NO_CALIBRATION = "NONE"
 ORTHONORMAL = 1e-6
 """How far the axes of a pose may be from orthonormal: files of fewer digits than usual still are."""
+_NUMERICAL = ("SzBuffer", "DegreeApproxInv")
+"""Settings of the original's numerical inverse."""
 _KINDS = {"K": "Radial", "p": "Decentric"}
 
 
@@ -63,8 +65,14 @@ def read_calibration(path: str | Path) -> Camera:
     )
 
 
-def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
+def calibration_text(camera: Camera, *, source: Tree | None = None, as_json: bool = False) -> str:
     """The file of a calibration.
+
+    Args:
+        camera: the camera.
+        source: what stands under `InternalCalibration` in the file that it was read from; what it has besides
+            the numbers of the camera is kept.
+        as_json: True for JSON.
 
     Raises:
         InputError: the distortion is of a kind that these files do not have.
@@ -79,7 +87,7 @@ def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
     for key, value in values.items():
         parts[_KINDS.get(key[0], "Polynomial")][key] = (value,)
     degree: Tree = tuple(camera.degree)
-    content: Tree = {
+    content: dict[str, Tree] = {
         "Name": camera.name,
         "PixelFrame": {"NbPix": (int(camera.width), int(camera.height))},
         "Projection": camera.projection,
@@ -93,7 +101,28 @@ def calibration_text(camera: Camera, *, as_json: bool = False) -> str:
         "Distorsion": {kind: part for kind, part in parts.items() if part},
         "Informations": [],
     }
-    return tree_text(CALIBRATION, content, as_json=as_json)
+    return tree_text(CALIBRATION, _kept(source, content), as_json=as_json)
+
+
+def _kept(source: Tree | None, content: dict[str, Tree]) -> Tree:
+    """The content with what its source says of things that a camera does not have."""
+    if not isinstance(source, dict):
+        return content
+    old = source.get("Auxiliary", {})
+    auxiliary = content["Auxiliary"]
+    assert isinstance(auxiliary, dict)
+    same = isinstance(old, dict) and old.get("Degree") == auxiliary["Degree"]
+    own = {key: old[key] for key in _NUMERICAL if same and isinstance(old, dict) and key in old}
+    information = {"Informations": source["Informations"]} if "Informations" in source else {}
+    return merged(source, {**content, "Auxiliary": {**auxiliary, **own}, **information})
+
+
+def calibration_source(folder: str | Path, name: str) -> Tree | None:
+    """What stands in the file of a calibration in a folder of orientations; None where there is none."""
+    for ending in ("xml", "json"):
+        if (path := Path(folder) / f"{name}.{ending}").is_file():
+            return read_tree(path).get(CALIBRATION)
+    return None
 
 
 def read_pose(path: str | Path) -> tuple[str, str, Pose]:
@@ -156,9 +185,22 @@ def read_orientation(
 
 
 def orientation_files(
-    folder: str | Path, poses: Poses, cameras: dict[str, Camera], *, as_json: bool = False
+    folder: str | Path,
+    poses: Poses,
+    cameras: dict[str, Camera],
+    *,
+    source: str | Path | None = None,
+    as_json: bool = False,
 ) -> dict[Path, str]:
-    """Poses and calibrations as the files of a folder of orientations."""
+    """Poses and calibrations as the files of a folder of orientations.
+
+    Args:
+        folder: where they go.
+        poses: of the images.
+        cameras: by name.
+        source: folder that the calibrations come from; what their files hold besides is kept.
+        as_json: True for JSON.
+    """
     place = Path(folder)
     ending = "json" if as_json else "xml"
     texts = {
@@ -166,7 +208,11 @@ def orientation_files(
         for image, camera in zip(poses.images, poses.cameras, strict=True)
     }
     texts |= {
-        place / f"{camera.name}.{ending}": calibration_text(camera, as_json=as_json)
+        place / f"{camera.name}.{ending}": calibration_text(
+            camera,
+            source=None if source is None else calibration_source(source, camera.name),
+            as_json=as_json,
+        )
         for camera in cameras.values()
     }
     return texts

@@ -52,7 +52,15 @@ class Results:
     def files(self, solution: BundleSolution) -> Files:
         """All files of a solution; they belong to one state."""
         folder = self.tree.folder("Ori", self.out)
-        files: Files = dict(orientation_files(folder, solution.poses, solution.cameras, as_json=self.as_json))
+        files: Files = dict(
+            orientation_files(
+                folder,
+                solution.poses,
+                solution.cameras,
+                source=self.tree.orientation(self.orientation),
+                as_json=self.as_json,
+            )
+        )
         definition = self._definition()
         files[folder / f"CurSysCo{self._ending}"] = system_text(definition, as_json=self.as_json)
         if any(part.out for part in self.options.points):

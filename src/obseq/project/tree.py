@@ -147,6 +147,14 @@ def pairs(values: list[Tree], where: str) -> list[tuple[Tree, Tree]]:
     return found
 
 
+def merged(old: Tree, new: Tree) -> Tree:
+    """The new tree, and what the old one has besides: fields that nobody here knows stay where they were."""
+    if not (isinstance(old, dict) and isinstance(new, dict)):
+        return new
+    kept = {key: merged(value, new[key]) if key in new else value for key, value in old.items()}
+    return {**kept, **{key: value for key, value in new.items() if key not in old}}
+
+
 def _bytes(path: Path) -> bytes:
     try:
         if path.stat().st_size > LARGEST:
