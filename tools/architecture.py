@@ -91,6 +91,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
 """The same for the rooms, and single files, inside a room."""
 
 FORMER = {
+    "survey": ("former",),
     "leastsquares": ("former", "losses", "reliability", "snooping", "hypothesis_tests", "objects"),
 }
 """Files that only say where their names are now."""

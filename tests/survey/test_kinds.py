@@ -42,3 +42,14 @@ def test_nobody_asks_for_a_kind_by_its_name() -> None:
         if re.search(rf'== "({names})"|\["({names})"\]', line)
     ]
     assert found == []
+
+
+def test_the_former_name_of_codes_still_works_and_says_what_to_use() -> None:
+    with pytest.warns(DeprecationWarning, match=r"objects now, obseq\.survey\.KINDS"):
+        former = obseq.survey.ObservationType
+    assert (former.Dist, former(5).name, former.Hz.is_angle, former.DH.needs_station) == (
+        3,
+        "Hz",
+        True,
+        False,
+    )

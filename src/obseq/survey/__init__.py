@@ -8,6 +8,7 @@ from obseq.survey.epochs.comparison import Comparison, compare
 from obseq.survey.files.cor import read_cor, write_cor
 from obseq.survey.files.obs import read_obs, write_obs
 from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.former import find
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import KINDS
@@ -25,6 +26,8 @@ from obseq.survey.model import (
 from obseq.survey.network import Network
 from obseq.survey.planning.design import Plan, plan
 from obseq.survey.planning.simulation import simulate
+
+__getattr__ = find
 
 __all__ = [
     "KINDS",
