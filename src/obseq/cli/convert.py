@@ -3,13 +3,14 @@
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from obseq.cli.network_files import add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, positive_number
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
 
+Writer = TypeVar("Writer")
 RESULT = ".json"
 MORE = """
 What a network holds, as a file that another program reads; what is in a result, as a point file or a map.
@@ -83,7 +84,7 @@ def _of_network(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
     return {path: write(network) for path, write in writers.items()}
 
 
-def _writer(path: Path, writers: Mapping[str, Any], what: str) -> Any:
+def _writer(path: Path, writers: Mapping[str, Writer], what: str) -> Writer:
     found = writers.get(path.suffix.lower())
     if found is None:
         raise InputError(f"{path}: {what} is written as {', '.join(writers)}; choose one of these suffixes")

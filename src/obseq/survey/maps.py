@@ -12,9 +12,10 @@ import tempfile
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from obseq import crs
 from obseq.errors import InputError
@@ -23,12 +24,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord
-
-Properties: TypeAlias = dict[str, Any]
-"""What is said of one feature."""
+    from obseq.record import AdjustmentRecord, EllipseRecord, ObservationRecord
 
 
+Properties: TypeAlias = dict[str, object]
+"""What a feature says besides its place."""
 RING = 48
 """Corners of an ellipse."""
 DEGREES = 9
@@ -64,7 +64,7 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
         {key: getattr(point, key) for key in ("name", "sx", "sy", "sz", "crs_sx", "crs_sy", "crs_sz")}
         for point in record.points
     ]
-    drawn = [p for p in record.points if p.ellipse is not None and p.ellipse.semi_major]
+    drawn = [(p.name, p.ellipse) for p in record.points if p.ellipse is not None and p.ellipse.semi_major]
     ends = places.keys()
     seen = [o for o in record.observations if {o.origin, o.target} <= ends and o.origin != o.target]
     return [
@@ -72,8 +72,8 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
         Layer(
             "ellipses",
             "Polygon",
-            [_ring(places[p.name], p.ellipse, ellipse_scale) for p in drawn],
-            [_of_ellipse(p.name, p.ellipse, ellipse_scale) for p in drawn],
+            [_ring(places[name], ellipse, ellipse_scale) for name, ellipse in drawn],
+            [_of_ellipse(name, ellipse, ellipse_scale) for name, ellipse in drawn],
         ),
         Layer(
             "observations",
@@ -84,7 +84,7 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
     ]
 
 
-def _of_ellipse(name: str, ellipse: Any, scale: float) -> Properties:
+def _of_ellipse(name: str, ellipse: EllipseRecord, scale: float) -> Properties:
     return {
         "name": name,
         "semi_major_m": ellipse.semi_major,
@@ -94,14 +94,14 @@ def _of_ellipse(name: str, ellipse: Any, scale: float) -> Properties:
     }
 
 
-def _of_observation(observation: Any) -> Properties:
+def _of_observation(observation: ObservationRecord) -> Properties:
     keys = ("type", "value", "sigma", "residual", "normalised_residual", "redundancy", "unit", "active")
     found = {key: getattr(observation, key) for key in keys}
     ends = {"from": observation.origin, "to": observation.target}
     return ends | found | {"place": f"{observation.file}:{observation.line}"}
 
 
-def _ring(centre: FloatArray, ellipse: Any, scale: float) -> FloatArray:
+def _ring(centre: FloatArray, ellipse: EllipseRecord, scale: float) -> FloatArray:
     """(RING + 1, 3) corners counter-clockwise, the last one the first."""
     along = np.array([np.sin(ellipse.bearing), np.cos(ellipse.bearing), 0.0])
     across = np.array([-along[1], along[0], 0.0])
@@ -183,7 +183,9 @@ def _system_of(
     return crs.parse("Geog"), "OGC:CRS84"
 
 
-def _well_known(layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem) -> Any:
+def _well_known(
+    layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem
+) -> npt.NDArray[np.object_]:
     """(n,) shapes as well-known binary, x first."""
     corners = crs.Transformer(frame, target).forward(np.concatenate(layer.shapes))
     parts = np.split(corners, np.cumsum([len(shape) for shape in layer.shapes])[:-1])
@@ -196,9 +198,9 @@ def _well_known(layer: Layer, frame: crs.CoordinateSystem, target: crs.Coordinat
     return found
 
 
-def _columns(properties: Sequence[Properties]) -> Properties:
+def _columns(properties: Sequence[Properties]) -> dict[str, npt.NDArray[np.generic]]:
     """Arrays by name: numbers with NaN for what is missing, truths, texts."""
-    columns = {}
+    columns: dict[str, npt.NDArray[np.generic]] = {}
     for name in properties[0]:
         values = [row[name] for row in properties]
         given = next((value for value in values if value is not None), "")
