@@ -12,7 +12,7 @@ first, and the other terms see the point that they have corrected.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
@@ -28,21 +28,21 @@ from obseq.formulas.colinearity import (
 )
 from obseq.formulas.distortion import Degree
 from obseq.formulas.functions import Scalar, let
+from obseq.formulas.naming import Patterned
 from obseq.formulas.projections import AnyProjection, Stenope
 
 SOURCE = "DBAT, lens distortion model 3 (backward Brown)"
 
 
 @dataclass(frozen=True)
-class Backward:
+class Backward(Patterned):
     """What the equations of such a camera have in common: the degrees of the correction."""
 
     degree: Degree
 
     def __post_init__(self) -> None:
         """Raises FormulaError when the correction has general terms beyond b1 and b2."""
-        parent: Any = super()
-        parent.__post_init__()
+        super().__post_init__()
         if self.degree.polynomial > 1 or not self.degree.fraser:
             raise FormulaError(
                 f"{type(self).__name__}: of the general terms there are b1 and b2, not {self.degree.name}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -145,7 +145,7 @@ def measure_reliability(
 
 
 def search_blunders(
-    equations: Equations, search: BlunderSearch, solving: Mapping[str, Any]
+    equations: Equations, search: BlunderSearch, solving: Mapping[str, object]
 ) -> tuple[LeastSquaresResult, BlundersFound]:
     """Leaves out the image points that are blunders; the solution of the others, and what was left out."""
     found = snoop(
