@@ -38,15 +38,14 @@ def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling)
     assert "converged" in capsys.readouterr().out
 
 
-def test_a_rigid_block_of_the_tree_joins(panel, shared_data, capsys):
+def test_a_rigid_block_of_the_tree_joins(panel, shared_data):
     data = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
     expected = data["independent_adjustments"]["rigid_block_from_BA"]
     project = f"--project={panel}"
     main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", project])
     words = ["GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]]", "BRDirIn=Rig", "BRW=[1e-2,1e-5]", "OutRigBlock=Rig2"]
     code = main(["bundle-adjust", ".*", "BA", "Mine", *words, project, f"--json={panel / 'r.json'}"])
-    assert code == 1  # one exposure has one image only
-    assert "exposure 0037" in capsys.readouterr().out
+    assert code == 0  # an exposure with one image is no fault
     # MMVII counts twelve equations where a pair has six: 19 pairs here
     redundancy = expected["n_equations"] - expected["n_unknowns"]
     sigma0 = expected["sigma0"] * (redundancy / (redundancy - 6 * 19)) ** 0.5
