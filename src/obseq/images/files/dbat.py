@@ -86,6 +86,10 @@ class _Rows:
         return column in self.columns
 
     def texts(self, column: str) -> list[str]:
+        if column not in self.columns:
+            raise InputError(
+                f"{self.path}: the format has no column {column!r}, but {','.join(self.columns)}"
+            )
         place = self.columns.index(column)
         return [row[place] for row in self.rows]
 

@@ -74,6 +74,8 @@ def _closest(
     if not np.isfinite(columns).all():
         raise InputError(f"camera {name}: its focal length is no focal length in pixels")
     found, *_ = np.linalg.lstsq(columns, pixels.ravel(), rcond=None)
+    if not (np.isfinite(found).all() and found[0] > 0.0):
+        return Camera(name, *size, 1.0, degree=degree), np.inf
     middle = np.array(found[1:3], dtype=np.float64)
     camera = Camera(name, *size, float(found[0]), middle, degree, found[3:] / found[0])
     local = np.column_stack([plane, np.ones(len(plane))])
