@@ -19,7 +19,10 @@ from obseq.survey.model import FieldBook, Orientation, Points, make_points
 if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
 
-Table = Mapping[str, Sequence[Any]]
+Cell = Any
+"""A number or a text, as tables hold them."""
+
+Table = Mapping[str, Sequence[Cell]]
 """Columns by name; a data frame of pandas is one too."""
 
 ANGLE_UNITS = {"rad": 1.0, "gon": math.pi / 200.0, "degree": math.pi / 180.0}
@@ -88,13 +91,13 @@ def observations_of(table: Table, angles: str = "rad") -> FieldBook:
 class _Book:
     """A field book that is filled from columns, set-up by set-up."""
 
-    def __init__(self, columns: Mapping[str, list[Any]], unit: float) -> None:
+    def __init__(self, columns: Mapping[str, list[Cell]], unit: float) -> None:
         self._given = columns
         self._unit = unit
         self._n = len(columns["type"])
         self._book = Columns()
         self._book.files.append(FILE)
-        self._setups: dict[tuple[str, Any], int] = {}
+        self._setups: dict[tuple[str, Cell], int] = {}
 
     def filled(self) -> FieldBook:
         """The book with all rows."""
@@ -155,7 +158,7 @@ class _Book:
         return self._setups[key]
 
 
-def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str]) -> dict[str, list[Any]]:
+def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str]) -> dict[str, list[Cell]]:
     """The columns as lists of one length; those that are missing or unknown are an error."""
     names = [str(name) for name in table.keys()]  # noqa: SIM118  # a data frame gives its columns by keys()
     missing = [name for name in wanted if name not in names]
@@ -171,7 +174,7 @@ def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str
 
 
 def _numbers(
-    what: str, name: str, values: Sequence[Any] | None, n: int, empty: float
+    what: str, name: str, values: Sequence[Cell] | None, n: int, empty: float
 ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """(n,) numbers of a column; what is empty, or a missing column, has the value given."""
     found = np.full(n, empty)
@@ -183,5 +186,5 @@ def _numbers(
     return found
 
 
-def _is_empty(value: Any) -> bool:
+def _is_empty(value: Cell) -> bool:
     return value is None or value == "" or (isinstance(value, float) and math.isnan(value))

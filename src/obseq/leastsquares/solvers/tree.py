@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
 """Operations, entries of a front and of its panel treated in one second; seconds spent on any front."""
 
+Numbers = Any
+"""A number, or an array of them."""
 
-def front_seconds(width: Any, below: Any) -> Any:
+
+def front_seconds(width: Numbers, below: Numbers) -> Numbers:
     """What fronts cost to assemble and factor; the proportions matter more than the unit."""
     operations = width * (width * (width / 3.0 + below) + below * below)
     front = width + below
