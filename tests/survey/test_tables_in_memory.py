@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.survey import Network
+from obseq.survey import Network, network_from_tables
 
 POINTS = {
     "name": ["PtA", "PtB", "PtC", "PtD"],
@@ -34,7 +34,7 @@ def observations() -> dict[str, list]:
 
 def made(**changes) -> Network:
     table = observations() | changes.pop("observations", {})
-    return Network.from_tables(POINTS | changes, table, points_crs="IGNF:LAMB93", angles="gon")
+    return network_from_tables(POINTS | changes, table, points_crs="IGNF:LAMB93", angles="gon")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_results_come_back_as_columns(adjusted) -> None:
 
 def test_data_frames_go_in_and_come_out(adjusted) -> None:
     pandas = pytest.importorskip("pandas")
-    again = Network.from_tables(
+    again = network_from_tables(
         pandas.DataFrame(POINTS), pandas.DataFrame(observations()), points_crs="IGNF:LAMB93", angles="gon"
     ).adjust()
     assert again.sigma0 == adjusted.sigma0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obseq.record import EllipseRecord
 
 Column = dict[str, Any]
-Table = dict[str, Any]
+Table = Column
 
 PLACES = {"m": 5, "rad": 9}
 """Decimals of coordinates and observed values on the page: more than it shows in any unit."""
@@ -62,7 +62,9 @@ def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more
     return column(title, quantity, (None if row is None else small(value(row)) for row in parts), **more)
 
 
-def element(title: str, quantity: str, parts: Iterable[Any], k: int, **more: object) -> Column:
+def element(
+    title: str, quantity: str, parts: Iterable[Sequence[float] | None], k: int, **more: object
+) -> Column:
     """A column of one element of tuples of which some may be missing."""
     return column(title, quantity, (None if row is None else small(row[k]) for row in parts), **more)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
 from obseq.report import units
@@ -26,15 +26,15 @@ from obseq.report.quality import ellipse_level
 from obseq.report.rows import short_names, unit_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from obseq.record import AdjustmentRecord, ObservationRecord
+    from obseq.record import AdjustmentRecord, ObservationRecord, StatisticsRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
 
 
-def content(record: AdjustmentRecord) -> dict[str, Any]:
+def content(record: AdjustmentRecord) -> Table:
     """Names of points, plan, tables and iterations of an adjustment.
 
     A table has columns; a column a title, a quantity (how its numbers are shown), and values.
@@ -262,7 +262,7 @@ def _by_station(record: AdjustmentRecord, rows: Rows) -> Table | None:
     return _statistics("station", first, record.setups or ())
 
 
-def _statistics(kind: str, first: Column, found: Any) -> Table | None:
+def _statistics(kind: str, first: Column, found: Sequence[StatisticsRecord]) -> Table | None:
     """The table of how the observations of each type or from each point fit."""
     if not found:
         return None

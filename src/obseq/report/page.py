@@ -3,7 +3,6 @@
 import json
 from importlib.resources import files
 from string import Template
-from typing import Any
 
 from obseq.arguments import expecting, instance
 from obseq.plain import finite
@@ -51,7 +50,7 @@ def _part(name: str) -> str:
     return files("obseq.report").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def _embedded(plain: dict[str, Any]) -> str:
+def _embedded(plain: dict[str, object]) -> str:
     """JSON inside an element of HTML: nothing in it ends the element."""
     text = json.dumps(finite(plain), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.report.quality import ellipse_level
 
@@ -13,7 +13,7 @@ KNOWN, STATION, UNDETERMINED = 1, 2, 4
 """Marks of points, added up; the script of the page has the same."""
 
 
-def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, Any]:
+def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
     """The plan; `rows` gives the number of each name, points of the record first."""
     stations = {row.origin for row in record.observations if row.active}
     places: list[tuple[float | None, float | None]] = [(None, None)] * len(rows)

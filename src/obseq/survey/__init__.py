@@ -9,6 +9,7 @@ from obseq.survey.files.cor import read_cor, write_cor
 from obseq.survey.files.obs import read_obs, write_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.former import find
+from obseq.survey.in_memory import network_from_tables
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import KINDS
@@ -52,6 +53,7 @@ __all__ = [
     "join",
     "make_points",
     "merge_points",
+    "network_from_tables",
     "plan",
     "read_cor",
     "read_obs",

@@ -25,10 +25,10 @@ from obseq.arguments import (
 )
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.stopwatch import Stopwatch
-from obseq.survey.adjustment.adjusted_records import place_records
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import Computation, equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held, is_free_standing, without_azimuths
+from obseq.survey.adjustment.drawing import network_html
 from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.plumb import Plumb
@@ -44,7 +44,6 @@ from obseq.survey.files.projects import read_project
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join, merge_points
-from obseq.survey.tables import observations_of, points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -54,7 +53,6 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.findings import GrossError
-    from obseq.survey.tables import Table
 
 MAX_ITERATIONS = 25
 _LOG = logging.getLogger(__name__)
@@ -153,7 +151,7 @@ class Network:
                 if point_sigma is not None:
                     options = replace(options, sigma=point_sigma)
                 points = _read_free_format(point_files, point_format, options)
-        return cls._assembled(points, book, frame, points_crs, refraction, watch)
+        return cls.assembled(points, book, frame, points_crs, refraction, watch)
 
     @classmethod
     @expecting(
@@ -201,59 +199,17 @@ class Network:
             project = read_project(paths, chosen)
         coefficient = project.refraction if refraction is None else refraction
         definition = frame or project.frame
-        network = cls._assembled(
+        network = cls.assembled(
             project.points, project.book, definition, project.points_crs, coefficient, watch
         )
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
         return replace(network, unit_sigma=project.unit_sigma, datum=datum)
 
-    @classmethod
-    @expecting(frame=TEXT | NOTHING, points_crs=TEXT | NOTHING, angles=TEXT, refraction=NUMBER)
-    def from_tables(
-        cls,
-        points: Table,
-        observations: Table,
-        frame: str | None = None,
-        points_crs: str | None = None,
-        angles: str = "rad",
-        refraction: float = crs.REFRACTION_COEFFICIENT,
-    ) -> Network:
-        """A network from tables in memory: data frames, or dictionaries of columns.
-
-        Args:
-            points: The points (`obseq.survey.tables.points_of` says which columns).
-            observations: The observations (`obseq.survey.tables.observations_of`).
-            frame: Definition of the computation frame, as for `read`.
-            points_crs: Definition of the system of the points; without it the frame.
-            angles: Unit of angles in the table: "rad", "gon" or "degree".
-            refraction: Coefficient of zenith angles.
-
-        Raises:
-            InputError: Something in the tables is wrong; the message names the row.
-        """
-        watch = Stopwatch()
-        with watch.phase("read"):
-            given, book = points_of(points), observations_of(observations, angles)
-        return cls._assembled(given, book, frame, points_crs, refraction, watch)
-
     def _repr_html_(self) -> str:
-        """What a notebook shows: what it consists of, and a plan of the points that have coordinates."""
-        from obseq.report.notebook import network_html
-
-        points, book = self.points, self.book
-        names, observations = book.point_names, book.observations
-        ends = zip(observations.from_points.tolist(), observations.to_points.tolist(), strict=True)
-        known = int((~points.is_free).any(axis=1).sum())
-        return network_html(
-            place_records(points),
-            ((names[a], names[b]) for a, b in ends),
-            {names[row] for row in book.stations.origins.tolist()},
-            f"{len(points)} points ({known} known), {len(observations)} observations, "
-            f"{len(book.stations)} stations; frame {self.frame.system.definition}",
-        )
+        return network_html(self.points, self.book, self.frame)
 
     @classmethod
-    def _assembled(
+    def assembled(
         cls,
         points: Points,
         book: FieldBook,

@@ -10,12 +10,10 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
-from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,
     EllipseRecord,
-    GlobalTestRecord,
     IterationRecord,
     ObservationRecord,
     PhaseRecord,
@@ -30,8 +28,11 @@ from obseq.survey.adjustment.adjusted_records import (
     by_type,
     columns_of,
     ellipsoids,
+    finite_number,
+    global_test_record,
     known_letters,
     moves,
+    roots_of_diagonals,
 )
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
@@ -220,7 +221,7 @@ class Adjustment:
             iterations=tuple(IterationRecord(step.sigma0, step.max_step) for step in solution.iterations),
             sigma0=solution.sigma0,
             variance_factor=solution.variance_factor,
-            global_test=_global_test(solution),
+            global_test=global_test_record(solution),
             reliability=self.quality.reliability,
             snooping=self.quality.snooping,
             variance_components=self.quality.components,
@@ -269,8 +270,7 @@ class Adjustment:
     def _inner(self) -> Sequence[tuple[float, ...] | None]:
         if self.inner is None:
             return [None] * len(self.points.names)
-        variances = np.diagonal(self.inner, axis1=1, axis2=2)
-        return [tuple(row) for row in np.sqrt(np.maximum(variances, 0.0)).tolist()]
+        return roots_of_diagonals(self.inner)
 
     def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
         if not self.quality.ellipsoids:
@@ -306,7 +306,6 @@ class Adjustment:
         return columns if package is None else as_table(columns, package)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the outcome, the plan, the worst observations, the points."""
         from obseq.report.notebook import adjustment_html
 
         return adjustment_html(self.record())
@@ -333,8 +332,8 @@ class Adjustment:
                 normalised_residual=residual / sigma,
                 file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
                 line=int(points.lines[row]),
-                redundancy=None if quality is None else _number(quality.redundancy[k]),
-                standardised_residual=None if quality is None else _number(quality.standardised[k]),
+                redundancy=None if quality is None else finite_number(quality.redundancy[k]),
+                standardised_residual=None if quality is None else finite_number(quality.standardised[k]),
             )
 
     def _observations(self) -> Iterator[ObservationRecord]:
@@ -392,14 +391,6 @@ class Adjustment:
         }
 
 
-def _global_test(solution: LeastSquaresResult) -> GlobalTestRecord | None:
-    if solution.redundancy <= 0 or solution.variance_factor is None:
-        return None
-    test = global_test(solution)
-    lower, upper = test.sigma0_limits
-    return GlobalTestRecord(test.sigma0, lower, upper, test.level, test.p_value, test.passed)
-
-
 def _point_records(points: AdjustedPoints, ellipses: Iterator[EllipseRecord]) -> Iterator[PointRecord]:
     upper = points.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
     numbers = [points.coordinates, points.precisions, points.crs_coordinates, points.crs_precisions]
@@ -407,7 +398,3 @@ def _point_records(points: AdjustedPoints, ellipses: Iterator[EllipseRecord]) ->
     for name, row, covariance, ellipse in zip(points.names, rows, upper.tolist(), ellipses, strict=True):
         keys = dict(zip(COORDINATES, row, strict=True))
         yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq import crs
-from obseq.record import EllipsoidRecord, OperationRecord, PointRecord, StatisticsRecord, defined
+from obseq.leastsquares.statistics.hypothesis_tests import global_test
+from obseq.record import (
+    EllipsoidRecord,
+    GlobalTestRecord,
+    OperationRecord,
+    PointRecord,
+    StatisticsRecord,
+    defined,
+)
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
@@ -16,6 +24,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.model import FieldBook, Points
 
 _LEAST_REDUNDANCY = 1e-6
@@ -121,7 +130,27 @@ def place_records(points: Points) -> list[PointRecord]:
     ]
 
 
-def columns_of(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+def columns_of(records: Sequence[Mapping[str, object]]) -> dict[str, list[Any]]:
     """Plain records as columns: all keys that any has, None where one lacks it."""
     names = list(dict.fromkeys(name for record in records for name in record))
     return {name: [record.get(name) for record in records] for name in names}
+
+
+def global_test_record(solution: LeastSquaresResult) -> GlobalTestRecord | None:
+    """The chi-square test of the variance factor; None without redundancy."""
+    if solution.redundancy <= 0 or solution.variance_factor is None:
+        return None
+    test = global_test(solution)
+    lower, upper = test.sigma0_limits
+    return GlobalTestRecord(test.sigma0, lower, upper, test.level, test.p_value, test.passed)
+
+
+def roots_of_diagonals(covariances: FloatArray) -> list[tuple[float, ...]]:
+    """Standard deviations of covariances (n, 3, 3)."""
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    return [tuple(row) for row in np.sqrt(np.maximum(variances, 0.0)).tolist()]
+
+
+def finite_number(value: float) -> float | None:
+    """The number as a record holds it: None where it is not finite."""
+    return float(value) if np.isfinite(value) else None

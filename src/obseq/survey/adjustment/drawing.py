@@ -1,0 +1,27 @@
+"""What a notebook shows of a network before it is adjusted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from obseq.survey.adjustment.adjusted_records import place_records
+
+if TYPE_CHECKING:
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.model import FieldBook, Points
+
+
+def network_html(points: Points, book: FieldBook, frame: Frame) -> str:
+    """What a network consists of, and a plan of the points that have coordinates."""
+    from obseq.report import notebook
+
+    names, observations = book.point_names, book.observations
+    ends = zip(observations.from_points.tolist(), observations.to_points.tolist(), strict=True)
+    known = int((~points.is_free).any(axis=1).sum())
+    return notebook.network_html(
+        place_records(points),
+        ((names[a], names[b]) for a, b in ends),
+        {names[row] for row in book.stations.origins.tolist()},
+        f"{len(points)} points ({known} known), {len(observations)} observations, "
+        f"{len(book.stations)} stations; frame {frame.system.definition}",
+    )
