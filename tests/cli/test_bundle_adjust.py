@@ -38,18 +38,24 @@ def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling)
     assert "converged" in capsys.readouterr().out
 
 
-def test_a_rigid_block_of_the_tree_joins(panel, shared_data):
+def test_a_rigid_block_of_the_tree_joins(panel, shared_data, capsys):
     data = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
     expected = data["independent_adjustments"]["rigid_block_from_BA"]
     project = f"--project={panel}"
     main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", project])
     words = ["GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]]", "BRDirIn=Rig", "BRW=[1e-2,1e-5]", "OutRigBlock=Rig2"]
     code = main(["bundle-adjust", ".*", "BA", "Mine", *words, project, f"--json={panel / 'r.json'}"])
-    assert code == 0  # an exposure with one image is no fault
+    assert code == 0  # an exposure with one image is no fault, but it is said
+    record = json.loads((panel / "r.json").read_text())
+    (alone,) = record["unpaired"]
+    assert "has no image that is adjusted" in alone["reason"]
+    out = capsys.readouterr().out
+    assert "Not in pairs of their rigid blocks (1)" in out
+    assert alone["name"] in out
     # MMVII counts twelve equations where a pair has six: 19 pairs here
     redundancy = expected["n_equations"] - expected["n_unknowns"]
     sigma0 = expected["sigma0"] * (redundancy / (redundancy - 6 * 19)) ** 0.5
-    assert json.loads((panel / "r.json").read_text())["sigma0"] == pytest.approx(sigma0, rel=1e-6)
+    assert record["sigma0"] == pytest.approx(sigma0, rel=1e-6)
     assert (panel / "MMVII-PhgrProj/RigBlock/Rig2/RigidBloc_TheBloc.xml").is_file()
 
 

@@ -78,6 +78,10 @@ def test_the_rigid_block(panel, capsys, expected):
     out = capsys.readouterr().out
     assert "043 -> 671: 19 exposures, translation 586.893700 -0.082228 70.455691" in out
     assert "SigmaTr 0.13286, SigmaRot 0.000148876" in out
+    poses, _ = read_orientation(panel / "MMVII-PhgrProj/Ori/BA")
+    taken = [image.split("_")[1] for image in poses.images]
+    (alone,) = (exposure for exposure in taken if taken.count(exposure) == 1)
+    assert f"exposure {alone} has no image of camera" in out
     block = read_block(panel / "MMVII-PhgrProj/RigBlock/Block/RigidBloc_TheBloc.xml")
     np.testing.assert_allclose(block.poses["671"].centre, [586.893700, -0.082228, 70.455691], atol=5e-7)
     assert block.exposures(["043_0005_Scaled.tif"]) == {"0005": {"043": "043_0005_Scaled.tif"}}

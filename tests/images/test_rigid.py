@@ -154,6 +154,13 @@ def test_exposures_that_do_not_fit_are_named():
     wrong = Poses(poses.images, moved, poses.rotations, poses.cameras)
     _, statistics = initial_block(wrong, Exposures.of(poses.images, r"([ABC])_(\d+).tif"), "A")
     assert [pair.misfits for pair in statistics] == [("3",), ()]
+    rest = [row for row, image in enumerate(poses.images) if image not in ("A_1.tif", "C_2.tif")]
+    _, statistics = initial_block(
+        poses.select([poses.images[row] for row in rest]),
+        Exposures.of(poses.images, r"([ABC])_(\d+).tif"),
+        "A",
+    )
+    assert [pair.missing for pair in statistics] == [(("1", "A"),), (("1", "A"), ("2", "C"))]
 
 
 def test_missing_images_are_counted_and_a_mixed_project_is_no_error():

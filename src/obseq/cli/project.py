@@ -242,7 +242,9 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
         lines.append(f"{which}, translation {shift}, {scatter}")
         off = [name for name, fits in zip(pair.exposures, pair.fits, strict=True) if not fits]
         lines += [f"exposure {name} does not fit the block" for name in off]
+        lines += [f"exposure {name} has no image of camera {camera}" for name, camera in pair.missing]
         passed = passed and not off
+    lines += [f"not in the block: {image} is not as {arguments.pattern}" for image in exposures.others]
     places = {name: block.places[name] for name in block.places}
     camera, exposure = arguments.groups
     written = BlockFile(block.name, block.master, arguments.pattern, camera, exposure, places, {})

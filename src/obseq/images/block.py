@@ -36,7 +36,8 @@ MARGIN = 10.0
 class Block:
     """Cameras, images, points and measures, by name; nothing is computed here.
 
-    What is added is checked at once: names, numbers, and that measures lie in their images.
+    What is added is checked at once: names, numbers, and that measures lie in their images. `notes` are what
+    a reader of files found there and has no use for; they are in what is printed of a solution.
     """
 
     cameras: dict[str, Camera] = field(default_factory=dict)
@@ -56,6 +57,7 @@ class Block:
     fixed_centres: list[re.Pattern[str]] = field(default_factory=list)
     fixed_rotations: list[re.Pattern[str]] = field(default_factory=list)
     viscosity: tuple[float | None, float | None] = (None, None)
+    notes: list[str] = field(default_factory=list)
 
     # What is known
 

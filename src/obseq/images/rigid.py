@@ -85,10 +85,22 @@ class Exposures:
 
     def pairs(self, first: int, second: int) -> tuple[IntArray, IntArray, IntArray]:
         """Rows of the images of two cameras that were exposed together, and the exposures."""
-        row = np.full((len(self.cameras), len(self.names)), -1, dtype=np.int64)
-        row[self.camera, self.exposure] = np.arange(len(self.images))
+        row = self._rows()
         both = np.flatnonzero((row[first] >= 0) & (row[second] >= 0))
         return row[first, both], row[second, both], both
+
+    def missing(self, first: int, second: int) -> tuple[tuple[str, str], ...]:
+        """Exposures with an image of only one of two cameras, and the camera that has none."""
+        there = self._rows()[[first, second]] >= 0
+        cameras = self.cameras[second], self.cameras[first]
+        alone = np.flatnonzero(there[0] != there[1]).tolist()
+        return tuple((self.names[k], cameras[int(there[1, k])]) for k in alone)
+
+    def _rows(self) -> IntArray:
+        """(cameras, exposures) rows of the images; -1 where there is none."""
+        row = np.full((len(self.cameras), len(self.names)), -1, dtype=np.int64)
+        row[self.camera, self.exposure] = np.arange(len(self.images))
+        return row
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +118,7 @@ class PairStatistics:
         sigma_rotation: the same for the Frobenius norm of the difference of matrices (MMVII's; about
             sqrt(2) times an angle).
         fits: (n,) False for exposures that are off by far more than the others.
+        missing: exposures that have an image of only one of the two, and the camera that has none.
     """
 
     first: str
@@ -117,6 +130,7 @@ class PairStatistics:
     sigma_translation: float
     sigma_rotation: float
     fits: BoolArray
+    missing: tuple[tuple[str, str], ...] = ()
 
     @property
     def sigmas(self) -> Sigmas:
@@ -218,6 +232,7 @@ def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str)
         _spread(shifts),
         _spread(turns),
         _fitting(relative),
+        exposures.missing(int(a), int(b)),
     )
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch, LeastSquares
 
 GROUP = "rigid blocks"
+MOST_NAMES = 5
 ROTATION_ENTRIES = np.sqrt(2.0)
 """Sigma of the entries of a matrix over that of the angle: nine squares sum up to twice that of the angle."""
 
@@ -168,7 +169,7 @@ def pairs_of(block: RigidBlock, images: Sequence[str]) -> Pairs:
         if image in number
     }
     place = {camera: k for k, camera in enumerate(block.places.images)}
-    rows, names, sigmas, missing = [], [], [], []
+    rows, names, sigmas, missing = [], [], [], _outside(block)
     for (first, second), pair_sigmas in block.pairs.items():
         for exposure in exposures.names:
             ends = there.get((first, exposure)), there.get((second, exposure))
@@ -183,6 +184,13 @@ def pairs_of(block: RigidBlock, images: Sequence[str]) -> Pairs:
     first_image, second_image, a, b = np.array(rows, dtype=np.int64).T
     cameras = np.column_stack([a, b])
     return Pairs(first_image, second_image, cameras, tuple(names), np.array(sigmas), tuple(missing))
+
+
+def _outside(block: RigidBlock) -> list[LeftOut]:
+    others = block.exposures.others
+    listed = ", ".join(others[:MOST_NAMES]) + (", ..." if len(others) > MOST_NAMES else "")
+    reason = f"{len(others)} images are of none of its exposures: {listed}"
+    return [LeftOut("images", f"block {block.name}", reason)] if others else []
 
 
 def _missing(

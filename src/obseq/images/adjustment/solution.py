@@ -143,7 +143,7 @@ class BundleSolution:
 
     @property
     def unpaired(self) -> tuple[LeftOut, ...]:
-        """Exposures of rigid blocks that lack an image of a pair of cameras."""
+        """Exposures of rigid blocks that lack an image of a pair of cameras, and images of no exposure."""
         return tuple(item for part in self.equations.rigid for item in part.pairs.missing)
 
     @property

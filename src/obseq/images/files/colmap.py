@@ -1,5 +1,6 @@
 """COLMAP's sparse models: `cameras`, `images`, `points3D`, read as text or binary, written as text.
 
+Rigs and frames (`rigs`, `frames`) are not read: each image has a pose of its own, and the block a note on it.
 Poses go from world to camera, x right, y down, z forward; the centre of the first pixel is (0.5, 0.5), as it
 stays here. COLMAP's p1 is our p2, and its p2 our p1.
 """
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.files.colmap_model import ColmapCamera, ColmapImage, ColmapModel
 
+UNREAD = ("rigs", "frames")
+"""Files of rigid blocks, since version 3.12."""
+
 
 def read_colmap(folder: str | Path) -> BundleAdjustment:
     """The block of a sparse model, text or binary; points keep their numbers as names, images their names.
@@ -47,7 +51,15 @@ def read_colmap(folder: str | Path) -> BundleAdjustment:
         raise InputError(f"{place}: camera {missing[0].camera} of image {missing[0].name} is not in cameras")
     block.add_poses(_poses(place, model.images, cameras))
     _add_points(block, place, model)
+    block.notes.extend(_unread(place))
     return block
+
+
+def _unread(place: Path) -> Iterator[str]:
+    found = [name for stem in UNREAD for name in (f"{stem}.bin", f"{stem}.txt") if (place / name).is_file()]
+    if found:
+        files = " and ".join(found)
+        yield f"{place}: {files}: rigs are not read; each image has a pose of its own (add_rigid_block)"
 
 
 def _poses(place: Path, images: list[ColmapImage], cameras: dict[int, Camera]) -> Poses:

@@ -70,6 +70,7 @@ def _facts(record: BundleRecord) -> str:
         f"weighted sums of squares: {squares}",
         f"{len(record.left_out)} things left out, {record.weakened} image points with less than half of "
         f"their weight, {len(record.behind)} behind their camera (at the end of this page)",
+        *(f"note: {escaped(note)}" for note in record.notes),
         f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
     ]
     return "".join(f"<p>{line}</p>" for line in lines)
@@ -193,6 +194,10 @@ def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
     ]
     if left:
         yield f"<h2>Left out</h2>{_table(('what', 'name', 'reason'), left[:MOST_ROWS], len(left))}"
+    apart = [(item.kind, item.name, item.reason) for item in record.unpaired]
+    if apart:
+        title = "Not in pairs of their rigid blocks"
+        yield f"<h2>{title}</h2>{_table(('what', 'name', 'reason'), apart[:MOST_ROWS], len(apart))}"
     found = solution.residuals
     weak = np.flatnonzero(found.weights < HALF)
     if weak.size:

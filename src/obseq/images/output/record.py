@@ -1,6 +1,7 @@
 """The record of a bundle adjustment: what is computed once, written as JSON, and printed.
 
-Format "obseq-bundle", version 2 (1 had no `residuals`). Coordinates are in the unit of the world; radians,
+Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no
+`unpaired` and `notes`). Coordinates are in the unit of the world; radians,
 pixels. A number that is not defined is None, and null in the file.
 """
 
@@ -16,13 +17,14 @@ from obseq.plain import to_plain
 from obseq.record import IterationRecord, RunRecord, new_run
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.adjustment.start import LeftOut
 
 FORMAT = "obseq-bundle"
-VERSION = 2
+VERSION = 3
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""
 
@@ -150,6 +152,8 @@ class BundleRecord:
         precision: "a posteriori": scaled by sigma0; "a priori": not; "none": not computed.
         squares: weighted sums of squares by kind of observation.
         stopped: why the iterations ended.
+        unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
+        notes: what a file held and nothing here uses.
         behind: image points whose point is behind the camera in the end.
         worst: the largest residuals, in sigmas.
         residuals: of all image points.
@@ -168,6 +172,8 @@ class BundleRecord:
     images: tuple[ImageRecord, ...]
     points: tuple[BlockPointRecord, ...]
     left_out: tuple[BlockLeftOutRecord, ...]
+    unpaired: tuple[BlockLeftOutRecord, ...]
+    notes: tuple[str, ...]
     behind: tuple[ImagePointRecord, ...]
     weakened: int
     worst: tuple[ImagePointRecord, ...]
@@ -203,13 +209,19 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         tuple(_cameras(solution, precisions)),
         tuple(_images(solution, precisions)),
         tuple(_points(solution, precisions)),
-        tuple(BlockLeftOutRecord(item.kind, item.name, item.reason) for item in solution.left_out),
+        _left_out(solution.left_out),
+        _left_out(solution.unpaired),
+        tuple(solution.block.notes),
         tuple(_image_points(solution, np.flatnonzero(solution.is_behind))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
         _residuals(solution),
         new_run(),
     )
+
+
+def _left_out(items: Iterable[LeftOut]) -> tuple[BlockLeftOutRecord, ...]:
+    return tuple(BlockLeftOutRecord(item.kind, item.name, item.reason) for item in items)
 
 
 def _precision(solution: BundleSolution) -> str:

@@ -11,7 +11,7 @@ from obseq.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.images.output.record import BundleRecord, CameraRecord
+    from obseq.images.output.record import BlockLeftOutRecord, BundleRecord, CameraRecord
 
 MOST = 12
 """Rows of a table before it is cut."""
@@ -24,7 +24,9 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         *(_camera(camera) for camera in record.cameras[:3]),
         _images(record),
         _points(record),
-        _left_out(record),
+        _list("Left out", record.left_out),
+        _list("Not in pairs of their rigid blocks", record.unpaired),
+        "".join(f"note: {note}\n" for note in record.notes),
         _worst(record),
         "".join(f"written: {name}\n" for name in files),
     ]
@@ -101,11 +103,11 @@ def _points(record: BundleRecord) -> str:
     )
 
 
-def _left_out(record: BundleRecord) -> str:
-    if not record.left_out:
+def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
+    if not items:
         return ""
-    rows = [(item.kind, item.name, item.reason) for item in record.left_out]
-    return f"Left out ({len(rows)})\n" + _table(("what", "name", "reason"), rows)
+    rows = [(item.kind, item.name, item.reason) for item in items]
+    return f"{title} ({len(rows)})\n" + _table(("what", "name", "reason"), rows)
 
 
 def _worst(record: BundleRecord) -> str:
