@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from threading import RLock
 from typing import TYPE_CHECKING
@@ -13,6 +14,8 @@ from obseq.compilation.functions import DIGITS
 from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.compilation.functions import Function
     from obseq.compilation.signatures import Signature
 
@@ -58,7 +61,7 @@ class Routine:
             self.origin = "object"
             return address
         try:
-            return self._loaded()
+            return _completed(self._loaded)
         except ModuleNotFoundError as error:
             raise ObseqError(
                 f"{self.symbol} is not among the functions compiled ahead of time, and {error.name}, which "
@@ -79,6 +82,16 @@ class Routine:
             self.origin = "numba"
             cache.write(self.symbol, code)
         return host.load(code, self.symbol)
+
+
+def _completed(work: Callable[[], int]) -> int:
+    """Work done by another thread, since only the first one is interrupted: it is done whole.
+
+    The import of a compiler that ends half-way is of no use to the process any more. An interruption is
+    raised when the work is done.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work).result()
 
 
 def origins() -> dict[str, str]:
