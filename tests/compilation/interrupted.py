@@ -66,7 +66,8 @@ def main(delay: float, count: int) -> None:
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     chance = random.Random(5)
     delays = [delay, *(max(1e-3, chance.random() * LONGEST) for _ in range(count))]
-    print(sum(is_interrupted(multiplied_sum(k + 1.0), wait, 12.0 * (k + 1)) for k, wait in enumerate(delays)))
+    trials = (is_interrupted(multiplied_sum(k + 1.0), wait, 12.0 * (k + 1)) for k, wait in enumerate(delays))
+    sys.stdout.write(f"{sum(trials)}\n")
 
 
 if __name__ == "__main__":
