@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from obseq.cli.own_formulas import use_formulas
 from obseq.cli.parsing import finite_number, positive_number
 from obseq.errors import InputError
 
@@ -73,6 +74,13 @@ def _add_files(command: argparse.ArgumentParser) -> None:
     )
     files.add_argument(
         "--geoid", type=Path, metavar="FILE", help="geoid heights and deflections, for files that need them"
+    )
+    files.add_argument(
+        "--formulas",
+        nargs="+",
+        type=Path,
+        metavar="FILE.py",
+        help="formulas of your own, which tables of observations name; these files are run, so trust them",
     )
     files.add_argument("--encoding", metavar="NAME", help="encoding of point names, such as latin-1 (UTF-8)")
     files.add_argument(
@@ -145,6 +153,8 @@ def source_of(arguments: argparse.Namespace) -> Source:
     Raises:
         InputError: no files are named, or a project with what it says itself.
     """
+    for path in arguments.formulas or ():
+        use_formulas(path)
     reading = given(
         {
             "encoding": arguments.encoding,

@@ -12,7 +12,7 @@ from obseq.survey.former import find
 from obseq.survey.in_memory import network_from_tables
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.kinds.kind import ObservationKind
-from obseq.survey.kinds.registry import KINDS
+from obseq.survey.kinds.registry import KINDS, kind_of_formula
 from obseq.survey.model import (
     FieldBook,
     Observations,
@@ -51,6 +51,7 @@ __all__ = [
     "estimating",
     "initial_values",
     "join",
+    "kind_of_formula",
     "make_points",
     "merge_points",
     "network_from_tables",

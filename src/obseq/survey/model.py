@@ -129,10 +129,12 @@ class Group:
     Attributes:
         name: For messages.
         parent: The group whose unknowns it has besides its own (an axis, of a turning target); -1 for none.
+        numbers: What the formula of its observations takes before the value, where files give that.
     """
 
     name: str
     parent: int = -1
+    numbers: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

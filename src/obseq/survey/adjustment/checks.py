@@ -9,7 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import station_names
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.registry import IS_ANGLE, KINDS
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 
 if TYPE_CHECKING:
     from obseq.errors import SingularSystemError
@@ -28,7 +28,7 @@ SHORTEST_HORIZONTAL = 1e-5
 def check_datum(points: Points, book: FieldBook) -> None:
     """Raises InputError when no coordinate of any point is known, or observed, or carries a datum."""
     observed = (
-        np.isin(book.observations.types, [kind.code for kind in KINDS if kind.is_absolute])
+        np.isin(book.observations.types, [kind.code for kind in BY_CODE.values() if kind.is_absolute])
         & book.observations.active
     )
     if points.is_free.all() and not points.in_datum.any() and not observed.any():

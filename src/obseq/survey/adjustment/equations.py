@@ -179,7 +179,7 @@ class Equations:
                 ids, parts, measured[:, -1], sigmas, labels=labels, group=kind.group
             )
         else:
-            formula = kind.formula + (WITH_OFFSETS if self._has_offsets(rows) else "")
+            formula = kind.equation(WITH_OFFSETS if self._has_offsets(rows) else "")
             batch = self.system.add(formula, blocks, measured, sigmas, labels=labels, group=kind.group)
         if covariance:
             batch.correlate_all(covariance)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.statistics.final_state import final_state
-from obseq.survey.kinds.registry import KINDS
+from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +82,7 @@ def _freed(points: Points, coordinates: FloatArray) -> Points:
 
 def _inner_book(book: FieldBook) -> FieldBook:
     """The observations without those that say where the network is."""
-    codes = [kind.code for kind in KINDS if kind.is_absolute or kind.name in DATUM_KINDS]
+    codes = [kind.code for kind in BY_CODE.values() if kind.is_absolute or kind.name in DATUM_KINDS]
     return book.without(np.isin(book.observations.types, codes))
 
 

@@ -57,6 +57,12 @@ class NetworkSite:
         """(n,) values as observed."""
         return np.asarray(self.book.observations.values[rows])
 
+    def numbers(self, rows: IntArray, n: int) -> FloatArray:
+        """(k, n) numbers that are given with observations besides their values."""
+        groups = self.book.observations.groups[rows].tolist()
+        given = [self.book.groups[group].numbers for group in groups] if n else []
+        return np.array(given, np.float64).reshape(len(rows), n)
+
     def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) observed height differences between the points, along the vertical of the frame."""
         return self.plumb.levelled(self.book, rows, coordinates)

@@ -91,9 +91,9 @@ class Columns:
         self._orientations.append(orientation)
         return len(self._origins) - 1
 
-    def open_group(self, name: str, parent: int = -1) -> int:
-        """Index of a new group of observations that share unknowns."""
-        self.groups.append(Group(name, parent))
+    def open_group(self, name: str, parent: int = -1, numbers: tuple[float, ...] = ()) -> int:
+        """Index of a new group of observations that share unknowns, or numbers that their formula takes."""
+        self.groups.append(Group(name, parent, numbers))
         return len(self.groups) - 1
 
     def append(self, measure: Measure, file: int, index: int) -> None:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, ObseqError
+from obseq.printable import printable
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.project import Project
 from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted, read_text
 from obseq.survey.kinds.directions import ANGLE, AZIM
 from obseq.survey.kinds.geodetic import CHORD, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DIST_HZ
-from obseq.survey.kinds.registry import KINDS
+from obseq.survey.kinds.registry import KINDS, kind_of_formula
 from obseq.survey.model import Orientation, Points, merge_points
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from obseq.survey.files.project import Reading
     from obseq.survey.files.text import TextFile
+    from obseq.survey.kinds.formulas import FormulaKind
     from obseq.survey.kinds.kind import ObservationKind
 
 SUFFIX = ".csv"
@@ -32,6 +34,8 @@ MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
 MORE_OF_OBSERVATIONS = (
     *("unit", "backsight", "set", "relative_sigma", "from_height", "to_height", "active", "remark"),
 )
+OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", "active", "remark")
+OWN_OF_FORMULAS = (*OF_FORMULAS, *MORE_OF_FORMULAS)
 ANGLES = {
     "rad": 1.0,
     "gon": math.pi / 200.0,
@@ -95,6 +99,31 @@ class Table:
         except ValueError as error:
             raise self.file.error(index, f"column {column}: {error}") from error
 
+    def unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
+        """What value and sigma of a row are multiplied by."""
+        units = ANGLES if kind.is_angle else LENGTHS
+        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
+        if name not in units:
+            raise self.file.error(
+                index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
+            )
+        return units[name]
+
+    def is_active(self, index: int, cells: dict[str, str]) -> bool:
+        """Whether a row is not switched off."""
+        text = cells.get("active", "").lower()
+        if text not in OFF:
+            raise self.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
+        return OFF[text]
+
+    def check_measure(self, index: int, kind: ObservationKind, value: float, sigma: float) -> None:
+        """Refuses a value that its kind cannot have, and a sigma that would be an infinite weight."""
+        if not sigma >= LEAST_SIGMA:
+            raise self.file.error(index, "column sigma: it is not positive; the weight would be infinite")
+        problem = kind.problem(value)
+        if problem is not None:
+            raise self.file.error(index, f"the {kind.words} {problem}; correct it, or active 0")
+
 
 def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     """Reads tables of points and of observations that belong together.
@@ -107,6 +136,8 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
         table = Table(read_text(path, reading.encoding))
         if "type" in table.columns:
             _Observations(table, columns).read()
+        elif "formula" in table.columns:
+            _Formulas(table, columns).read()
         else:
             points.append(_points(table))
     if not points or not len(columns):
@@ -162,15 +193,12 @@ class _Observations:
 
     def _measure(self, index: int, cells: dict[str, str]) -> Measure:
         table, kind = self._table, self._kind(index, cells)
-        unit = self._unit(index, cells, kind)
+        unit = table.unit(index, cells, kind)
         value = table.number(index, cells, "value") * unit
         sigma = table.number(index, cells, "sigma") * unit
-        is_active = self._is_active(index, cells)
-        if is_active and not sigma >= LEAST_SIGMA:
-            raise table.file.error(index, "column sigma: it is not positive; the weight would be infinite")
-        problem = kind.problem(value) if is_active else None
-        if problem is not None:
-            raise table.file.error(index, f"the {kind.words} {problem}; correct it, or active 0")
+        is_active = table.is_active(index, cells)
+        if is_active:
+            table.check_measure(index, kind, value, sigma)
         ends = self._ends(index, cells, kind)
         return Measure(
             kind,
@@ -194,21 +222,6 @@ class _Observations:
             )
         return kind
 
-    def _unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
-        units = ANGLES if kind.is_angle else LENGTHS
-        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
-        if name not in units:
-            raise self._table.file.error(
-                index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
-            )
-        return units[name]
-
-    def _is_active(self, index: int, cells: dict[str, str]) -> bool:
-        text = cells.get("active", "").lower()
-        if text not in OFF:
-            raise self._table.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
-        return OFF[text]
-
     def _ends(self, index: int, cells: dict[str, str], kind: ObservationKind) -> tuple[int, int, int]:
         names = [cells["from"], cells["to"] or (cells["from"] if kind.is_absolute else "")]
         if kind is ANGLE:
@@ -227,3 +240,63 @@ class _Observations:
             orientation = Orientation.FIX if key[2] else Orientation.VERT
             self._stations[key] = self._columns.open_station(origin, orientation)
         return self._stations[key]
+
+
+class _Formulas:
+    """Reads a table of observations of formulas: a column for each point and each number that these name."""
+
+    def __init__(self, table: Table, columns: Columns) -> None:
+        table.check(OF_FORMULAS, tuple(table.columns))
+        self._table, self._columns = table, columns
+        self._number = columns.open_file(table.file)
+
+    def read(self) -> None:
+        """Adds all rows."""
+        for index, cells in self._table.rows():
+            kind = self._kind(index, cells)
+            self._check(index, cells, kind)
+            self._columns.append(self._measure(index, cells, kind), self._number, index)
+
+    def _kind(self, index: int, cells: dict[str, str]) -> FormulaKind:
+        try:
+            return kind_of_formula(cells["formula"])
+        except ObseqError as error:
+            raise self._table.file.error(index, printable(str(error))) from error
+
+    def _check(self, index: int, cells: dict[str, str], kind: FormulaKind) -> None:
+        """Refuses cells that the formula does not take, and those that it lacks."""
+        taken = [name.lower() for name in (*kind.roles, *kind.numbers)]
+        if len({*OWN_OF_FORMULAS, *taken}) < len(OWN_OF_FORMULAS) + len(taken):
+            raise self._table.file.error(
+                index,
+                f"{kind.name}: its names {', '.join(taken)} repeat each other, or columns of all formulas "
+                f"({', '.join(OWN_OF_FORMULAS)}); rename them in the formula",
+            )
+        lacking = [name for name in taken if not cells.get(name)]
+        surplus = [name for name in cells if cells[name] and name not in (*OWN_OF_FORMULAS, *taken)]
+        if lacking or surplus:
+            what = f"column {lacking[0]} is missing or empty" if lacking else f"{surplus[0]} is none of them"
+            raise self._table.file.error(
+                index,
+                f"{kind.name} takes the points {', '.join(kind.roles)} and the numbers "
+                f"{', '.join(kind.numbers) or '(none)'}; {quoted(what)}",
+            )
+
+    def _measure(self, index: int, cells: dict[str, str], kind: FormulaKind) -> Measure:
+        table = self._table
+        unit = table.unit(index, cells, kind)
+        numbers = [table.number(index, cells, name.lower()) for name in kind.numbers]
+        value, sigma = (numbers[-1] * unit if numbers else 0.0), table.number(index, cells, "sigma") * unit
+        is_active = table.is_active(index, cells)
+        if is_active:
+            table.check_measure(index, kind, value, sigma)
+        group = self._columns.open_group(kind.name, numbers=tuple(numbers[:-1])) if numbers[1:] else -1
+        origin, target, third = self._points(index, cells, kind)
+        return Measure(kind, origin, target, value, sigma, is_active, group=group, backsight=third)
+
+    def _points(self, index: int, cells: dict[str, str], kind: FormulaKind) -> tuple[int, int, int]:
+        names = [cells[role.lower()] for role in kind.roles]
+        if len(set(names)) < len(names):
+            raise self._table.file.error(index, f"{kind.name}: it needs {len(names)} different points")
+        rows = [self._columns.point(self._table.file, index, name) for name in names]
+        return rows[0], rows[min(1, len(rows) - 1)], rows[2] if len(rows) > 2 else -1

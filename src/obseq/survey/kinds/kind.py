@@ -11,6 +11,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
+    from obseq.kernels import Kernel
 
 FULL_TURN = 2.0 * math.pi * (1.0 + 1e-12)
 
@@ -58,6 +59,9 @@ class Site(Protocol):
 
     def measured(self, rows: IntArray) -> FloatArray:
         """(n,) values as observed."""
+
+    def numbers(self, rows: IntArray, n: int) -> FloatArray:
+        """(k, n) numbers that are given with observations besides their values."""
 
     def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) observed height differences between the points themselves, along the vertical of the frame."""
@@ -184,6 +188,10 @@ class ObservationKind:
     def start_value(self, value: float, from_height: float, to_height: float) -> float:
         """What initial values make of a value: that between the points, on the axes of the station."""
         return value
+
+    def equation(self, suffix: str) -> str | Kernel:
+        """Its formula, or the variant of it that a suffix names."""
+        return self.formula + suffix
 
     def is_linear(self, site: Site) -> bool:
         """Whether its equation is linear rows instead of its formula."""

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from obseq.errors import InputError
+from obseq.kernels import load
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
+from obseq.survey.kinds.formulas import FormulaKind, kind_of
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.instruments import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
@@ -19,6 +22,7 @@ from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:
+    from obseq.kernels import Kernel
     from obseq.survey.kinds.kind import ObservationKind
 
 KINDS: tuple[ObservationKind, ...] = (
@@ -37,6 +41,41 @@ FAMILIES = {kind.group: tuple(other for other in KINDS if other.group == kind.gr
 IS_ANGLE: npt.NDArray[np.bool_] = np.zeros(256, np.bool_)
 """Of each code, whether it is an angle."""
 IS_ANGLE[[kind.code for kind in KINDS if kind.is_angle]] = True
+
+
+FIRST_OF_FORMULAS = 200
+"""Code of the first kind that is made from a formula; they end with the codes."""
+
+
+def kind_of_formula(formula: str | Kernel) -> FormulaKind:
+    """The kind of observations of a formula, made at the first call; files can name it from then on.
+
+    Args:
+        formula: A name of the catalogue or of a formula given before, or a compiled formula of the user's.
+
+    Raises:
+        FormulaError: No formula has that name.
+        InputError: The formula is not one of one to three points, with one residual.
+    """
+    known = BY_NAME.get(formula if isinstance(formula, str) else formula.name)
+    if isinstance(known, FormulaKind) and isinstance(formula, str):
+        return known
+    code = known.code if isinstance(known, FormulaKind) else _next_code(formula)
+    kind = kind_of(load(formula) if isinstance(formula, str) else formula, code)
+    if known is not None and not isinstance(known, FormulaKind):
+        raise InputError(f"formula {kind.name}: an observation of another kind is called so; rename it")
+    BY_CODE[code] = BY_NAME[kind.name] = kind
+    FAMILIES[kind.group] = (kind,)
+    IS_ANGLE[code] = kind.is_angle
+    return kind
+
+
+def _next_code(formula: str | Kernel) -> int:
+    code = max(FIRST_OF_FORMULAS, max(BY_CODE) + 1)
+    if code >= len(IS_ANGLE):
+        most = len(IS_ANGLE) - FIRST_OF_FORMULAS
+        raise InputError(f"formula {formula}: more than {most} formulas are used as observations")
+    return code
 
 
 def codes(*kinds: ObservationKind) -> list[int]:
