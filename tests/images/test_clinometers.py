@@ -7,6 +7,9 @@ import scenes
 from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.images import BundleAdjustment, Clinometer, ControlPoints, Poses
+from obseq.images.output.page import page
+from obseq.images.output.record import record_of
+from obseq.images.output.summary import summary
 
 AXES = {"x": np.array([1.0, 0.02, -0.01]), "y": np.array([0.01, 0.1, 1.0])}
 SIGMA = 2e-4
@@ -43,6 +46,13 @@ def test_clinometers_level_a_block():
     solution = block.solve()
     labels, residuals = solution.clinometer_residuals()
     assert labels[0] == "clinometer x, image i0"
+    record = record_of(solution)
+    first, second = record.clinometers
+    np.testing.assert_array_equal([*first.residuals, *second.residuals], residuals)
+    assert (first.name, first.images[0]) == ("x", "i0")
+    np.testing.assert_array_equal(first.axis, solution.clinometer("x").axis)
+    assert f"{residuals[-1]:+.4g}" in page(solution, record)
+    assert "clinometer y" in summary(record)
     assert len(labels) == 16
     assert np.abs(residuals).max() < 4.0 * SIGMA
     assert np.sqrt(np.mean(residuals**2)) > 0.2 * SIGMA

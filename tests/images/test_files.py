@@ -1,6 +1,7 @@
 """Blocks in files: tables of ours, BAL, Bundler, COLMAP; and what is wrong with others."""
 
 import bz2
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from obseq.images.files.bal import read_bal, read_bundler, write_bal
 from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
 from obseq.images.files.colmap import read_colmap, write_colmap
 from obseq.images.output.clouds import camera_table, ply, pose_table
+from obseq.images.output.record import record_of
 
 
 def _written(tmp_path, name: str, text: str):
@@ -40,9 +42,27 @@ def test_tables_are_read_whatever_their_order(tmp_path):
     assert measures.point_names == ("P;1",)
 
 
+def test_a_backward_camera_stays_one(tmp_path):
+    head = "name width height focal backward K1\n"
+    forward, backward = read_cameras(_written(tmp_path, "c.csv", head + "a 9 9 9 0 1e-3\nb 9 9 9 1 1e-3\n"))
+    assert (forward.backward, backward.backward) == (False, True)
+    block, _, _ = scenes.block()
+    block.cameras["c"] = replace(block.cameras["c"], backward=True)
+    solution = block.solve()
+    (camera,) = read_cameras(_written(tmp_path, "c.csv", camera_table(solution)))
+    assert camera.backward
+    np.testing.assert_array_equal(camera.parameters, solution.cameras["c"].parameters)
+    assert record_of(solution).cameras[0].backward
+
+
 @pytest.mark.parametrize(
     ("reader", "text", "message"),
     [
+        (
+            read_cameras,
+            "name,width,height,focal,backward\nc,9,9,9,2\n",
+            r"f\.csv:2: backward is 0 or 1, not 2",
+        ),
         (read_cameras, "", r"f\.csv: the file has no line of column names"),
         (read_cameras, "name,width,height\n", r"f\.csv: column 'focal' is missing"),
         (read_cameras, "name,width,height,focal\nc,10,10\n", r"f\.csv:2: 3 fields for 4 columns"),

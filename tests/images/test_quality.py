@@ -6,6 +6,9 @@ import scenes
 
 from obseq.errors import InputError
 from obseq.images import BlunderSearch, ImagePoints
+from obseq.images.output.page import page
+from obseq.images.output.record import record_of
+from obseq.images.output.summary import summary
 from obseq.leastsquares import SnoopingEnd
 from obseq.leastsquares.statistics.final_state import final_state
 
@@ -97,6 +100,23 @@ def test_blunders_are_found_in_a_free_block_too():
 def test_nothing_is_left_out_where_nothing_is_wrong():
     solution = scenes.block()[0].solve(blunders=BlunderSearch(0.001))
     assert solution.blunders.rejected == ()
+
+
+def test_the_record_and_the_page_have_the_tests(clean):
+    solution, reliability = clean, clean.reliability()
+    record = record_of(solution)
+    found = record.reliability
+    assert found.redundancy == pytest.approx(reliability.redundancy.sum(), rel=1e-12)
+    assert found.tested + found.uncontrolled == reliability.w.size
+    assert found.beyond == np.count_nonzero(np.abs(reliability.w) > reliability.whole.w_critical)
+    worst, row = found.worst[0], reliability.worst(1)[0]
+    assert f"image {worst.image}, point {worst.point}" == reliability.label(row)
+    np.testing.assert_allclose(worst.w, reliability.w[row])
+    np.testing.assert_allclose(worst.detectable, reliability.detectable[row])
+    np.testing.assert_allclose(worst.blunder, -reliability.left_out[row])
+    assert f"{worst.detectable[0]:.3g}" in page(solution, record)
+    assert f"{found.beyond} of {found.tested} image coordinates beyond" in summary(record)
+    assert record_of(solution, precisions=False).reliability is None
 
 
 def test_reliability_takes_covariances(clean):

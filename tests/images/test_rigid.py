@@ -9,6 +9,8 @@ import scenes
 from obseq.errors import InputError
 from obseq.geometry import Pose, exponential
 from obseq.images import BundleAdjustment, ControlPoints, Exposures, Poses, initial_block
+from obseq.images.output.page import page
+from obseq.images.output.record import record_of
 
 PLACES = Pose(
     np.array([[0.0, 0, 0], [0.4, 0.02, 0.0], [-0.3, 0.1, 0.05]]),
@@ -178,7 +180,19 @@ def test_missing_images_are_counted_and_a_mixed_project_is_no_error():
         (item.kind, item.name) for item in solution.unpaired
     ]
     assert [(item.kind, item.name) for item in solution.left_out] == [("image", "B_2.tif")]
-    assert len(solution.rigid_residuals("TheBloc").exposures) == 11
+    residuals = solution.rigid_residuals("TheBloc")
+    assert len(residuals.exposures) == 11
+    record = record_of(solution)
+    (found,) = record.rigid_blocks
+    np.testing.assert_array_equal([item.translation for item in found.exposures], residuals.translations)
+    assert {(pair.first, pair.second): (pair.rms_translation, pair.rms_rotation) for pair in found.pairs} == (
+        residuals.scatter()
+    )
+    sigmas = [place.sigmas for place in found.places]
+    np.testing.assert_array_equal(sigmas, solution.rigid_place_precisions("TheBloc"))
+    shown = page(solution, record)
+    assert f"{residuals.rotations[0, 2]:+.4g}" in shown
+    assert "camera B has no image that is adjusted" in shown
 
 
 def test_what_cannot_be_a_rigid_block_is_refused():

@@ -2,11 +2,12 @@
 
 | table | columns |
 |---|---|
-| cameras | `name width height focal`, and as wanted `ppx ppy projection radial decentric general K1 ... b2` |
+| cameras | `name width height focal`; if wanted `ppx ppy projection radial decentric general K1 ... b2 backward` |
 | images | `image camera`, and for poses `x y z` with the angles of one form (degrees) or a quaternion |
 | control | `point x y z`, and `sigma` or `sx sy sz`: 0 is held, an empty field free |
 | measures | `image point x y`, and `sigma` or `sx sy` (pixels) |
 
+`backward` is 1 for a distortion that corrects the measured points (DBAT's), 0 else.
 Angles: `omega phi kappa` (photogrammetric), `w p k` (MMVII), `yaw pitch roll`, or `qw qx qy qz`.
 """
 
@@ -44,6 +45,7 @@ ANGLES = {
 DEGREE = re.compile(r"EqDist_Dist_Rad(\d+)_Dec(\d+)_XY(\d+)")
 CAMERA_COLUMNS = (
     "name", "width", "height", "focal", "ppx", "ppy", "projection", "radial", "decentric", "general",
+    "backward",
 )  # fmt: skip
 
 
@@ -60,6 +62,7 @@ def read_cameras(path: str | Path) -> list[Camera]:
     numbers = {name: table.numbers(name) for name in ("width", "height", "focal")}
     middle = [table.numbers(name, np.nan) for name in ("ppx", "ppy")]
     values = {column: table.numbers(column, 0.0) for column in coefficients}
+    backward = _flags(table, "backward")
     projections = table.texts("projection") if "projection" in table else [""] * len(table)
     found = []
     for row, name in enumerate(table.texts("name")):
@@ -75,11 +78,21 @@ def read_cameras(path: str | Path) -> list[Camera]:
                     degrees[row],
                     given,
                     projections[row] or "Stenope",
+                    backward=backward[row],
                 )
             )
         except InputError as error:
             raise InputError(f"{table.place(row)}: {error}") from None
     return found
+
+
+def _flags(table: Table, column: str) -> list[bool]:
+    """A column of 0 and 1; 0 where it is empty or absent."""
+    values = table.numbers(column, 0.0)
+    for row, value in enumerate(values):
+        if value not in (0.0, 1.0):
+            raise InputError(f"{table.place(row)}: {column} is 0 or 1, not {value:g}")
+    return [bool(value) for value in values]
 
 
 def _spelt(column: str) -> str:

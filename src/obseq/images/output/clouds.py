@@ -74,7 +74,13 @@ def camera_table(solution: BundleSolution) -> str:
     rows = []
     for camera in cameras:
         given = dict(zip(camera.coefficient_names, camera.coefficients.tolist(), strict=True))
-        interior = (camera.focal, *camera.principal_point.tolist(), camera.projection, *camera.degree)
+        interior = (
+            camera.focal,
+            *camera.principal_point.tolist(),
+            camera.projection,
+            *camera.degree,
+            int(camera.backward),
+        )
         coefficients = (given.get(name, 0.0) for name in names)
         rows.append((camera.name, camera.width, camera.height, *interior, *coefficients))
     return table_text((*CAMERA_COLUMNS, *names), rows)

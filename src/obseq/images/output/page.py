@@ -6,18 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.output.control_page import MOST_ROWS, instruments, reliability, table
 from obseq.images.output.drawings import arrows, histogram, radial_profile, undistorted_grid
 from obseq.images.output.views import plan_and_side
 from obseq.report.html import escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from obseq.images.adjustment.solution import BundleSolution, Statistics
     from obseq.images.output.record import BundleRecord, CameraRecord
 
-MOST_IMAGES, MOST_ROWS = 60, 500
-"""Images with a drawing of their own, and rows of a table."""
+MOST_IMAGES = 60
+"""Images with a drawing of their own."""
 HALF = 0.5
 """Weight below which a measure is listed as weakened."""
 SMALL = 220.0
@@ -45,6 +46,8 @@ def page(solution: BundleSolution, record: BundleRecord) -> str:
         *(part for name in solution.cameras for part in _camera(solution, record, name)),
         _images(solution, record),
         *_points(solution, record),
+        *instruments(record),
+        *reliability(record),
         *_rejected(solution, record),
     ]
     title = escaped(f"Block of {len(record.images)} images, {len(record.points)} points")
@@ -118,8 +121,8 @@ def _calibration(camera: CameraRecord) -> str:
     heads = "".join(f"<th>{escaped(word)}</th>" for word in ("parameter", "value", "sigma", *names[:-1]))
     size = f"{camera.width} by {camera.height} pixels, " if camera.width else ""
     facts = f"<p>{size}{escaped(camera.projection)}, degree {camera.degree}; {camera.n_measures} measures, "
-    table = f"<table><tr>{heads}</tr>{''.join(rows)}</table>"
-    return f"{facts}rms {camera.rms:.4g} px</p><div class='scroll'>{table}</div>"
+    matrix = f"<table><tr>{heads}</tr>{''.join(rows)}</table>"
+    return f"{facts}rms {camera.rms:.4g} px</p><div class='scroll'>{matrix}</div>"
 
 
 def _correlation(camera: CameraRecord, row: int, column: int) -> str:
@@ -143,7 +146,7 @@ def _images(solution: BundleSolution, record: BundleRecord) -> str:
     heads = ("image", "points", "rms px", "max px", "mean dx", "mean dy", "x", "y", "z", "sigma")
     drawings = "".join(_image(solution, k) for k in order[:MOST_IMAGES])
     note = f"<p>drawings of the {MOST_IMAGES} worst images</p>" if len(order) > MOST_IMAGES else ""
-    return f"<h2>Images</h2>{_table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
+    return f"<h2>Images</h2>{table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
 
 
 def _image(solution: BundleSolution, row: int) -> str:
@@ -163,7 +166,7 @@ def _points(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
             for point in control[:MOST_ROWS]
         ]
         heads = ("point", "rays", "rms px", "dx", "dy", "dz")
-        yield f"<h2>Control points, adjusted minus given</h2>{_table(heads, rows, len(control))}"
+        yield f"<h2>Control points, adjusted minus given</h2>{table(heads, rows, len(control))}"
     fits = solution.by_point()
     yield f"<h2>Points, largest rms first</h2>{_by_point(record, fits)}"
 
@@ -179,7 +182,7 @@ def _by_point(record: BundleRecord, fits: Statistics) -> str:
             (point.name, point.n_rays, f"{point.rms:.4g}", f"{fits.largest[k]:.4g}", *places, *sigmas)
         )
     heads = ("point", "rays", "rms px", "max px", "x", "y", "z", "sx", "sy", "sz")
-    return _table(heads, rows, len(record.points))
+    return table(heads, rows, len(record.points))
 
 
 def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
@@ -193,11 +196,11 @@ def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
         for item in record.behind
     ]
     if left:
-        yield f"<h2>Left out</h2>{_table(('what', 'name', 'reason'), left[:MOST_ROWS], len(left))}"
+        yield f"<h2>Left out</h2>{table(('what', 'name', 'reason'), left[:MOST_ROWS], len(left))}"
     apart = [(item.kind, item.name, item.reason) for item in record.unpaired]
     if apart:
         title = "Not in pairs of their rigid blocks"
-        yield f"<h2>{title}</h2>{_table(('what', 'name', 'reason'), apart[:MOST_ROWS], len(apart))}"
+        yield f"<h2>{title}</h2>{table(('what', 'name', 'reason'), apart[:MOST_ROWS], len(apart))}"
     found = solution.residuals
     weak = np.flatnonzero(found.weights < HALF)
     if weak.size:
@@ -211,16 +214,8 @@ def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
             for k in order[:MOST_ROWS].tolist()
         ]  # fmt: skip
         heads = ("image", "point", "dx px", "dy px", "weight", "why")
-        yield f"<h2>Weakened by robust weights</h2>{_table(heads, rows, len(weak))}"
+        yield f"<h2>Weakened by robust weights</h2>{table(heads, rows, len(weak))}"
 
 
 def _largest(sigmas: Sequence[float] | None) -> str:
     return "-" if sigmas is None else f"{max(sigmas):.3g}"
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[object]], count: int) -> str:
-    """A table, and a note when it has not all of so many rows."""
-    body = [f"<tr>{''.join(f'<td>{escaped(str(cell))}</td>' for cell in row)}</tr>" for row in rows]
-    head = "".join(f"<th>{word}</th>" for word in heads)
-    note = f"<p>and {count - len(body)} more, in the JSON file</p>" if count > len(body) else ""
-    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(body)}</table></div>{note}'

@@ -1,8 +1,7 @@
 """The record of a bundle adjustment: what is computed once, written as JSON, and printed.
 
-Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no
-`unpaired` and `notes`). Coordinates are in the unit of the world; radians,
-pixels. A number that is not defined is None, and null in the file.
+Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no `unpaired`, `notes`, `reliability`, `rigid_blocks`,
+`clinometers` and `backward`). Coordinates are in the unit of the world; radians, pixels. A number that is not defined is None, and null in the file.
 """
 
 from __future__ import annotations
@@ -13,6 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.images.output.instruments import (
+    ClinometerRecord,
+    RigidRecord,
+    clinometer_records,
+    rigid_records,
+)
+from obseq.images.output.testing import ReliabilityRecord, reliability_record
 from obseq.plain import to_plain
 from obseq.record import IterationRecord, RunRecord, new_run
 
@@ -40,13 +46,17 @@ class ParameterRecord:
 
 @dataclass(frozen=True, slots=True)
 class CameraRecord:
-    """A calibration; `correlations` are the rows of the matrix, in the order of the parameters."""
+    """A calibration; `correlations` are the rows of the matrix, in the order of the parameters.
+
+    `backward` is True where the distortion corrects the measured points.
+    """
 
     name: str
     width: int
     height: int
     projection: str
     degree: tuple[int, ...]
+    backward: bool
     parameters: tuple[ParameterRecord, ...]
     correlations: tuple[tuple[float, ...], ...] | None
     n_measures: int
@@ -157,6 +167,7 @@ class BundleRecord:
         behind: image points whose point is behind the camera in the end.
         worst: the largest residuals, in sigmas.
         residuals: of all image points.
+        reliability: None when no precision was asked for, or without redundancy.
     """
 
     n_observations: int
@@ -178,6 +189,9 @@ class BundleRecord:
     weakened: int
     worst: tuple[ImagePointRecord, ...]
     residuals: ResidualColumns
+    reliability: ReliabilityRecord | None
+    rigid_blocks: tuple[RigidRecord, ...]
+    clinometers: tuple[ClinometerRecord, ...]
     run: RunRecord
     format: str = FORMAT
     version: int = VERSION
@@ -216,6 +230,9 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
         _residuals(solution),
+        reliability_record(solution) if precisions and result.redundancy else None,
+        tuple(rigid_records(solution, precisions)),
+        tuple(clinometer_records(solution)),
         new_run(),
     )
 
@@ -244,6 +261,7 @@ def _cameras(solution: BundleSolution, precisions: bool) -> Iterator[CameraRecor
             camera.height,
             camera.projection,
             camera.degree,
+            camera.backward,
             tuple(
                 ParameterRecord(parameter, float(value), sigmas.get(parameter))
                 for parameter, value in zip(camera.parameter_names, camera.parameters, strict=True)

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.output.testing import POOR
 from obseq.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.images.output.record import BlockLeftOutRecord, BundleRecord, CameraRecord
+    from obseq.images.output.testing import ReliabilityRecord
 
 MOST = 12
 """Rows of a table before it is cut."""
@@ -24,6 +26,7 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         *(_camera(camera) for camera in record.cameras[:3]),
         _images(record),
         _points(record),
+        _instruments(record),
         _list("Left out", record.left_out),
         _list("Not in pairs of their rigid blocks", record.unpaired),
         "".join(f"note: {note}\n" for note in record.notes),
@@ -46,9 +49,33 @@ def _verdict(record: BundleRecord) -> str:
     ]
     if record.weakened:
         lines.append(f"  {record.weakened} image points have less than half of their weight")
+    if record.reliability is not None:
+        lines.append(_reliability(record.reliability))
     if record.behind:
         lines.append(f"  {len(record.behind)} image points are BEHIND their camera in the solution")
     return "\n".join(lines) + "\n"
+
+
+def _reliability(found: ReliabilityRecord) -> str:
+    return (
+        f"  {found.beyond} of {found.tested} image coordinates beyond the test |w| > {found.critical:.2f}; "
+        f"{found.poor} are poorly controlled (redundancy below {POOR}), {found.uncontrolled} not at all"
+    )
+
+
+def _instruments(record: BundleRecord) -> str:
+    rows = [
+        (
+            f"{block.name}: {pair.first}, {pair.second}",
+            f"{pair.rms_translation:.4g}",
+            f"{pair.rms_rotation:.4g}",
+        )
+        for block in record.rigid_blocks
+        for pair in block.pairs
+    ]
+    rows += [(f"clinometer {item.name}", "", f"{item.rms:.4g}") for item in record.clinometers]
+    heads = ("instrument", "rms translation", "rms rotation rad")
+    return "Rigid blocks and clinometers\n" + _table(heads, rows) if rows else ""
 
 
 def _camera(camera: CameraRecord) -> str:

@@ -1,0 +1,98 @@
+"""How the image points of a block control each other, in numbers that a file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.images.adjustment.quality import MeasureReliability
+    from obseq.images.adjustment.solution import BundleSolution
+
+WORST = 20
+"""Image points that are listed by name, the largest tests first."""
+POOR = 0.1
+"""Redundancy number below which the others hardly control a measure."""
+
+Pair = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class TestedPointRecord:
+    """The test of an image point; each pair is x, then y, and None where nothing controls it.
+
+    Attributes:
+        redundancy: redundancy numbers, 0 (nothing controls it) to 1.
+        w: standardised residuals, the given sigmas being right.
+        detectable: smallest blunders that the test finds, pixels.
+        blunder: estimates of a blunder, pixels; too large when positive.
+    """
+
+    image: str
+    point: str
+    redundancy: Pair
+    w: Pair
+    detectable: Pair
+    blunder: Pair
+
+
+@dataclass(frozen=True, slots=True)
+class ReliabilityRecord:
+    """The reliability of the image points of a block.
+
+    Attributes:
+        level: of the test of one coordinate; `power` is that of finding a detectable blunder.
+        critical: limit of |w|.
+        redundancy: sum of the redundancy numbers of the image points.
+        tested: coordinates that can be tested.
+        beyond: of these, those beyond the limit.
+        poor: coordinates with a redundancy number below a tenth.
+        uncontrolled: coordinates that nothing controls.
+        worst: the image points with the largest tests.
+    """
+
+    level: float
+    power: float
+    critical: float
+    redundancy: float
+    tested: int
+    beyond: int
+    poor: int
+    uncontrolled: int
+    worst: tuple[TestedPointRecord, ...]
+
+
+def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
+    """The reliability of a solution with covariances."""
+    found = solution.reliability()
+    whole, tested = found.whole, np.isfinite(found.w)
+    return ReliabilityRecord(
+        whole.level,
+        whole.power,
+        whole.w_critical,
+        float(found.redundancy.sum()),
+        int(np.count_nonzero(tested)),
+        int(np.count_nonzero(np.abs(found.w[tested]) > whole.w_critical)),
+        int(np.count_nonzero(found.redundancy < POOR)),
+        int(np.count_nonzero(~tested)),
+        tuple(_tested(found, int(row)) for row in found.worst(WORST)),
+    )
+
+
+def _tested(found: MeasureReliability, row: int) -> TestedPointRecord:
+    return TestedPointRecord(
+        found.image_names[found.image[row]],
+        found.point_names[found.point[row]],
+        _pair(found.redundancy[row]),
+        _pair(found.w[row]),
+        _pair(found.detectable[row]),
+        _pair(-found.left_out[row]),
+    )
+
+
+def _pair(values: FloatArray) -> Pair:
+    x, y = (float(value) if np.isfinite(value) else None for value in values)
+    return x, y
