@@ -2,7 +2,7 @@
 
 | table | columns |
 |---|---|
-| cameras | `name width height focal`; if wanted `ppx ppy projection radial decentric general K1 ... b2 backward` |
+| cameras | `name width height focal [ppx ppy projection radial decentric general K1 ... b2 backward]` |
 | images | `image camera`, and for poses `x y z` with the angles of one form (degrees) or a quaternion |
 | control | `point x y z`, and `sigma` or `sx sy sz`: 0 is held, an empty field free |
 | measures | `image point x y`, and `sigma` or `sx sy` (pixels) |

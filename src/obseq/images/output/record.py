@@ -1,7 +1,8 @@
 """The record of a bundle adjustment: what is computed once, written as JSON, and printed.
 
-Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no `unpaired`, `notes`, `reliability`, `rigid_blocks`,
-`clinometers` and `backward`). Coordinates are in the unit of the world; radians, pixels. A number that is not defined is None, and null in the file.
+Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no `unpaired`, `notes`, `reliability`,
+`rigid_blocks`, `clinometers` and `backward`). Coordinates are in the unit of the world; radians, pixels. A
+number that is not defined is None, and null in the file.
 """
 
 from __future__ import annotations
