@@ -231,6 +231,16 @@ def test_bad_input_is_refused_by_file_and_line(tmp_path, files, message):
     assert message in str(caught.value)
 
 
+def test_files_from_outside_the_folder_are_told(tmp_path):
+    (tmp_path / "in").mkdir()
+    path = written(tmp_path / "in", lines="@../more.obs\n3 A B 10 0.001\n")
+    (tmp_path / "more.obs").write_text("3 A B 10 0.001\n")
+    told = Network.read_project(path, outside=True).book.warnings
+    assert [one for one in told if "from outside" in one] == [
+        f"{tmp_path / 'in' / '..' / 'more.obs'}: read from outside the folder of the project"
+    ]
+
+
 def test_a_missing_setting_is_told(tmp_path):
     network = Network.read_project(written(tmp_path))
     assert any("refraction is missing; 0.12 is taken" in warning for warning in network.book.warnings)

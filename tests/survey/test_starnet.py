@@ -175,6 +175,15 @@ def test_files_are_included_and_loops_found(tmp_path):
         read(tmp_path, PLANE + ".INCLUDE ../other.dat\n")
 
 
+def test_files_from_outside_the_folder_are_told(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "more.dat").write_text("D A-P 100.001 0.005\n")
+    path = tmp_path / "in" / "n.dat"
+    path.write_text(PLANE + ".INCLUDE ../more.dat\n")
+    told = Network.read_project(path, outside=True).book.warnings
+    assert any("more.dat: read from outside the folder of the project" in one for one in told)
+
+
 WRONG = {
     "D A-P 50": "give --sigmas distance=",
     "D A-P-Q 50 1": "is not From-To",

@@ -1,11 +1,14 @@
 """Tables with named columns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
+from obseq.survey.model import Cluster
 
 POINTS = "name,x,y,z,sx,sy,sz\nA,0,0,10,0.001,0.001,0.001\nB,0,100,10,0,0,0\nP,39,51,10,,,\n"
 ROWS = [
@@ -46,6 +49,14 @@ def test_separators_and_all_columns(tmp_path):
     assert book.label(0).startswith("Angle B -> A -> P")
     assert book.observations.relative_sigmas[1] == 1e-6
     assert book.observations.from_heights[1] == 1.5
+
+
+def test_only_observations_of_one_equation_are_correlated(tmp_path):
+    given = network(tmp_path)
+    cluster = Cluster(np.array([2, 4]), np.array([[1e-6, 5e-7], [5e-7, 1e-6]]))
+    mixed = replace(given, book=replace(given.book, clusters=(cluster,)))
+    with pytest.raises(InputError, match=r"DH A -> P \(.*o.csv:6\): it is correlated with Dist A -> P"):
+        mixed.adjust()
 
 
 @pytest.mark.parametrize(

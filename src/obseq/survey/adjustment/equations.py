@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
@@ -159,9 +160,26 @@ class Equations:
         for cluster in self._book.clusters:
             rest = cluster.among(observations.active)
             if rest.rows.size:
-                family = BY_CODE[int(observations.types[rest.rows[0]])].group
-                found.setdefault(family, []).append(rest)
+                found.setdefault(self._family(rest), []).append(rest)
         return found
+
+    def _family(self, cluster: Cluster) -> str:
+        """The family of the kinds of a cluster.
+
+        Raises:
+            InputError: There is more than one.
+        """
+        types = self._book.observations.types[cluster.rows]
+        families = {code: BY_CODE[code].group for code in np.unique(types).tolist()}
+        first = families[int(types[0])]
+        others = [code for code, family in families.items() if family != first]
+        if others:
+            row, of_first = int(cluster.rows[np.argmax(np.isin(types, others))]), int(cluster.rows[0])
+            raise InputError(
+                f"{self._book.label(row)}: it is correlated with {self._book.label(of_first)}; only "
+                "observations of one equation can be; set the covariance of the two to 0"
+            )
+        return first
 
     def _added(
         self, rows: IntArray, coordinates: FloatArray, covariance: list[FloatArray] | None = None

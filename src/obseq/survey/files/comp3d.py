@@ -85,7 +85,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
     points_crs, frame = _systems(config)
     return Project(
         points,
-        replace(book, warnings=(*told, *book.warnings)),
+        replace(book, warnings=(*told, *folder.warnings(), *book.warnings)),
         frame,
         points_crs,
         float(config["refraction"]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
@@ -26,11 +26,13 @@ class Folder:
         root: The folder.
         encoding: Of the names in its files.
         outside: Whether files outside of it may be read.
+        strays: Those that were read all the same.
     """
 
     root: Path
     encoding: str
     outside: bool
+    strays: dict[str, None] = field(default_factory=dict)
 
     def path(self, name: str, beside: Path | None = None) -> Path:
         r"""The path of a file that another one names; `\` counts as `/`.
@@ -39,13 +41,19 @@ class Folder:
             InputError: it is outside the folder, and that was not allowed.
         """
         found = (beside or self.root) / name.replace("\\", "/")
-        if not self.outside and not found.resolve().is_relative_to(self.root.resolve()):
+        if found.resolve().is_relative_to(self.root.resolve()):
+            return found
+        if not self.outside:
             raise InputError(
                 f"{found}: this file is outside the folder of the project; if you trust the project, allow "
-                "it "
-                "(--outside)"
+                "it (--outside)"
             )
+        self.strays[str(found)] = None
         return found
+
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence about each file outside the folder that was read."""
+        return tuple(f"{path}: read from outside the folder of the project" for path in self.strays)
 
     def open(self, name: str, beside: Path | None = None) -> TextFile:
         """A file that another one names."""

@@ -127,7 +127,7 @@ class _Reader:
         book = self._columns.field_book()
         points = self._points.points(self._first.name, book.point_names, is_plane)
         points = with_heights(hold_plans(points, book), book)
-        told = (*self._told(), *self._observations.warnings, *book.warnings)
+        told = (*self._told(), *self._folder.warnings(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
         return Project(points, replace(book, warnings=told), "Local", "Local", refraction)
 
