@@ -61,6 +61,23 @@ def test_the_principal_point_is_held_where_it_is_said_to_be():
         assert camera.focal != pytest.approx(1800.0, abs=1e-3)
 
 
+def _squeezed(factor: float, noise: float):
+    poses, points = scenes.ring()
+    low = points.mean(axis=0) + (points - points.mean(axis=0)) * [1.0, 1.0, factor]
+    names = [f"P{k}" for k in range(len(low))]
+    measures = scenes.measured(poses, low, names, noise, camera=LINEAR)
+    return resect_uncalibrated(measures, ControlPoints.of(names, low), (2000, 1500))
+
+
+def test_points_nearly_in_a_plane_are_said_to_be():
+    assert not _squeezed(1.0, 0.5).nearly_flat
+    weak = _squeezed(0.01, 0.5)
+    assert weak.nearly_flat == weak.poses.images
+    assert max(abs(camera.focal - 1800.0) for camera in weak.cameras.values()) > 200.0
+    with pytest.raises(InputError, match=r"image i0 \(planarity 0.0026\).*are nearly in a plane"):
+        _squeezed(0.003, 2.0)
+
+
 def test_planes_and_few_points_are_refused():
     _, control, measures = _scene(LINEAR, 0.0)
     flat = ControlPoints.of(control.names, control.coordinates * [1.0, 1.0, 0.0])

@@ -292,6 +292,19 @@ def test_wrong_text_pairs_are_refused_by_line(tmp_path):
         read_pairs(path)
 
 
+def test_binary_ties_are_refused_by_name(tmp_path):
+    (tmp_path / "PMUL-a.jpg.csv").write_text("Pt.x,Pt.y,Id\n1,2,10\n")
+    (tmp_path / "PMUL-a.jpg.dmp").write_bytes(b"\0")
+    assert read_tracks(tmp_path).image_names == ("a.jpg",)
+    (tmp_path / "PMUL-b.jpg.dmp").write_bytes(b"\0")
+    with pytest.raises(InputError, match=r"PMUL-b\.jpg\.dmp: MMVII's binary tie points"):
+        read_tracks(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/b.dmp").write_bytes(b"\0")
+    with pytest.raises(InputError, match=r"b\.dmp: MMVII's binary tie points"):
+        find_pairs(tmp_path, "b", "a")
+
+
 def test_tracks_are_read(tmp_path):
     (tmp_path / "PMUL-a.jpg.csv").write_text("Pt.x,Pt.y,Id\n1,2,10\n3,4,11\n")
     (tmp_path / "PMUL-b.jpg.csv").write_text("Pt.x,Pt.y,Id\n5,6,11\n")

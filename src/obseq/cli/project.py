@@ -168,6 +168,12 @@ def _uncalibrated(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[s
         f"{image}: rms {part.rms[0]:.3f} px, F {part.cameras[image].focal:.3f} px"
         for image, part in parts.items()
     ]
+    lines += [
+        f"{image}: control points nearly in a plane (planarity {part.planarity[image]:.2g}): its focal length "
+        "and pose are weak"
+        for part in parts.values()
+        for image in part.nearly_flat
+    ]
     lines += [f"left out: {reason}" for reason in lost]
     if not arguments.no_median:
         medians, spreads = _medians(tree.rules(arguments.metadata), parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 PAIR_HEADER = "x1,y1,x2,y2"
 TRACK_HEADER = "Pt.x,Pt.y,Id"
 TRACKS, TRACKS_ENDING = "PMUL-", ".csv"
+BINARY = ".dmp"
 _BINARY_POINT = struct.Struct("<i5d")
 _BINARY_HEADER = struct.Struct("<ii")
 _FEWEST, _MOST = 4, 5
@@ -32,6 +33,8 @@ def read_pairs(path: str | Path) -> FloatArray:
         InputError: absent, empty, corrupted; with file and line for text.
     """
     place = Path(path)
+    if place.suffix == BINARY:
+        _refuse_binary(place)
     try:
         data = place.read_bytes()
     except OSError as error:
@@ -64,8 +67,11 @@ def read_tracks(folder: str | Path) -> ImagePoints:
         InputError: no such file, or a line that is wrong.
     """
     files = sorted(Path(folder).glob(f"{TRACKS}*{TRACKS_ENDING}"))
+    for binary in sorted(Path(folder).glob(f"{TRACKS}*{BINARY}")):
+        if not binary.with_suffix(TRACKS_ENDING).is_file():
+            _refuse_binary(binary)
     if not files:
-        raise InputError(f"{folder}: holds no tie points ({TRACKS}<image>.csv; the binary form is not read)")
+        raise InputError(f"{folder}: holds no tie points ({TRACKS}<image>.csv)")
     images, names, pixels = [], [], []
     for path in files:
         image = path.name[len(TRACKS) : -len(TRACKS_ENDING)]
@@ -79,6 +85,13 @@ def read_tracks(folder: str | Path) -> ImagePoints:
     return ImagePoints.of(images, names, np.concatenate(pixels))
 
 
+def _refuse_binary(path: Path) -> NoReturn:
+    raise InputError(
+        f"{path}: MMVII's binary tie points ({BINARY}) are not read; write them as CSV (vector format csv in "
+        "the profile of MMVII)"
+    )
+
+
 def pairs_text(pairs: FloatArray) -> str:
     """MMVII's CSV of points (n, 4)."""
     rows = "".join(",".join(repr(float(value)) for value in row) + "\n" for row in pairs)
@@ -88,6 +101,7 @@ def pairs_text(pairs: FloatArray) -> str:
 def _names(folder: Path, one: str, other: str) -> list[Path]:
     return [
         folder / one / f"{other}.csv",
+        folder / one / f"{other}{BINARY}",
         *(folder / f"Pastis{one}" / f"{other}{ending}" for ending in (".dat", ".txt")),
     ]
 

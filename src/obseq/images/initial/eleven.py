@@ -7,13 +7,14 @@ distortion is then found by least squares on the colinearity equations, one came
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import rq
 
-from obseq.errors import InputError
+from obseq.errors import InputError, ObseqError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera, median_camera
 from obseq.images.initial.distribution import spread_indices
@@ -21,15 +22,17 @@ from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.control import ControlPoints
     from obseq.images.measures import ImagePoints
 
 LEAST_POINTS = 6
 FLAT = 1e-4
 """Below this planarity, points are in a plane for eleven parameters."""
+NEARLY_FLAT = 0.01
+"""Below this one (MMVII's), they are nearly in a plane: the result may be worth nothing, and it is said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +43,18 @@ class UncalibratedResection:
         poses: of the images.
         cameras: by image.
         rms: (n,) quadratic mean of the residuals' lengths, pixels.
+        planarity: by image, of its control points (see `Distribution`): 0 in a plane.
     """
 
     poses: Poses
     cameras: dict[str, Camera]
     rms: FloatArray
+    planarity: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def nearly_flat(self) -> tuple[str, ...]:
+        """Images whose control points are nearly in a plane: focal length and pose are weak there."""
+        return tuple(image for image, value in self.planarity.items() if value < NEARLY_FLAT)
 
     def medians(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Camera]:
         """The median camera of groups of images, by name of the group (MMVII's shared calibrations)."""
@@ -73,16 +83,54 @@ def resect_uncalibrated(
         principal_point: shares of columns and lines where it is held, (0.5, 0.5) in the middle; None: found.
 
     Raises:
-        InputError: an image has fewer than six control points, or they are in a plane.
+        InputError: an image has fewer than six control points, or they are in a plane, or so near to one that
+            nothing is found.
     """
     known = measures.of_points(control.names)
     ground = control.coordinates[index_of(control.names, known.point_names, "control point")]
-    found = {}
-    for image in measures.image_names:
-        rows = np.zeros(0, dtype=np.int64)
-        if image in known.image_names:
-            rows = np.flatnonzero(known.image == known.image_names.index(image))
-        found[image] = _linear(image, known.xy[rows], ground[known.point[rows]], size)
+    rows = {image: _rows_of(known, image) for image in measures.image_names}
+    planarity = {image: _planarity(image, ground[known.point[part]]) for image, part in rows.items()}
+    with _naming_planes(planarity):
+        found = {
+            image: _linear(image, known.xy[part], ground[known.point[part]], size)
+            for image, part in rows.items()
+        }
+        start = _start(found, degree or (0, 0, 1), size, principal_point)
+        if principal_point is not None:
+            frozen = f"{frozen}|PP[xy]" if frozen else "PP[xy]"
+        return replace(_refined(known, control, *start, frozen), planarity=planarity)
+
+
+def _rows_of(known: ImagePoints, image: str) -> IntArray:
+    if image not in known.image_names:
+        return np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(known.image == known.image_names.index(image))
+
+
+@contextmanager
+def _naming_planes(planarity: Mapping[str, float]) -> Iterator[None]:
+    """Says with whatever fails which images have their control points nearly in a plane."""
+    try:
+        yield
+    except (ObseqError, np.linalg.LinAlgError) as error:
+        flat = [
+            f"{image} (planarity {value:.2g})" for image, value in planarity.items() if value < NEARLY_FLAT
+        ]
+        if not flat:
+            raise
+        raise InputError(
+            f"image {', '.join(flat)}: the control points are nearly in a plane, which hardly determines eleven "
+            f"parameters; add points off the plane, use a calibration, or resect_on_plane ({error})"
+        ) from error
+
+
+def _start(
+    found: Mapping[str, tuple[Camera, FloatArray, FloatArray]],
+    degree: tuple[int, int, int],
+    size: tuple[int, int],
+    principal_point: tuple[float, float] | None,
+) -> tuple[Poses, dict[str, Camera]]:
+    """Poses and cameras of linear maps, with the degree and the principal point that are wanted."""
     cameras = {image: camera for image, (camera, _, _) in found.items()}
     poses = Poses.of(
         list(found),
@@ -90,13 +138,11 @@ def resect_uncalibrated(
         [rotation for _, _, rotation in found.values()],
         cameras=[camera.name for camera in cameras.values()],
     )
-    wanted = degree or (0, 0, 1)
-    start = {image: _with_degree(camera, wanted) for image, camera in cameras.items()}
+    start = {image: _with_degree(camera, degree) for image, camera in cameras.items()}
     if principal_point is not None:
         middle = np.array(size) * np.array(principal_point)
         start = {image: replace(camera, principal_point=middle) for image, camera in start.items()}
-        frozen = f"{frozen}|PP[xy]" if frozen else "PP[xy]"
-    return _refined(known, control, poses, start, frozen)
+    return poses, start
 
 
 def _with_degree(camera: Camera, degree: tuple[int, int, int]) -> Camera:
@@ -108,20 +154,25 @@ def _with_degree(camera: Camera, degree: tuple[int, int, int]) -> Camera:
     )
 
 
+def _planarity(image: str, ground: FloatArray) -> float:
+    """The planarity of the control points of an image, which must be enough and not in a plane."""
+    _, planarity = spread_indices(ground)
+    if len(ground) < LEAST_POINTS:
+        raise InputError(
+            f"image {image}: {len(ground)} control points; eleven parameters take {LEAST_POINTS} or more"
+        )
+    if not planarity > FLAT:
+        raise InputError(
+            f"image {image}: its {len(ground)} control points are in a plane, which leaves eleven parameters "
+            "undetermined; add points off the plane, use a calibration, or resect_on_plane"
+        )
+    return planarity
+
+
 def _linear(
     image: str, xy: FloatArray, ground: FloatArray, size: tuple[int, int]
 ) -> tuple[Camera, FloatArray, FloatArray]:
     """Camera, centre and rotation of the linear map from ground to image."""
-    _, planarity = spread_indices(ground)
-    if len(xy) < LEAST_POINTS:
-        raise InputError(
-            f"image {image}: {len(xy)} control points; eleven parameters take {LEAST_POINTS} or more"
-        )
-    if not planarity > FLAT:
-        raise InputError(
-            f"image {image}: its {len(xy)} control points are in a plane, which leaves eleven parameters "
-            "undetermined; add points off the plane, use a calibration, or resect_on_plane"
-        )
     middle, scale = _frame(ground)
     projection = _projection(xy, (ground - middle) / scale)
     matrix = projection[:, :3] / scale
