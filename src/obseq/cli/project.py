@@ -169,8 +169,8 @@ def _uncalibrated(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[s
         for image, part in parts.items()
     ]
     lines += [
-        f"{image}: control points nearly in a plane (planarity {part.planarity[image]:.2g}): its focal length "
-        "and pose are weak"
+        f"{image}: control points nearly in a plane (planarity {part.planarity[image]:.2g}): its focal "
+        "length and pose are weak"
         for part in parts.values()
         for image in part.nearly_flat
     ]

@@ -119,8 +119,8 @@ def _naming_planes(planarity: Mapping[str, float]) -> Iterator[None]:
         if not flat:
             raise
         raise InputError(
-            f"image {', '.join(flat)}: the control points are nearly in a plane, which hardly determines eleven "
-            f"parameters; add points off the plane, use a calibration, or resect_on_plane ({error})"
+            f"image {', '.join(flat)}: the control points are nearly in a plane, which hardly determines "
+            f"eleven parameters; add points off the plane, use a calibration, or resect_on_plane ({error})"
         ) from error
 
 
