@@ -1,7 +1,7 @@
-"""Mutated files of other programs (Comp3D, Gama...): refused in words, or a result that can be trusted.
+"""Mutated files of other programs (Comp3D, STAR*NET...): refused in words, or a result that can be trusted.
 
 As `fuzz_readers.py`, for whatever `obseq adjust FILE` reads. Each case changes one file of a data set of
-`../shared/data` in a copy of its folder: words, lines or bytes.
+`../shared/data`, or of a format in `samples`, in a copy of its folder: words, lines or bytes.
 
     python tools/benchmarks/fuzz_projects.py --start 0 --count 20000 --adjust 0.02
 """
@@ -22,6 +22,11 @@ from obseq.errors import ObseqError
 from obseq.survey import Network
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+SAMPLES = Path(__file__).resolve().parent / "samples"
+"""Small networks, one in each folder: STAR*NET, LandXML, DynaML, Gama."""
+
+SIGMAS = ["distance=3mm", "direction=5sec", "zenith=5sec", "azimuth=5sec", "height=2mm", "height-per-km=1mm"]
+"""Standard deviations for files that have none."""
 
 FOLDERS = ("comp3d-*", "gama-*", "dynadjust-*")
 MAIN = (".comp", ".gkf", ".stn")
@@ -38,6 +43,7 @@ class Seed:
     Attributes:
         folder: a copy of its files.
         paths: those that are given to the reader.
+        sigmas: standard deviations that are given besides.
         texts: what each file held, by its path.
     """
 
@@ -47,6 +53,7 @@ class Seed:
         main = folder / main.name
         found = TOGETHER.get(main.suffix, (main.suffix,))
         self.paths = [main.with_suffix(suffix) for suffix in found]
+        self.sigmas = SIGMAS if main.stem in {"starnet", "landxml"} else []
         files = [main] if main.suffix == ".gkf" else [path for path in folder.rglob("*") if is_text(path)]
         self.texts = {path: path.read_bytes().decode("latin-1") for path in sorted(files)}
 
@@ -67,10 +74,12 @@ def is_text(path: Path) -> bool:
     return path.is_file() and path.suffix not in others and path.stat().st_size > 0
 
 
-def seeds(folder: Path) -> list[Seed]:
-    """The small projects of the data sets, copied to a folder."""
+def seeds(folder: Path, only: str = "*") -> list[Seed]:
+    """The small projects of the data sets and the samples, copied to a folder."""
     mains = [path for name in FOLDERS for path in sorted(DATA.glob(f"{name}/*")) if path.suffix in MAIN]
-    found = [Seed(main, folder / str(number)) for number, main in enumerate(mains)]
+    mains += sorted(SAMPLES.glob("*/*"))
+    chosen = [main for main in mains if main.match(only)]
+    found = [Seed(main, folder / str(number)) for number, main in enumerate(chosen)]
     return [seed for seed in found if sum(map(len, seed.texts.values())) <= LARGEST]
 
 
@@ -81,7 +90,7 @@ def outcome(seed: Seed, chance: random.Random, adjusts: float) -> str:
         AssertionError: the result cannot be trusted.
     """
     try:
-        network = Network.read_project(seed.paths, encoding="latin-1")
+        network = Network.read_project(seed.paths, encoding="latin-1", sigmas=seed.sigmas)
         if chance.random() >= adjusts:
             return "read"
         record = network.adjust().record()
@@ -112,12 +121,13 @@ def main() -> int:
     parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
     parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
     parser.add_argument("--adjust", type=float, default=0.1, help="share of networks to adjust (%(default)s)")
+    parser.add_argument("--only", default="*", help="projects whose file has a name like this (%(default)s)")
     options = parser.parse_args()
     counts: Counter[str] = Counter()
     logging.disable(logging.WARNING)  # gross errors are announced, and mutations are little else
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        found = seeds(Path(folder))
+        found = seeds(Path(folder), options.only)
         for number in range(options.start, options.start + options.count):
             if said := failure(found, number, options.adjust, counts):
                 print(said, flush=True)
