@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST
+from obseq.survey.screening import groups, search
 from obseq.survey.screening.findings import Cause
 from obseq.survey.screening.values import GON, explained, variants
 
@@ -88,6 +90,31 @@ def test_several_gross_errors_come_worst_first(planted, tmp_path):
     assert len(errors) == 2
     assert errors[0].size > errors[1].size
     assert all(any(mistake.is_named_by(error, network) for error in errors) for mistake in done)
+
+
+def test_what_was_not_tried_on_a_large_network_is_said(planted, tmp_path, monkeypatch):
+    site = planted.made_site(np.random.default_rng(1))
+    site.write(tmp_path)
+    network = site.read(tmp_path)
+    middle = np.nanmean(network.points.coordinates, axis=0)
+    wrong = middle + 1.37 * (network.points.coordinates - middle)
+    network = replace(network, points=replace(network.points, coordinates=wrong))
+    monkeypatch.setattr(groups, "_MOST_WORK", 1)
+    (error,) = network.gross_errors()
+    assert "no single cause explains them (not tried, since the network is large: " in error.text
+    assert "more mistakes of known points and groups from all " in error.text
+
+
+def test_only_the_worst_are_explained_one_by_one(planted, tmp_path, monkeypatch):
+    random = np.random.default_rng(1)
+    site = planted.made_site(random)
+    planted.one_in_millimetres(site, random)
+    planted.one_elevation(site, random)
+    network = site.read(tmp_path)
+    monkeypatch.setattr(search, "_MOST_SINGLES", 1)
+    first, second = network.gross_errors()
+    assert first.size > second.size
+    assert second.what.startswith("1 of ") and "only the 1 worst are explained" in second.text
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,8 @@ one.
 
 from __future__ import annotations
 
-import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +36,9 @@ _PROMISING = 0.8
 """Share of the contradictions at first sight, with initial values only, that a cause worth trying leaves."""
 _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
-_MOST_TRIALS = 60
+_MOST_TRIALS, _FEWEST_TRIALS = 60, 4
+_MOST_WORK = 600_000
+"""Observations in all trials of groups, and of known points: about a minute."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +57,23 @@ class Trials:
         model: how the network is computed.
         found: the network as it is.
         before: contradictions of it.
+        untried: what was not tried, since the network is large.
     """
 
     model: Model
     found: Estimate
+    untried: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.before = self.found.disagreement(GROSS)
         at_start = estimated(self.model, self.found.points, self.found.book, GLANCE)
         self._at_start = math.inf if at_start is None else at_start.disagreement(GROSS)
+
+    @property
+    def most(self) -> int:
+        """How many groups are tried, and how many mistakes of known points."""
+        affordable = _MOST_WORK // max(len(self.found.book.observations), 1)
+        return max(_FEWEST_TRIALS, min(_MOST_TRIALS, affordable))
 
     def tried(self, points: Points, book: FieldBook) -> Estimate | None:
         """The network with points or observations put right; None when that does not help at first sight."""
@@ -94,7 +103,10 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The mistake of a group that explains most, with the network without it; None when there is none."""
     found = trials.found
     best: tuple[float, int, Group, str, Cause, Estimate] | None = None
-    for group, mistake, values in itertools.islice(_trials(found), _MOST_TRIALS):
+    for number, (group, mistake, values) in enumerate(_trials(found)):
+        if number == trials.most:
+            trials.untried.append(f"groups from {group.name} on")
+            break
         observations = replace(found.book.observations, values=values)
         corrected = trials.tried(found.points, replace(found.book, observations=observations))
         if corrected is None:

@@ -47,7 +47,10 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
     """The wrong known point that explains most contradictions, with the network without it."""
     found = trials.found
     best: tuple[float, _Trial, Estimate] | None = None
-    for trial in _trials(system, found):
+    all_trials = list(_trials(system, found))
+    if len(all_trials) > trials.most:
+        trials.untried.append(f"{len(all_trials) - trials.most} more mistakes of known points")
+    for trial in all_trials[: trials.most]:
         corrected = trials.tried(trial.points, found.book)
         if corrected is None or not np.isfinite(corrected.coordinates[list(trial.rows)]).all():
             continue

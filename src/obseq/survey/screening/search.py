@@ -25,6 +25,9 @@ _MOST_CAUSES = 3
 _MOST_SINGLE = 0.25
 """Share of suspects beyond which they are not taken one by one."""
 
+_MOST_SINGLES = 300
+"""Suspects that are taken one by one, the worst of them."""
+
 _MOST_NAMED = 5
 
 
@@ -44,32 +47,44 @@ def gross_errors(
     except ObseqError:
         return ()
     errors: list[GrossError] = []
+    untried: list[str] = []
     for _ in range(_MOST_CAUSES):
-        step = _cause_of_many(model, system, found)
+        step = _cause_of_many(model, system, found, untried)
         if step is None:
             break
         errors.append(step[0])
         found = step[1]
-    singles = _left_over(found)
+        untried.clear()
+    singles = _left_over(found, untried)
     return tuple(sorted([*errors, *singles], key=lambda error: -error.size))
 
 
-def _left_over(found: Estimate) -> list[GrossError]:
+def _left_over(found: Estimate, untried: list[str]) -> list[GrossError]:
     """The remaining suspects one by one; together when they are too many for that."""
-    suspects, n = found.suspects, int(np.count_nonzero(found.book.observations.active))
-    if len(suspects) <= max(3.0, _MOST_SINGLE * n):
-        return single_errors(found)
-    worst = ", ".join(found.book.label(int(row)) for row in suspects[:_MOST_NAMED])
-    text = f"no single cause explains them; the worst are {worst}"
-    what, size = f"{len(suspects)} of {n} observations", float(found.ratios[suspects[0]])
-    return [GrossError(what, Cause.UNKNOWN, text, size, tuple(suspects.tolist()))]
+    suspects, n = found.suspects.tolist(), int(np.count_nonzero(found.book.observations.active))
+    if len(suspects) > max(3.0, _MOST_SINGLE * n):
+        limits = f" (not tried, since the network is large: {' and '.join(untried)})" if untried else ""
+        return [_together(found, suspects, n, f"no single cause explains them{limits}")]
+    singles = single_errors(found, suspects[:_MOST_SINGLES])
+    rest = suspects[_MOST_SINGLES:]
+    text = f"only the {_MOST_SINGLES} worst are explained one by one"
+    return [*singles, _together(found, rest, n, text)] if rest else singles
 
 
-def _cause_of_many(model: Model, system: PointSystem, found: Estimate) -> tuple[GrossError, Estimate] | None:
+def _together(found: Estimate, rows: list[int], n: int, text: str) -> GrossError:
+    """Observations, the worst first, of which no cause is known."""
+    worst = ", ".join(found.book.label(row) for row in rows[:_MOST_NAMED])
+    what, size = f"{len(rows)} of {n} observations", float(found.ratios[rows[0]])
+    return GrossError(what, Cause.UNKNOWN, f"{text}; the worst are {worst}", size, tuple(rows))
+
+
+def _cause_of_many(
+    model: Model, system: PointSystem, found: Estimate, untried: list[str]
+) -> tuple[GrossError, Estimate] | None:
     """The one mistake, of a group or of a known point, that removes most contradictions."""
     if len(found.suspects) < 2:
         return None
-    trials = Trials(model, found)
+    trials = Trials(model, found, untried)
     steps = [step for step in (known_point_cause(trials, system), group_cause(trials)) if step is not None]
     return min(steps, key=lambda step: step[1].disagreement(GROSS), default=None)
 

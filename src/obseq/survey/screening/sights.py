@@ -29,9 +29,9 @@ class _WrongPoint:
     chance: float
 
 
-def single_errors(found: Estimate) -> list[GrossError]:
-    """The suspects, each with its likely cause; measures of one sight to a wrong point together."""
-    left = dict.fromkeys(found.suspects.tolist())
+def single_errors(found: Estimate, suspects: list[int]) -> list[GrossError]:
+    """These observations, each with its likely cause; measures of one sight to a wrong point together."""
+    left = dict.fromkeys(suspects)
     errors: list[GrossError] = []
     while left:
         worst = next(iter(left))
