@@ -48,6 +48,7 @@ from obseq.formulas.topography import (
     TopoDZOff,
     TopoHz,
     TopoHzOff,
+    TopoScaledFrame,
     TopoZen,
     TopoZenOff,
 )
@@ -69,6 +70,7 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDXOff(),
     TopoDYOff(),
     TopoDZOff(),
+    TopoScaledFrame(),
     TopoDistHz(),
     TopoAngle(),
     TopoDistHz0(),

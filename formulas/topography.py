@@ -215,6 +215,31 @@ class TopoDZOff(Formula):
         return TopoDZ().residual(station, target + offset, dz=dz)
 
 
+class TopoScaledFrame(Formula):
+    """Component of the vector between two points along an axis of a frame whose scale is not quite 1.
+
+    Residual: `a . v - (1 + s) val`, with `v` the aimed vector in the frame, the target moved by `off`.
+    Defined everywhere.
+    """
+
+    source = "TopoDX, TopoDY, TopoDZ with a scale"
+    typical = TopoDX.typical | {"s": (0.0, 0.01)}
+
+    def residual(
+        self,
+        station: Station,
+        target: Target,
+        scale: Annotated[Number, "s"],
+        *,
+        offset: Offset,
+        axis: Annotated[Point3, "a"],
+        component: MeasuredLength,
+    ) -> Scalar:
+        """The component computed, minus the component observed and scaled (m)."""
+        sight = station.inverse() @ (target + offset)
+        return axis.dot(sight) - (1 + scale) * component
+
+
 class TopoDistHz(Formula):
     """Horizontal distance between two points, in the horizon of the first.
 

@@ -206,6 +206,7 @@ MODULES = {
     "TopoDistOff": "topography.topo_dist_off",
     "TopoHz": "topography.topo_hz",
     "TopoHzOff": "topography.topo_hz_off",
+    "TopoScaledFrame": "topography.topo_scaled_frame",
     "TopoSubFrame": "space.topo_sub_frame",
     "TopoZen": "topography.topo_zen",
     "TopoZenOff": "topography.topo_zen_off",

@@ -20,6 +20,7 @@ from obseq.formulas.topography import (
     TopoDZOff,
     TopoHz,
     TopoHzOff,
+    TopoScaledFrame,
     TopoZen,
     TopoZenOff,
 )
@@ -170,6 +171,17 @@ def test_an_offset_moves_the_target(formula, moved, rest):
     target, offset = (103, 204, 50), (1.0, -2.0, 3.0)
     expected = residual(formula, (104, 202, 53), rest)
     assert residual(moved, target, [*offset, *rest]) == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("plain", "axis"), [(TopoDX(), (1, 0, 0)), (TopoDY(), (0, 1, 0)), (TopoDZ(), (0, 0, 1))]
+)
+def test_a_scale_multiplies_what_was_read(plain, axis):
+    # 100 ppm of 2 m are 0.2 mm: what was read is too short by that.
+    without = residual(plain, (103, 202, 53), [2.0])
+    state = (*STATION, 103, 202, 50, 1e-4)
+    (found,) = TopoScaledFrame().evaluate(state, [*IDENTITY, 0.0, 0.0, 3.0, *axis, 2.0])
+    assert found == pytest.approx(without - 2e-4, abs=1e-13)
 
 
 def test_an_offset_moves_the_end_of_a_distance():

@@ -14,6 +14,40 @@ POINTS = {"A": (0, 0, 10), "B": (900, 50, 60), "C": (300, 700, 25), "D": (1000, 
 FRAME = "RTL*2.4*48.8*0*+proj=longlat +datum=WGS84"
 
 
+def frame_book(folder, scale):
+    """Two sub-frames, plumb and turned, whose unit of length is wrong by a scale of each."""
+    folder.mkdir(exist_ok=True)
+    known = [f"1 {n} {x} {y} {z} 0.0001 0.0001 0.0001" for n, (x, y, z) in POINTS.items() if n != "P"]
+    (folder / "p.cor").write_text("\n".join([*known, "0 P 500.1 400.1 40.1"]) + "\n")
+    rows = ["#VERT"]
+    for origin, turn, factor in (("A", 0.3, scale), ("B", 2.0, -scale)):
+        for name, point in POINTS.items():
+            if name != origin:
+                dx, dy, dz = np.subtract(point, POINTS[origin]) / (1.0 + factor)
+                right = dx * math.cos(turn) - dy * math.sin(turn)
+                front = dx * math.sin(turn) + dy * math.cos(turn)
+                for code, value in ((14, right), (15, front), (16, dz)):
+                    rows.append(f"{code} {origin} {name} {value:.6f} 0.0005")
+    (folder / "f.obs").write_text("\n".join(rows) + "\n")
+    return folder / "f.obs", folder / "p.cor"
+
+
+def test_each_frame_has_a_scale_of_its_own(tmp_path):
+    given = Network.read(*frame_book(tmp_path, 2e-4))
+    book = estimating(given.book, ["frame-scale"])
+    adjusted = replace(given, book=book).adjust()
+    scales = [float(note.split(": ")[1].split()[0]) for note in adjusted.notes if "scale of frame" in note]
+    np.testing.assert_allclose(scales, (2e-4, -2e-4), rtol=0, atol=2e-6)
+    np.testing.assert_allclose(adjusted.points.coordinates[4], POINTS["P"], rtol=0, atol=1e-4)
+    assert adjusted.sigma0 < 0.1
+    assert given.adjust().sigma0 > 10.0
+
+
+def test_a_scale_of_frames_without_frames(tmp_path):
+    with pytest.raises(InputError, match="no active observation dx, dy or dz"):
+        estimating(network(tmp_path).book, ["frame-scale"])
+
+
 def lines(constant, scale, coefficient, network):
     """Distances and zenith angles between all points, as a wrong instrument reads them in refracting air."""
     for a in POINTS:

@@ -72,10 +72,11 @@ def register(commands: Commands) -> None:
     computation.add_argument(
         "--estimate",
         nargs="+",
-        choices=("constant", "scale", "refraction"),
+        choices=("constant", "scale", "refraction", "frame-scale"),
         metavar="WHAT",
         help="unknowns of each file of observations: additive constant and scale of slope distances, "
-        "refraction coefficient of zenith angles (constant, scale, refraction)",
+        "refraction coefficient of zenith angles (constant, scale, refraction); of each set-up or sub-frame: "
+        "scale of the components dx dy dz (frame-scale)",
     )
     computation.add_argument(
         "--iterations",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.instruments import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.lengths import DIST
@@ -21,8 +22,10 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook
 
-UNKNOWNS = ("constant", "scale", "refraction")
-"""What can be estimated: additive constant (m) and scale of distances, refraction coefficient."""
+UNKNOWNS = ("constant", "scale", "refraction", "frame-scale")
+"""What can be estimated: additive constant (m) and scale of distances, refraction, scale of frames."""
+SCALED = {DX.code: DX_SCALE.code, DY.code: DY_SCALE.code, DZ.code: DZ_SCALE.code}
+"""Of components in the axes of a station, the code of those with a scale."""
 OF_DISTANCES = {
     frozenset({"constant"}): DIST_CONSTANT,
     frozenset({"scale"}): DIST_SCALE,
@@ -36,7 +39,8 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
     Args:
         book: The observations.
         what: Some of "constant", "scale" (of slope distances: true = read (1 + scale) + constant),
-            "refraction" (coefficient of the zenith angles of plumb instruments).
+            "refraction" (coefficient of the zenith angles of plumb instruments), "frame-scale" (of each
+            set-up or sub-frame with components dx, dy, dz: true = read (1 + scale)).
 
     Raises:
         InputError: A name is unknown, or there is no observation to estimate it from.
@@ -48,13 +52,31 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
     alone = rows.groups < 0
     for cluster in book.clusters:
         alone[cluster.rows] = False
-    distances = OF_DISTANCES.get(wanted - {"refraction"})
+    distances = OF_DISTANCES.get(wanted - {"refraction", "frame-scale"})
     if distances is not None:
         book = _grouped(book, alone & (rows.types == DIST.code), distances)
     if "refraction" in wanted:
         plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
         book = _grouped(book, alone & plumb & (rows.types == ZEN.code), ZEN_REFRACTION)
-    return book
+    return _with_scales(book, alone) if "frame-scale" in wanted else book
+
+
+def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
+    """The components in the axes of stations, with a scale of each station."""
+    rows, names = book.observations, book.point_names
+    grid = np.append(book.stations.orientations == Orientation.GRID, np.True_)[rows.stations]
+    chosen = alone & ~grid & np.isin(rows.types, list(SCALED))
+    if not (chosen & rows.active).any():
+        raise InputError("--estimate frame-scale: there is no active observation dx, dy or dz of a frame")
+    stations = np.unique(rows.stations[chosen])
+    origins = book.stations.origins[stations].tolist()
+    groups = tuple(Group(f"frame {k + 1} at {names[row]}") for k, row in enumerate(origins))
+    types, numbers = rows.types.copy(), rows.groups.copy()
+    types[chosen] = [SCALED[code] for code in rows.types[chosen].tolist()]
+    numbers[chosen] = len(book.groups) + np.searchsorted(stations, rows.stations[chosen])
+    return replace(
+        book, observations=replace(rows, types=types, groups=numbers), groups=(*book.groups, *groups)
+    )
 
 
 def _grouped(book: FieldBook, chosen: BoolArray, kind: ObservationKind) -> FieldBook:

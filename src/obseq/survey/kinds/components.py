@@ -2,7 +2,66 @@
 
 from __future__ import annotations
 
-from obseq.survey.kinds.kind import ObservationKind, Start
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.kinds.kind import ObservationKind, Shared, Start
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.kinds.kind import Site
+
+
+@dataclass(frozen=True)
+class ScaledComponent(ObservationKind):
+    """A component in a frame with a scale of its own: true = read (1 + scale).
+
+    Attributes:
+        axis: 0, 1 or 2.
+    """
+
+    axis: int = 0
+
+    def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
+        """Station, target, and the scale of the frame."""
+        return super().blocks(site, rows) | {"scale": site.shared(rows, "scale")}
+
+    def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 6) offsets by heights of instrument and target, and the axis."""
+        axes = np.tile(np.eye(3)[self.axis], (len(rows), 1))
+        return np.hstack([site.offsets(rows, coordinates), axes])
+
+    def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 1) what was read."""
+        return site.measured(rows)[:, None]
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Offsets do."""
+        return True
+
+    def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
+        """A frame in metres."""
+        return {"scale": Shared(0.0)}
+
+
+def _scaled(kind: ObservationKind, axis: int) -> ScaledComponent:
+    return ScaledComponent(
+        f"{kind.name}S",
+        171 + axis,
+        f"{kind.words}, with unknown scale",
+        "TopoScaledFrame",
+        needs_station=True,
+        orients=kind.orients,
+        start=kind.start,
+        family="ScaledFrame",
+        takes_heights=False,
+        is_line=False,
+        axis=axis,
+    )
+
 
 DX = ObservationKind(
     "DX", 14, "component to the right", "TopoDX", needs_station=True, orients=-1, start=Start.DX
@@ -11,3 +70,4 @@ DY = ObservationKind(
     "DY", 15, "component to the front", "TopoDY", needs_station=True, orients=-1, start=Start.DY
 )
 DZ = ObservationKind("DZ", 16, "component upwards", "TopoDZ", needs_station=True, start=Start.DZ)
+DX_SCALE, DY_SCALE, DZ_SCALE = (_scaled(kind, axis) for axis, kind in enumerate((DX, DY, DZ)))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from obseq.errors import InputError
 from obseq.kernels import load
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
-from obseq.survey.kinds.components import DX, DY, DZ
+from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
@@ -31,6 +31,7 @@ KINDS: tuple[ObservationKind, ...] = (
     *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
     *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
     *(DIST_CONSTANT, DIST_SCALE, DIST_CONSTANT_SCALE, ZEN_REFRACTION),
+    *(DX_SCALE, DY_SCALE, DZ_SCALE),
     *(GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, CHORD),
 )
 
