@@ -13,6 +13,7 @@ from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighti
 from obseq.images.names import are_among
 from obseq.project.blocks import read_block
 from obseq.project.cameras import read_orientation
+from obseq.project.instrument_blocks import FILE, read_instrument_block, rigid_block_of
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
 from obseq.project.points import NO_SYSTEM, read_image_measures, read_system
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.images import ControlPoints, ImagePoints
-    from obseq.project.bundle_options import BundleOptions, Set2D
+    from obseq.project.bundle_options import BundleOptions, InstrumentOptions, Set2D
     from obseq.project.layout import ProjectTree
     from obseq.survey import FieldBook, Points
 
@@ -69,6 +70,11 @@ def assembled(
     _add_rules(block, tree, options)
     if options.rigid is not None:
         _add_rigid(block, tree, options)
+    if options.instrument is not None:
+        given = options.instrument
+        found = read_instrument_block(instrument_file(tree, given))
+        block.add_rigid_block(rigid_block_of(found, block.camera_of, given.factors, given.relative))
+        block.notes += [f"{found.path}: {name} is not used by the adjustment" for name in found.unused]
     return block
 
 
@@ -176,6 +182,17 @@ def block_files(tree: ProjectTree, options: BundleOptions) -> list[Path]:
     if not paths:
         raise InputError(f"{folder}: holds no rigid block (RigidBloc_*.xml)")
     return paths
+
+
+def instrument_file(tree: ProjectTree, given: InstrumentOptions) -> Path:
+    """The file of the instrument block that `BOI` names, or the only one of its folder."""
+    folder = tree.folder("InstrBlock", given.folder)
+    paths = sorted(path for path in folder.glob(f"{FILE}*") if path.suffix in (".xml", ".json"))
+    found = [path for path in paths if not given.block or path.stem == FILE + given.block]
+    if len(found) != 1:
+        listed = ", ".join(path.stem.removeprefix(FILE) for path in paths) or "none"
+        raise InputError(f"{folder}: BOI names {given.block or 'no block'}; there are {listed}")
+    return found[0]
 
 
 def _add_rigid(block: BundleAdjustment, tree: ProjectTree, options: BundleOptions) -> None:

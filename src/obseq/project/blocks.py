@@ -86,9 +86,7 @@ def read_block(path: str | Path) -> BlockFile:
     poses = {}
     for key, value in pairs(fields.list("PoseRel"), f"{path}: PoseRel"):
         one = Reader(value, f"{path}: PoseRel: {key}")
-        axes = one.fields("RotMatrix")
-        rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
-        poses[str(key)] = Pose(np.array(one.numbers("Center", 3), dtype=np.float64), rotation)
+        poses[str(key)] = read_pose_fields(one)
     return BlockFile(
         fields.text("Name"),
         fields.text("Master"),
@@ -100,9 +98,16 @@ def read_block(path: str | Path) -> BlockFile:
     )
 
 
+def read_pose_fields(fields: Reader) -> Pose:
+    """A pose as blocks have it: `Center` and `RotMatrix`."""
+    axes = fields.fields("RotMatrix")
+    rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
+    return Pose(np.array(fields.numbers("Center", 3), dtype=np.float64), rotation)
+
+
 def block_text(block: BlockFile, *, as_json: bool = False) -> str:
     """The file of a block."""
-    relative: list[Tree] = [{"K": camera, "V": _pose(pose)} for camera, pose in block.poses.items()]
+    relative: list[Tree] = [{"K": camera, "V": pose_tree(pose)} for camera, pose in block.poses.items()]
     content: dict[str, Tree] = {
         "Name": block.name,
         "Master": block.master,
@@ -115,7 +120,8 @@ def block_text(block: BlockFile, *, as_json: bool = False) -> str:
     return tree_text(BLOCK, content, as_json=as_json)
 
 
-def _pose(pose: Pose) -> Tree:
+def pose_tree(pose: Pose) -> Tree:
+    """The fields of a pose as blocks have it."""
     axes: Tree = {
         f"Axe{letter}": tuple(float(value) for value in pose.rotation[:, k]) for k, letter in enumerate("IJK")
     }

@@ -20,6 +20,7 @@ KNOWN = (
     "NbIter", "GCP3D", "GCP2D", "GCPDir", "GCPW", "AddGCPW", "GCPDirOut", "PPFzCal", "PPFreeCal", "SharedIP",
     "PatFzCenters", "PatFzOrient", "PoseVisc", "RefOri", "BRDirIn", "BRW", "BRW_Rat", "OutRigBlock",
     "TopoDirIn", "TopoDirOut", "TPDir", "TiePWeight", "DataDir", "GCPFilter", "GCPFilterAdd",
+    "BOI", "InInstrBlock", "OutInstrBlock",
 )  # fmt: skip
 TOPO = ("NbIter", "GCP3D", "GCPFilter", "GCPFilterAdd")
 """Those of `TopoAdj`."""
@@ -43,6 +44,27 @@ class Set2D:
     attenuation: float | None = None
     threshold: float | None = None
     exponent: float = 1.0
+
+
+@dataclass(frozen=True)
+class InstrumentOptions:
+    """The instrument block of `BOI`.
+
+    Attributes:
+        folder: of `InstrBlock`.
+        block: its name; empty for the only one of the folder.
+        factors: of the sigmas of translations and of matrix entries in the file, or these sigmas themselves.
+        save: whether the sigmas that were observed are written.
+        relative: whether the factors are of the sigmas of the file.
+        out: folder that is written; None for none.
+    """
+
+    folder: str
+    block: str = ""
+    factors: tuple[float, float] = (1.0, 1.0)
+    save: bool = True
+    relative: bool = True
+    out: str | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +100,7 @@ class BundleOptions:
     chosen_names: str = ""
     chosen_information: str = ""
     ties: tuple[Set2D, ...] = field(default=())
+    instrument: InstrumentOptions | None = None
 
 
 def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleOptions:
@@ -123,6 +146,7 @@ def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleO
         chosen_names=_text(given, "GCPFilter") or "",
         chosen_information=_text(given, "GCPFilterAdd") or "",
         ties=_ties(given, folder),
+        instrument=_instrument(given, folder),
     )
 
 
@@ -192,6 +216,44 @@ def _ties(given: dict[str, Value], folder: str) -> tuple[Set2D, ...]:
     if not isinstance(weights, list) or not 1 <= len(weights) <= 4:
         raise InputError("TiePWeight=[S0,At?,Thr?,Exp?] takes one to four numbers")
     return (_set2d([_text(given, "TPDir") or folder, *weights], "TiePWeight"),)
+
+
+def _instrument(given: dict[str, Value], folder: str) -> InstrumentOptions | None:
+    lists = given.get("BOI")
+    if lists is None:
+        if {"InInstrBlock", "OutInstrBlock"} & set(given):
+            raise InputError("InInstrBlock and OutInstrBlock have no effect without BOI=[[Bloc,mTr,mRot]]")
+        return None
+    if not isinstance(lists, list) or not 1 <= len(lists) <= 3 or not isinstance(lists[0], list):
+        raise InputError("BOI=[[Bloc?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?]] takes lists in brackets")
+    soft = [_number(row, k, "BOI") for row in lists[1:2] if isinstance(row, list) for k in range(len(row))]
+    if len(lists) > 2 or any(value > 0.0 for value in soft):
+        raise InputError(
+            "BOI: a soft gauge (gTr, gRot above zero) and the attachment to the initial block (third list) "
+            "are there from Python only: RigidBlock(master_sigmas=, place_sigmas=)"
+        )
+    row = lists[0]
+    if len(row) > 5:
+        raise InputError("BOI: the first list takes Bloc, mTr, mRot, Save and Rel")
+    factors = [_number(row, k, "BOI") if len(row) > k else 1.0 for k in (1, 2)]
+    if min(factors) <= 0.0:
+        raise InputError("BOI: mTr and mRot must be above zero")
+    save, relative = (_flag(row, k) for k in (3, 4))
+    return InstrumentOptions(
+        _text(given, "InInstrBlock") or folder,
+        _plain(row, 0) if row else "",
+        (factors[0], factors[1]),
+        save,
+        relative,
+        _text(given, "OutInstrBlock"),
+    )
+
+
+def _flag(row: Sequence[Value], place: int) -> bool:
+    word = _plain(row, place) if len(row) > place else "true"
+    if word not in ("0", "1", "true", "false"):
+        raise InputError(f"BOI: {word!r} is neither true nor false")
+    return word in ("1", "true")
 
 
 def _shared(given: dict[str, Value]) -> tuple[tuple[str, str], ...]:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.images import ControlPoints
-from obseq.project.assembly import block_files
+from obseq.project.assembly import block_files, instrument_file
 from obseq.project.blocks import block_text, read_block
 from obseq.project.cameras import orientation_files
+from obseq.project.instrument_blocks import adjusted_text, read_instrument_block
 from obseq.project.networks import adjusted_sets, control_of
 from obseq.project.points import NO_SYSTEM, read_system, system_text
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
@@ -66,7 +67,7 @@ class Results:
         if any(part.out for part in self.options.points):
             found = adjusted_points(solution)
             files |= adjusted_sets(self.tree, self.options, found, definition, as_json=self.as_json)
-        return files | self._rigid(solution) | self._topo(solution)
+        return files | self._rigid(solution) | self._instrument(solution) | self._topo(solution)
 
     def _definition(self) -> str:
         """The system of the orientation, or that of the points where it has none."""
@@ -87,6 +88,15 @@ class Results:
                 adjusted, as_json=self.as_json
             )
         return files
+
+    def _instrument(self, solution: BundleSolution) -> Files:
+        """The adjusted instrument block, where `OutInstrBlock` asks for it."""
+        given = self.options.instrument
+        if given is None or given.out is None:
+            return {}
+        found = read_instrument_block(instrument_file(self.tree, given))
+        path = self.tree.folder("InstrBlock", given.out) / f"{found.path.stem}{self._ending}"
+        return {path: adjusted_text(found, solution, given.save, as_json=self.as_json)}
 
     def _topo(self, solution: BundleSolution) -> Files:
         if not self.options.survey_out:
