@@ -222,10 +222,10 @@ def _instrument(given: dict[str, Value], folder: str) -> InstrumentOptions | Non
     lists = given.get("BOI")
     if lists is None:
         if {"InInstrBlock", "OutInstrBlock"} & set(given):
-            raise InputError("InInstrBlock and OutInstrBlock have no effect without BOI=[[Bloc,mTr,mRot]]")
+            raise InputError("InInstrBlock and OutInstrBlock have no effect without BOI=[[Block,mTr,mRot]]")
         return None
     if not isinstance(lists, list) or not 1 <= len(lists) <= 3 or not isinstance(lists[0], list):
-        raise InputError("BOI=[[Bloc?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?]] takes lists in brackets")
+        raise InputError("BOI=[[Block?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?]] takes lists in brackets")
     soft = [_number(row, k, "BOI") for row in lists[1:2] if isinstance(row, list) for k in range(len(row))]
     if len(lists) > 2 or any(value > 0.0 for value in soft):
         raise InputError(
@@ -234,7 +234,7 @@ def _instrument(given: dict[str, Value], folder: str) -> InstrumentOptions | Non
         )
     row = lists[0]
     if len(row) > 5:
-        raise InputError("BOI: the first list takes Bloc, mTr, mRot, Save and Rel")
+        raise InputError("BOI: the first list takes Block, mTr, mRot, Save and Rel")
     factors = [_number(row, k, "BOI") if len(row) > k else 1.0 for k in (1, 2)]
     if min(factors) <= 0.0:
         raise InputError("BOI: mTr and mRot must be above zero")
