@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 import obseq
 from obseq.codegen import compile_formula
+from obseq.errors import SingularSystemError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number, Vector
 from obseq.formulas.functions import Scalar, exp
@@ -55,11 +56,11 @@ def kernel(formula):
     return compile_formula(formula)
 
 
-def ours(formula, data, start):
+def ours(formula, data, start, strategy="levenberg-marquardt"):
     system = obseq.LeastSquares()
     unknown = system.add_vectors(["b"], [start])
     system.add(kernel(formula), {"b": np.repeat(unknown, len(data))}, data, 1.0)
-    return system.solve(max_iterations=500, strategy="levenberg-marquardt")
+    return system.solve(max_iterations=500, strategy=strategy)
 
 
 def others(formula, data, start, least):
@@ -89,6 +90,16 @@ def test_classical_problems_arrive_within_the_evaluations_of_scipy(name):
     assert result.converged
     assert result.cost == pytest.approx(least, rel=1e-8)
     assert result.evaluations <= min(500.0, 1.5 * max(others(formula, data, start, least)))
+
+
+@pytest.mark.parametrize("name", ["Kowalik", "Osborne"])
+def test_steps_that_lead_where_the_matrix_is_singular_say_so_and_what_helps(name):
+    formula, y, x, start, _ = CLASSICAL[name]
+    data = np.column_stack([np.array(y.split(), float), x])
+    said = r"steps led where .*\(iteration \d+, a sum of squares of .* at first.*'levenberg-marquardt'"
+    with pytest.raises(SingularSystemError, match=said) as raised:
+        ours(formula, data, start, "dogleg")
+    assert set(raised.value.unknowns) <= {f"b.{k}" for k in range(len(start))}
 
 
 @pytest.mark.parametrize("start", ["start1", "start2"])

@@ -148,7 +148,11 @@ class DampedPath:
             if step is not None:
                 return step
             damping = max(10.0 * damping, LEAST)
-        raise SingularSystemError("the normal matrix stays singular however strong its damping")
+        raise SingularSystemError(
+            "the normal matrix stays singular however strong its damping: at these values some unknowns have "
+            "next to no influence on any residual. "
+            "Start closer to the solution, freeze them, or give them a prior"
+        )
 
     def _measure(self, step: NewtonStep, damping: float) -> None:
         """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""

@@ -155,5 +155,21 @@ def _gone(
     return DivergenceError(f"Gauss-Newton diverges ({size}): {error} (iteration {number}; {back}). {ADVICE}")
 
 
+def strayed(error: SingularSystemError, iterations: list[Iteration]) -> SingularSystemError:
+    """The error of a matrix that was regular at first and is singular where accepted steps have led."""
+    if not iterations:
+        return error
+    last, number = iterations[-1], len(iterations) + 1
+    size = f"a sum of squares of {last.cost:.3g} before the last step of {last.max_step:.3g}"
+    size += f", {iterations[0].cost:.3g} at first"
+    return SingularSystemError(
+        f"the steps led where the observations do not determine some unknowns any more (iteration {number}, "
+        f"{size}; the unknowns are at their last accepted values): {error}. "
+        "If nothing is missing, start closer to the solution, or with 'levenberg-marquardt'",
+        error.unknowns,
+        error.defect,
+    )
+
+
 def _some(names: tuple[str, ...]) -> str:
     return ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")

@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
-from obseq.leastsquares.iterations.gauss_newton import Progress, recorded
+from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
 from obseq.leastsquares.solution.result import StopReason
@@ -122,12 +122,19 @@ def iterate_in_region(
     before: Callable[[int], None],
     progress: Callable[[Iteration], None],
 ) -> Progress:
-    """Runs the iterations; the table of unknowns holds the last accepted state whatever happens."""
+    """Runs the iterations; the table of unknowns holds the last accepted state whatever happens.
+
+    Raises:
+        SingularSystemError: the unknowns are not determined, at first or where the steps have led.
+    """
     done, counted = Progress(), equations.evaluations
     search = _Search(equations, path, options, redundancy)
     for number in range(options.max_iterations):
         before(number)
-        trial, reason = search.advance()
+        try:
+            trial, reason = search.advance()
+        except SingularSystemError as error:
+            raise strayed(error, done.iterations) from None
         record = recorded(trial.linearisation, options, redundancy + path.defect, trial.move, trial.length)
         done.iterations.append(record)
         progress(record)
@@ -349,7 +356,7 @@ class _Search:
             try:
                 self._linearise(in_passing=True)
                 trial = self._path.full()
-            except DivergenceError:
+            except (DivergenceError, SingularSystemError):
                 return None
         return None
 
