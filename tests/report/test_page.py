@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 import pytest
 
 from obseq.report import page
+from obseq.survey import Network
 
 VOID = {"meta", "input"}
 
@@ -90,6 +91,23 @@ def test_what_nothing_determines_is_on_the_plan(make) -> None:
     assert content(text)["names"][3] == "T"
     assert (plan["x"][3], plan["y"][3], plan["marks"][3]) == (5, 6, 4)
     assert "LEFT OUT, because nothing determines them: point T" in text
+
+
+def test_a_sight_to_a_point_without_a_place_is_a_ray(tmp_path) -> None:
+    """East is at 0 of the circle of A: a direction of 350 gon leads to the north-east, where X must be."""
+    known = "".join(
+        f"1 {name} {x} {y} 0 0.001\n" for name, x, y in (("A", 0, 0), ("B", 100, 0), ("C", 0, 100))
+    )
+    (tmp_path / "a.cor").write_text(f"{known}0 D 90 90 0\n", encoding="utf-8")
+    sights = ["7 A B 0 0.001", "5 A C 300 0.001", "5 A X 350 0.001", "3 A Y 20 0.01", "6 A D 100 0.001"]
+    sights += [f"3 {name} D {length} 0.002" for name, length in (("A", 127.28), ("B", 90.55), ("C", 90.55))]
+    (tmp_path / "a.obs").write_text("\n".join(sights) + "\n", encoding="utf-8")
+    record = Network.read(tmp_path / "a.obs", tmp_path / "a.cor", frame="Local").adjust().record()
+    plan = content(page(record))["plan"]
+    assert plan["unplaced"] == ["X", "Y"]
+    ((station, east, north, name),) = plan["rays"]
+    assert (record.points[station].name, name) == ("A", "X")
+    assert (east, north) == pytest.approx((0.5**0.5, 0.5**0.5), abs=1e-5)
 
 
 def test_names_are_escaped(plain, make) -> None:

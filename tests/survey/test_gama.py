@@ -214,7 +214,9 @@ def test_a_free_network_moves_its_datum_least(tmp_path):
         '<distance from="A" to="C" val="3.03" stdev="1" />'
         '<distance from="B" to="C" val="5.05" stdev="1" /></obs>'
     )
-    points = adjusted(network(tmp_path, body)).points
+    result = adjusted(network(tmp_path, body))
+    points = result.points
+    assert any("rank defect 3" in note for note in result.notes)
     start = np.array([[0, 0], [4, 0], [0, 3]])
     grown = (start - start.mean(axis=0)) * 1.01 + start.mean(axis=0)
     assert points.crs_coordinates[:, :2] == pytest.approx(grown, abs=1e-9)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from obseq.printable import printable_line
 from obseq.report.quality import ellipse_level
 
 if TYPE_CHECKING:
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.record import AdjustmentRecord, ObservationRecord, PointRecord
 
 KNOWN, STATION, UNDETERMINED = 1, 2, 4
 """Marks of points, added up; the script of the page has the same."""
@@ -33,6 +35,8 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         "marks": marks,
         **_ellipses(record, padding),
         "moved": _moved(record, padding),
+        "unplaced": [printable_line(name) for name in _unplaced(record)],
+        "rays": _rays(record, rows),
         "title": "triangles: known points; circles: stations; dots: other points",
         "ellipses": f"ellipses {ellipse_level(record)}",
         "displacements": "displacements, adjusted minus given",
@@ -60,3 +64,32 @@ def _moved(record: AdjustmentRecord, padding: int) -> list[list[float] | None] |
         None if point.moved is None else [round(v, 5) for v in point.moved[:2]] for point in record.points
     ]
     return [*found, *[None] * padding] if any(found) else None
+
+
+def _unplaced(record: AdjustmentRecord) -> list[str]:
+    """Points that are left out and have no place on the plan."""
+    placed = {point.name for point in record.points}
+    return [item.name for item in record.left_out if not item.place and item.name not in placed]
+
+
+def _rays(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float | str]]:
+    """Sights of adjusted points to left out ones without a place: row of the point, unit step, name."""
+    lost = set(_unplaced(record))
+    zeros: dict[str, set[float | None]] = {}
+    for station in record.stations:
+        zeros.setdefault(station.origin, set()).add(station.g0)
+    found: list[list[float | str]] = []
+    for sight in record.observations:
+        bearing = _bearing(sight, zeros) if sight.target in lost else None
+        if bearing is not None and rows[sight.origin] < len(record.points):
+            step = (round(math.sin(bearing), 6), round(math.cos(bearing), 6))
+            found.append([rows[sight.origin], *step, printable_line(sight.target)])
+    return found
+
+
+def _bearing(sight: ObservationRecord, zeros: dict[str, set[float | None]]) -> float | None:
+    """Where a direction points, clockwise from y (rad); None when it is none, or of an uncertain zero."""
+    if sight.type == "Azim":
+        return sight.value
+    (zero, *others) = zeros.get(sight.origin, {None})
+    return None if sight.type != "Hz" or zero is None or others else zero + sight.value

@@ -3,6 +3,7 @@
 const KNOWN = 1;
 const STATION = 2;
 const UNDETERMINED = 4;
+const RAY = 60;
 const PALETTES = {
   light: { paper: "#ffffff", ink: "#1b1f24", sight: "#7d8894", known: "#b3261e", station: "#0a58b5", free: "#2f3841", ellipse: "#b3261e", moved: "#00695c", picked: "#d97a00" },
   dark: { paper: "#14171b", ink: "#e6e9ed", sight: "#77828e", known: "#ff8a80", station: "#82b7ff", free: "#d5dae0", ellipse: "#ff8a80", moved: "#4fd8c4", picked: "#ffc247" },
@@ -80,6 +81,7 @@ class Plan {
     if (this.layers.ellipses) this.drawEllipses();
     if (this.layers.moved) this.drawMoved();
     this.drawPoints();
+    this.drawRays();
     this.drawSelection();
     if (this.layers.names) this.drawNames();
     this.drawScale();
@@ -206,6 +208,21 @@ class Plan {
     context.stroke(paths.undetermined);
   }
 
+  /** Sights to points without a place: a dashed ray of a length that says nothing, with the name at its end. */
+  drawRays() {
+    const { context, palette } = this;
+    Object.assign(context, { strokeStyle: palette.known, fillStyle: palette.ink, lineWidth: 1.2, font: "12px system-ui, sans-serif", textBaseline: "middle" });
+    context.setLineDash([6, 4]);
+    for (const [point, east, north, name] of this.content.rays) {
+      const [x, y] = this.place(point);
+      const path = new Path2D();
+      arrow(path, x, y, x + RAY * east, y - RAY * north);
+      context.stroke(path);
+      context.fillText(`${name}?`, x + (RAY + 8) * east, y - (RAY + 8) * north);
+    }
+    context.setLineDash([]);
+  }
+
   drawSelection() {
     const { context, selection, palette } = this;
     const points = selection.points ?? [];
@@ -264,6 +281,8 @@ class Plan {
     const large = (factor) => `${significant(factor)} times larger than life${this.isCrowded ? ", those that find room (enlarge the plan for the others)" : ""}`;
     const parts = [this.content.title];
     if (this.content.marks.some((marks) => marks & UNDETERMINED)) parts.push("crosses: points that nothing determines");
+    if (this.content.unplaced.length) parts.push(`not determined, and without a place: ${this.content.unplaced.join(", ")}`);
+    if (this.content.rays.length) parts.push("dashed rays: sights to such points");
     if (this.layers.ellipses && this.usual > 0) parts.push(`${this.content.ellipses}, ${large(this.ellipseFactor)}`);
     if (this.layers.moved) parts.push(`${this.content.displacements}, ${large(this.movedFactor)}`);
     this.legend?.(parts.join("; "), this.colouring);

@@ -15,7 +15,7 @@ from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.checks import singular_parts
 from obseq.survey.adjustment.inner import inner_covariances
-from obseq.survey.adjustment.notes import notes, of_unit_weight
+from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
 from obseq.survey.initial.approximations import Replaced, nearest_sights
@@ -171,6 +171,7 @@ class Computation:
             warnings=book.warnings,
             notes=(
                 *of_unit_weight(self.unit_sigma, solution.sigma0),
+                *datum_note(equations.system.datum_defect),
                 *notes(self.frame, book, coordinates),
                 *equations.shared.sentences(solution, found.a_priori),
             ),
