@@ -1,5 +1,9 @@
 """Observations of any formula, named in tables."""
 
+import importlib
+import random
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +11,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
 
+TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 POINTS = "name,x,y,z,sx,sy,sz\nA,0,0,0,0,0,0\nB,10,0,0,0,0,0\nC,0,10,0,0,0,0\nP,3,4,5,,,\n"
 # From A, B and C to (3, 4, 5): the roots of 50, 90 and 70. The second is 1 mm too long, in millimetres.
 ROWS = [
@@ -109,3 +114,18 @@ def test_files_without_formulas(tmp_path, capsys, text, message):
     files = [str(tmp_path / name) for name in ("p.csv", "f.csv")]
     assert main(["adjust", *files, "--formulas", str(tmp_path / "own.py"), "--out", str(tmp_path / "r")]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_mutated_tables_are_read_or_refused_by_name(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(TOOLS)
+    mutated = importlib.import_module("fuzz_readers").mutated
+    network(tmp_path)
+    refused = 0
+    for seed in range(400):
+        (tmp_path / "f.csv").write_bytes(mutated("\n".join(ROWS), random.Random(seed)))
+        try:
+            Network.read_project([tmp_path / "f.csv", tmp_path / "p.csv"])
+        except InputError as error:
+            assert "f.csv" in str(error)
+            refused += 1
+    assert 100 < refused < 400
