@@ -195,6 +195,18 @@ def test_missing_images_are_counted_and_a_mixed_project_is_no_error():
     assert "camera B has no image that is adjusted" in shown
 
 
+def test_a_camera_without_images_keeps_its_place():
+    block, _ = _rig()
+    given = _block(block.poses)
+    images = [image for image in block.poses.images if not image.startswith("C")]
+    block.add_rigid_block(replace(given, exposures=Exposures.of(images, r"([ABC])_(\d+).tif")))
+    solution = block.solve()
+    np.testing.assert_array_equal(solution.rigid_places("TheBloc")["C"].centre, given.places["C"].centre)
+    assert (solution.rigid_place_precisions("TheBloc")[list(given.places.images).index("C")] == 0.0).all()
+    (lone,) = solution.unpaired
+    assert (lone.kind, lone.name) == ("camera", "block TheBloc, camera C")
+
+
 def test_what_cannot_be_a_rigid_block_is_refused():
     block, _ = _rig()
     with pytest.raises(InputError, match="a sigma must be positive, not -1"):

@@ -98,19 +98,22 @@ class RigidEquations:
         names = [f"{block.name} {camera}" for camera in block.places.images]
         self.centres = system.add_points([f"{name} place" for name in names], block.places.centres)
         self.rotations = system.add_rotations(names, block.places.rotations)
+        self.pairs = pairs_of(block, images)
         self._hold()
         self._observe_places()
-        self.pairs = pairs_of(block, images)
         self.batch = self._add_pairs(*poses)
 
     def _rows(self, cameras: Sequence[str]) -> IntArray:
         return index_of(self.block.places.images, cameras, f"block {self.block.name}: camera")
 
     def _hold(self) -> None:
-        fixed = self.block.places.images if self.block.is_fixed else (self.block.master,)
-        if self.block.master_sigmas is None or self.block.is_fixed:
-            self._system.freeze(self.centres[self._rows(fixed)])
-            self._system.freeze(self.rotations[self._rows(fixed)])
+        block = self.block
+        gauge = () if block.master_sigmas else (block.master,)
+        fixed = block.places.images if block.is_fixed else gauge
+        held = self._rows(list(dict.fromkeys([*fixed, *_lone(block, self.pairs.cameras)])))
+        if held.size:
+            self._system.freeze(self.centres[held])
+            self._system.freeze(self.rotations[held])
 
     def _observe_places(self) -> None:
         observed = {} if self.block.is_fixed else self.block.observed_places
@@ -183,6 +186,10 @@ def pairs_of(block: RigidBlock, images: Sequence[str]) -> Pairs:
         raise InputError(f"block {block.name}: no exposure has the master and another camera")
     first_image, second_image, a, b = np.array(rows, dtype=np.int64).T
     cameras = np.column_stack([a, b])
+    reason = "is in no exposure with another camera of the block: its place stays as it was given"
+    missing += [
+        LeftOut("camera", f"block {block.name}, camera {name}", reason) for name in _lone(block, cameras)
+    ]
     return Pairs(first_image, second_image, cameras, tuple(names), np.array(sigmas), tuple(missing))
 
 
@@ -191,6 +198,13 @@ def _outside(block: RigidBlock) -> list[LeftOut]:
     listed = ", ".join(others[:MOST_NAMES]) + (", ..." if len(others) > MOST_NAMES else "")
     reason = f"{len(others)} images are of none of its exposures: {listed}"
     return [LeftOut("images", f"block {block.name}", reason)] if others else []
+
+
+def _lone(block: RigidBlock, cameras: IntArray) -> list[str]:
+    """The cameras that no pair has, and whose places nothing observes."""
+    used = set(cameras.ravel().tolist())
+    names = enumerate(block.places.images)
+    return [name for row, name in names if row not in used and name not in block.observed_places]
 
 
 def _missing(
