@@ -4,6 +4,7 @@ const KNOWN = 1;
 const STATION = 2;
 const UNDETERMINED = 4;
 const RAY = 60;
+const MOST_UNPLACED = 30;
 const PALETTES = {
   light: { paper: "#ffffff", ink: "#1b1f24", sight: "#7d8894", known: "#b3261e", station: "#0a58b5", free: "#2f3841", ellipse: "#b3261e", moved: "#00695c", picked: "#d97a00" },
   dark: { paper: "#14171b", ink: "#e6e9ed", sight: "#77828e", known: "#ff8a80", station: "#82b7ff", free: "#d5dae0", ellipse: "#ff8a80", moved: "#4fd8c4", picked: "#ffc247" },
@@ -281,7 +282,9 @@ class Plan {
     const large = (factor) => `${significant(factor)} times larger than life${this.isCrowded ? ", those that find room (enlarge the plan for the others)" : ""}`;
     const parts = [this.content.title];
     if (this.content.marks.some((marks) => marks & UNDETERMINED)) parts.push("crosses: points that nothing determines");
-    if (this.content.unplaced.length) parts.push(`not determined, and without a place: ${this.content.unplaced.join(", ")}`);
+    const { unplaced } = this.content;
+    const more = unplaced.length > MOST_UNPLACED ? ` and ${unplaced.length - MOST_UNPLACED} more (the warnings name them)` : "";
+    if (unplaced.length) parts.push(`not determined, and without a place: ${unplaced.slice(0, MOST_UNPLACED).join(", ")}${more}`);
     if (this.content.rays.length) parts.push("dashed rays: sights to such points");
     if (this.layers.ellipses && this.usual > 0) parts.push(`${this.content.ellipses}, ${large(this.ellipseFactor)}`);
     if (this.layers.moved) parts.push(`${this.content.displacements}, ${large(this.movedFactor)}`);
