@@ -162,10 +162,11 @@ def strayed(error: SingularSystemError, iterations: list[Iteration]) -> Singular
     last, number = iterations[-1], len(iterations) + 1
     size = f"a sum of squares of {last.cost:.3g} before the last step of {last.max_step:.3g}"
     size += f", {iterations[0].cost:.3g} at first"
+    advice = ". If nothing is missing, start closer to the solution, or with 'levenberg-marquardt'"
     return SingularSystemError(
         f"the steps led where the observations do not determine some unknowns any more (iteration {number}, "
-        f"{size}; the unknowns are at their last accepted values): {error}. "
-        "If nothing is missing, start closer to the solution, or with 'levenberg-marquardt'",
+        f"{size}; the unknowns are at their last accepted values): {error}"
+        f"{advice if error.unknowns else ''}",
         error.unknowns,
         error.defect,
     )
