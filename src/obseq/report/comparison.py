@@ -63,7 +63,8 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     yield f"{common} common points; datum: {record.datum}"
     if record.moved:
         yield f"  reference points that have MOVED, the worst first: {', '.join(record.moved)}"
-    which = "the points together" if record.datum == "as adjusted" else "the other reference points"
+    others = "the other reference points" if record.moved else "the reference points"
+    which = "the points together" if record.datum == "as adjusted" else others
     state = "have stayed" if record.congruence.passed else "have MOVED"
     yield f"  {which} {state}: {_tested(record.congruence)}"
     tested = sum(row.test is not None for row in record.displacements)
