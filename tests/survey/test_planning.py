@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned import network, observation_text, point_text
+from planned import PLACES, network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network, Quality, plan, read_cor, read_obs, simulate, write_obs
+from obseq.survey.adjustment.datum import Datum
 from obseq.survey.planning.simulation import Simulation
 
 
@@ -166,3 +167,20 @@ def test_an_undetermined_point_is_said(folder, capsys):
     (folder / "plan.obs").write_text("\n".join([*lines, "3 K1 F 1 0.001"]) + "\n")
     assert main(["plan", *FILES]) == 1
     assert "LEFT OUT" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0, 300.0])
+def test_a_free_network_on_the_earth_is_that_of_a_plane(tmp_path, size):
+    """Nothing but the curvature of the Earth orients it: its rotation is free all the same."""
+    places = np.array([657700.0, 6860700.0, 50.0]) + PLACES * [size, size, 1.0]
+    (tmp_path / "p.obs").write_text(observation_text())
+    (tmp_path / "p.cor").write_text(point_text(places))
+    measured = simulate(
+        Network.read(tmp_path / "p.obs", tmp_path / "p.cor", points_crs="IGNF:LAMB93"), seed=3
+    )
+    found = measured.adjust(datum=Datum("inner"), start=Simulation(measured).truth)
+    assert found.converged
+    assert len(found.points.names) == len(PLACES)
+    assert found.solution.redundancy == len(found.residuals) - (3 * len(PLACES) + 3 - 4)
+    assert 0.7 < found.sigma0 < 1.3
+    assert found.points.precisions.max() < 0.01 * size

@@ -28,7 +28,8 @@ example:
   obseq adjust --obs levels.obs --cor levels.cor
   obseq adjust project.comp --json result.json
 
-exit code: 0 adjusted; 1 the iterations did not converge, or points were left out; 2 could not run"""
+exit code: 0 adjusted; 1 the iterations did not converge, points were left out, or gross errors are
+suspected; 2 could not run"""
 
 
 @dataclass(frozen=True)

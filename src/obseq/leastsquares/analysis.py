@@ -149,7 +149,7 @@ class Analysis:
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
 
     def _on_datum(self, solver: Solver) -> DatumSolver:
-        equations, (scalars, reference) = self.equations, self._state.datum
+        equations, (scalars, reference, loose) = self.equations, self._state.datum
         table, numbers = equations.table, equations.free.number[scalars]
         beyond, chosen = None, np.zeros(equations.pattern.n, dtype=bool)
         inside = numbers >= 0
@@ -158,7 +158,8 @@ class Analysis:
             chosen[:] = True
             beyond = Beyond(scalars, equations.extended, partial(_change, table, scalars, reference))
         offset = partial(_scattered, table, scalars[inside], reference[inside], numbers[inside], len(chosen))
-        return DatumSolver(solver, chosen, offset, beyond)
+        followed = equations.free.number[loose]
+        return DatumSolver(solver, chosen, offset, beyond, followed[followed >= 0])
 
 
 class Analyses:

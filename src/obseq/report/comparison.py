@@ -67,7 +67,7 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     which = "the points together" if record.datum == "as adjusted" else others
     state = "have stayed" if record.congruence.passed else "have MOVED"
     yield f"  {which} {state}: {_tested(record.congruence)}"
-    tested = sum(row.test is not None for row in record.displacements)
+    tested = sum(row.test is not None and not row.is_reference for row in record.displacements)
     expected = f"{record.level * tested:.1f} would by chance if none had"
     yield f"  {len(moved)} of {tested} points have moved significantly ({expected})"
 

@@ -24,8 +24,11 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     found = record.reliability
     if found is None:
         return
-    count = len(suspects(record))
-    verdict = f"exceeded by {count} of {found.tests}" if count else "exceeded by none"
+    known = sum(abs(row.standardised_residual or 0.0) > found.critical for row in record.constraints)
+    count = len(suspects(record)) + known
+    verdict = f"exceeded by {count} of {found.tests}" if count else f"exceeded by none of {found.tests}"
+    if known:
+        verdict += f", {known} of these {'a known coordinate' if known == 1 else 'known coordinates'}"
     share, limit = f"{100.0 * found.level:g} %", f"{found.critical:.2f}"
     yield f"test of each standardised residual at {share}: limit {limit} (a priori sigmas), {verdict}"
     if found.uncontrolled:

@@ -66,6 +66,7 @@ class DatumSolver:
         offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
         beyond: the datum itself, where some of its unknowns are not in the matrix; `chosen` then makes no
             more than the solutions of the matrix definite.
+        loose: unknowns that follow a direction which the matrix determines in appearance only.
     """
 
     def __init__(
@@ -74,7 +75,9 @@ class DatumSolver:
         chosen: BoolArray,
         offset: Callable[[], FloatArray],
         beyond: Beyond | None = None,
+        loose: IntArray | None = None,
     ) -> None:
+        self._loose = np.zeros(0, np.int64) if loose is None else loose
         self._beyond = beyond
         self._solver = solver
         self._chosen = chosen
@@ -178,7 +181,7 @@ class DatumSolver:
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
         """
-        held = np.zeros(0, np.int64)
+        held = np.unique(self._loose)
         while True:
             self._held = held
             try:

@@ -22,16 +22,18 @@ class Datum(NamedTuple):
     Attributes:
         scalars: positions of the unknowns whose changes are least; none without a datum.
         reference: their values when it was set.
+        loose: positions of unknowns whose weak determination does not count: what they follow is free.
     """
 
     scalars: IntArray
     reference: FloatArray
+    loose: IntArray = np.zeros(0, dtype=np.int64)
 
 
 NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
-def datum_of(table: UnknownTable, ids: ArrayLike, components: object) -> Datum:
+def datum_of(table: UnknownTable, ids: ArrayLike, components: object, loose: ArrayLike = ()) -> Datum:
     """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
 
     Raises:
@@ -43,7 +45,7 @@ def datum_of(table: UnknownTable, ids: ArrayLike, components: object) -> Datum:
     if not blocks.size:
         return NO_DATUM
     chosen = np.unique(_scalars(table, blocks, components))
-    return Datum(chosen, table.values[chosen])
+    return Datum(chosen, table.values[chosen], np.asarray(loose, dtype=np.int64))
 
 
 def _scalars(table: UnknownTable, blocks: IntArray, components: object) -> IntArray:

@@ -243,6 +243,7 @@ class Problem:
         self,
         ids: ArrayLike,
         components: Sequence[str | int] | Sequence[Sequence[str | int]] | BoolArray | None = None,
+        loose: ArrayLike = (),
     ) -> None:
         """Puts a free network on a datum: the changes of these unknowns from their present values are least.
 
@@ -253,11 +254,14 @@ class Problem:
             ids: (n,) blocks of points, vectors or scalars; none for no datum. They may be eliminated ones.
             components: numbers or names of the components that count, for all blocks, or a list of them for
                 each; or (n, k) True for those that count; all when None.
+            loose: positions among all unknowns of some that are determined in appearance only: each of them
+                stands for one more free parameter (the turn of one instrument, where nothing but the
+                curvature of the Earth orients a network).
 
         Raises:
             InputError: a rotation or a direction is among them.
         """
-        datum = datum_of(self.unknowns, ids, components)
+        datum = datum_of(self.unknowns, ids, components, loose)
         self.unknowns.owner.check()
         self.datum = datum
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.survey.kinds.directions import AZIM
+from obseq.survey.kinds.registry import KINDS
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -104,3 +106,24 @@ def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
     return book.without(azimuths), (
         f"inner constraints: {count} azimuths have no part, they would orient it",
     )
+
+
+TURNING = ("Dist", "DistHz", "DH", "Angle")
+"""Kinds of observations without an instrument that do not change when a network turns about the vertical."""
+
+
+def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> bool:
+    """Whether an observation changes when the network turns about the vertical, its instruments with it.
+
+    Args:
+        book: The observations.
+        orientations: (m,) values of `Orientation` of the stations.
+    """
+    rows = book.observations
+    alike = [kind.code for kind in KINDS if kind.name in TURNING or (kind.needs_station and not kind.orients)]
+    reading = [kind.code for kind in KINDS if kind.needs_station and kind.orients]
+    at = np.maximum(rows.stations, 0)
+    turns = np.isin(orientations, (Orientation.VERT, Orientation.BASC))
+    follows = np.isin(rows.types, reading) & (rows.stations >= 0)
+    follows &= turns[at] if len(turns) else False
+    return bool((rows.active & ~follows & ~np.isin(rows.types, alike)).any())

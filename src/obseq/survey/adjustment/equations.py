@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
+from obseq.survey.adjustment.datum import is_oriented
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
@@ -106,7 +107,7 @@ class Equations:
         self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, self.shared)
         self.shared.add(self._site, initial.coordinates)
         self.batches = self._add_observations(initial.coordinates)
-        self._set_datum(points, point_system)
+        self._set_datum(points, point_system, initial)
 
     def _blocks_of_points(
         self, points: Points, coordinates: FloatArray, shared: Mapping[str, int]
@@ -124,13 +125,28 @@ class Equations:
         rotations[grid] = _along_grid(self._verticals[grid])
         return np.asarray(rotations)
 
-    def _set_datum(self, points: Points, point_system: PointSystem) -> None:
+    def _set_datum(self, points: Points, point_system: PointSystem, initial: InitialValues) -> None:
         """Puts a free network on the components that are to carry its datum."""
         chosen = np.zeros((len(points), 3), np.bool_)
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            self.system.set_datum(self.points[rows], chosen[rows])
+            loose = self._turning(points, initial) if (points.is_free | chosen).all() else ()
+            self.system.set_datum(self.points[rows], chosen[rows], loose)
+
+    def _turning(self, points: Points, initial: InitialValues) -> list[int]:
+        """The turn of one instrument, if nothing orients the network but the curvature of the Earth.
+
+        The Jacobian takes verticals as they are: where they are not parallel they hold, in appearance, a
+        rotation about the vertical, with a precision of degrees.
+        """
+        if self._frame.is_plane or not self._frame.has_vertical:
+            return []
+        turned = np.flatnonzero(initial.orientations == Orientation.VERT)
+        if not turned.size or is_oriented(self._book, initial.orientations):
+            return []
+        scalars = self.system.unknowns.scalars(self.stations[turned[:1]], "datum")
+        return [int(scalars[0, 2])]
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}

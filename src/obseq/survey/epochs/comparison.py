@@ -55,7 +55,13 @@ class Comparison:
     def significant(self) -> tuple[str, ...]:
         """Names of the points that have moved."""
         names = self.displacements.names
-        return tuple(name for name, test in zip(names, self.tests, strict=True) if test and not test.passed)
+        return tuple(name for row, name in enumerate(names) if self._has_moved(row))
+
+    def _has_moved(self, row: int) -> bool:
+        """Whether a point fails its test; reference points that have stayed were tested together."""
+        test = self.tests[row]
+        has_stayed = self.reference is not None and bool(self.reference[row])
+        return test is not None and not test.passed and not has_stayed
 
     def record(self) -> ComparisonRecord:
         """What the result file holds and the summary prints."""
@@ -109,7 +115,7 @@ class Comparison:
                 ellipse=ellipse,
                 test=test,
                 is_reference=self.reference is not None and bool(self.reference[row]),
-                is_significant=test is not None and not test.passed,
+                is_significant=self._has_moved(row),
             )
 
 
