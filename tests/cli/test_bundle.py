@@ -65,6 +65,21 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert {path.name for path in (folder / "out").iterdir()} == names
 
 
+def test_a_blunder_makes_sigma0_too_large_and_is_said(tables, capsys):
+    folder, options, _ = tables
+    assert main(["bundle", *options, f"--json={folder / 'good.json'}"]) == 0
+    assert json.loads((folder / "good.json").read_text())["global_test"]["passed"]
+    lines = (folder / "measures.csv").read_text().splitlines()
+    image, point, x, y = lines[40].split(",")
+    lines[40] = f"{image},{point},{float(x) + 60.0},{y}"
+    (folder / "measures.csv").write_text("\n".join(lines) + "\n")
+    capsys.readouterr()
+    main(["bundle", *options])
+    shown = capsys.readouterr().out
+    assert "REJECTED, too large" in shown
+    assert shown.partition("Largest residuals")[2].splitlines()[2].split()[:2] == [image, point]
+
+
 def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
     folder, options, _ = tables
     with (folder / "measures.csv").open("a") as file:

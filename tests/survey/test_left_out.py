@@ -88,3 +88,10 @@ def test_the_command_says_so_and_returns_1(tmp_path, capsys):
     assert json.loads((tmp_path / "a.json").read_text())["left_out"][0]["what"] == "point X"
     assert main([*command, "--strict"]) == 2
     assert "point X" in capsys.readouterr().err
+
+
+def test_a_point_that_is_only_levelled_is_told_the_flag_it_needs(tmp_path):
+    (tmp_path / "l.cor").write_text("1 A 0 0 10 0.001\n0 B 0 0 11\n")
+    (tmp_path / "l.obs").write_text("4 A B 1.001 0.001\n4 B A -1.001 0.001\n")
+    with pytest.raises(InputError, match="only levelled, give it flag 4"):
+        Network.read(tmp_path / "l.obs", tmp_path / "l.cor").adjust()

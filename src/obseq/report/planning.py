@@ -45,7 +45,9 @@ def _counts(record: PlanRecord) -> Iterator[str]:
     planned = record.adjustment
     yield f"{len(planned.points)} points, {len(planned.stations)} stations, planned"
     yield from left_out(planned)
-    yield f"  observations {planned.n_observations:>8}   unknowns {planned.n_unknowns}"
+    yield f"  observations {planned.n_observations:>8}"
+    yield f"  constraints  {planned.n_constraints:>8}   coordinates given with a sigma"
+    yield f"  unknowns     {planned.n_unknowns:>8}"
     yield f"  redundancy   {planned.redundancy:>8}"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.images.output.control_page import MOST_ROWS, instruments, reliability, table
 from obseq.images.output.drawings import arrows, histogram, radial_profile, undistorted_grid
+from obseq.images.output.summary import tested
 from obseq.images.output.views import plan_and_side
 from obseq.report.html import escaped
 
@@ -70,6 +71,7 @@ def _facts(record: BundleRecord) -> str:
         f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
         f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
+        tested(record).strip(),
         f"weighted sums of squares: {squares}",
         f"{len(record.left_out)} things left out, {record.weakened} image points with less than half of "
         f"their weight, {len(record.behind)} behind their camera (at the end of this page)",

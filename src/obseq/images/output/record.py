@@ -22,6 +22,8 @@ from obseq.images.output.instruments import (
 from obseq.images.output.testing import ReliabilityRecord, reliability_record
 from obseq.plain import to_plain
 from obseq.record import IterationRecord, RunRecord, new_run
+from obseq.record_quality import GlobalTestRecord
+from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -169,6 +171,7 @@ class BundleRecord:
         worst: the largest residuals, in sigmas.
         residuals: of all image points.
         reliability: None when no precision was asked for, or without redundancy.
+        global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
     """
 
     n_observations: int
@@ -194,6 +197,7 @@ class BundleRecord:
     rigid_blocks: tuple[RigidRecord, ...]
     clinometers: tuple[ClinometerRecord, ...]
     run: RunRecord
+    global_test: GlobalTestRecord | None = None
     format: str = FORMAT
     version: int = VERSION
 
@@ -235,7 +239,15 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         tuple(rigid_records(solution, precisions)),
         tuple(clinometer_records(solution)),
         new_run(),
+        _global_test(solution),
     )
+
+
+def _global_test(solution: BundleSolution) -> GlobalTestRecord | None:
+    """The test of sigma0, where no robust weight takes its distribution away."""
+    weights = solution.residuals.weights
+    is_robust = bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
+    return None if is_robust else global_test_record(solution.result)
 
 
 def _left_out(items: Iterable[LeftOut]) -> tuple[BlockLeftOutRecord, ...]:

@@ -47,6 +47,7 @@ def _verdict(record: BundleRecord) -> str:
         f"  {record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
     ]
+    lines.append(tested(record))
     if record.weakened:
         lines.append(f"  {record.weakened} image points have less than half of their weight")
     if record.reliability is not None:
@@ -54,6 +55,23 @@ def _verdict(record: BundleRecord) -> str:
     if record.behind:
         lines.append(f"  {len(record.behind)} image points are BEHIND their camera in the solution")
     return "\n".join(lines) + "\n"
+
+
+def tested(record: BundleRecord) -> str:
+    """What sigma0 says of the residuals."""
+    test = record.global_test
+    if test is None:
+        why = "robust weights" if record.redundancy > 0 else "no redundancy"
+        return f"  sigma0 is not tested: {why}"
+    limits = f"  chi-square test at 95 %: sigma0 between {test.lower:.4g} and {test.upper:.4g} is expected"
+    if test.passed:
+        return f"{limits}: accepted"
+    if test.sigma0 < test.lower:
+        return f"{limits}: REJECTED, too small: the sigmas are too large"
+    return (
+        f"{limits}: REJECTED, too large: look for blunders among the largest residuals, for wrong control "
+        "points, for axes or units that are not what was said, or for sigmas that are too small"
+    )
 
 
 def _reliability(found: ReliabilityRecord) -> str:
@@ -142,7 +160,9 @@ def _worst(record: BundleRecord) -> str:
         (item.image, item.point, f"{item.dx:+.3f}", f"{item.dy:+.3f}", f"{item.weight:.2f}")
         for item in record.worst[:5]
     ]
-    return "Largest residuals in sigmas\n" + _table(("image", "point", "dx px", "dy px", "weight"), rows)
+    return "Largest residuals, by their sigmas\n" + _table(
+        ("image", "point", "dx px", "dy px", "weight"), rows
+    )
 
 
 def _sigma(value: float | None) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
+from obseq.survey.kinds.lengths import DH
 from obseq.survey.model import group_by_station
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from obseq.survey.model import FieldBook, IntArray, Points
 
 _MOST_LABELS = 4
+_ONLY_LEVELLED = (
+    ", or, if it is only levelled, give it flag 4 in its COR file (5 when its height is known), which holds "
+    "its plan"
+)
 
 
 @dataclass(frozen=True)
@@ -114,8 +119,12 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     active = _still_active(given, bad_points, bad_stations)
     count = rows.counts(active, n)
     free = given.points.is_free.sum(axis=1)
+    others = rows.counts(active & (rows.types != DH.code), n)
+    hints = np.where((count > 0) & (others == 0) & (free == 3), _ONLY_LEVELLED, "")
     return [
-        Unplaced(f"point {given.points.names[row]}", _too_few(int(count[row]), int(free[row])), row)
+        Unplaced(
+            f"point {given.points.names[row]}", _too_few(int(count[row]), int(free[row])) + hints[row], row
+        )
         for row in np.flatnonzero((count < free) & ~bad_points).tolist()
     ]
 
