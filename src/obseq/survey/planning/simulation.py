@@ -43,19 +43,24 @@ class Simulation:
         return Equations(network.frame, network.point_system, network.points, network.book, self.truth)
 
     @cached_property
+    def _fitted(self) -> tuple[FloatArray, FloatArray]:
+        """(n,) residuals of the values that are there, and (n,) sigmas."""
+        return self._equations.fitted(self._equations.system)
+
+    @cached_property
     def exact(self) -> FloatArray:
         """(n,) values without error, m or rad; those of inactive observations stay as they are."""
         observations = self.network.book.observations
-        residuals, _ = self._equations.fitted(self._equations.system)
+        residuals, _ = self._fitted
         values = observations.values + np.where(observations.active, np.nan_to_num(residuals), 0.0)
         kinds = [BY_CODE[code] for code in observations.types.tolist()]
         is_circle = np.array([kind.is_angle for kind in kinds], np.bool_) & observations.active
         return np.where(is_circle, np.mod(values, TURN), values)
 
-    @cached_property
+    @property
     def sigmas(self) -> FloatArray:
         """(n,) sigmas of the observations, relative parts included."""
-        return self._equations.fitted(self._equations.system)[1]
+        return self._fitted[1]
 
     def without_errors(self) -> Network:
         """The network with exact observations."""
