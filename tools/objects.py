@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LOOPS = {
     "obseq.kernels.tiles": ("call_kernel", "evaluate"),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
-    "obseq.leastsquares.loops.blocks_to_matrix": ("pattern_rows", "pour_diagonal", "pour_pairs"),
+    "obseq.leastsquares.loops.blocks_to_matrix": ("add_diagonal_blocks", "add_pairs", "pattern_rows"),
     "obseq.leastsquares.loops.leverages": ("leverages",),
     "obseq.leastsquares.loops.schur_complement": ("eliminate", "neighbour_pairs", "substitute_back"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),

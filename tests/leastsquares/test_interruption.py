@@ -106,7 +106,7 @@ def levelling():
 @pytest.mark.parametrize("send", [before, after])
 def test_while_the_matrix_is_poured(monkeypatch, send):
     system, expected = levelling(), found(levelling())
-    send(monkeypatch, blocks_to_matrix, "pour_diagonal")
+    send(monkeypatch, blocks_to_matrix, "add_diagonal_blocks")
     with pytest.raises(KeyboardInterrupt):
         system.solve()
     np.testing.assert_array_equal(found(system), expected)
@@ -116,7 +116,7 @@ def test_while_the_matrix_is_poured(monkeypatch, send):
 def test_while_covariances_are_computed(monkeypatch, call):
     expected, system = found(bundle()), bundle()
     system.solve(max_iterations=2, covariance=True)
-    after(monkeypatch, blocks_to_matrix, "pour_diagonal", call)
+    after(monkeypatch, blocks_to_matrix, "add_diagonal_blocks", call)
     with pytest.raises(KeyboardInterrupt):
         for _ in range(5):
             system.solve(covariance=True, tolerance=-1.0, max_iterations=2)

@@ -238,7 +238,7 @@ def _scratch(kernel: Kernel, address: int, rows: int, has_constants: bool) -> Fl
 
 @functools.cache
 def _tiles() -> Any:
-    """The compiled drivers, imported when they are first needed."""
+    """The compiled loops, imported when they are first needed."""
     import obseq.kernels.tiles as tiles
 
     return tiles

@@ -1,4 +1,4 @@
-"""Tiles: the records that kernels work on, and the compiled drivers that fill, run and read them."""
+"""Tiles: the records that kernels work on, and the compiled loops that fill, run and read them."""
 
 from __future__ import annotations
 

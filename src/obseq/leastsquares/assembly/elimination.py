@@ -9,6 +9,7 @@ import numpy as np
 from obseq.leastsquares.assembly.store import part_width
 from obseq.leastsquares.assembly.threads import in_threads
 from obseq.leastsquares.diagnosis.singular import eliminated_error
+from obseq.leastsquares.loops.tables import EliminationRoom
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray, IntRows
@@ -97,28 +98,19 @@ class Elimination:
     ) -> float:
         from obseq.leastsquares.loops.schur_complement import eliminate
 
-        table, layout = self._table, self._layout
-        free, groups = layout.free, layout.groups
-        record = np.empty(2 * groups.most * groups.widest)
+        layout = self._layout
         return eliminate(
             store,
             layout.diagonal,
-            groups,
-            table.start,
-            table.size,
-            free.number,
-            free.first,
-            free.count,
-            layout.matrix.indptr,
+            layout.groups,
+            layout.unknowns,
             layout.fill,
             damping,
             self._spans[share],
             target,
             gradient,
             failed,
-            *self._room(),
-            record,
-            np.empty(groups.widest, dtype=np.int64),
+            self._room(layout.groups.widest),
         )
 
     def substitute_back(self, store: FloatArray, damping: float, step: FloatArray) -> None:
@@ -127,20 +119,20 @@ class Elimination:
             return
         from obseq.leastsquares.loops.schur_complement import substitute_back
 
-        table, layout = self._table, self._layout
+        layout = self._layout
+        diagonal, groups, unknowns = layout.diagonal, layout.groups, layout.unknowns
 
         def substitute_share(share: int) -> None:
-            span, room = self._spans[share], self._room()
-            substitute_back(
-                store, layout.diagonal, layout.groups, table.start, table.size, damping, span, step, *room
-            )
+            room = self._room(widest=0)
+            substitute_back(store, diagonal, groups, unknowns, damping, self._spans[share], step, room)
 
         in_threads(substitute_share, len(self._spans))
 
-    def _room(self) -> tuple[FloatArray, FloatArray]:
-        """Room for the factor and for the gradient of one eliminated group."""
+    def _room(self, widest: int) -> EliminationRoom:
+        """Room for one eliminated group, whose longest rows have this length."""
         most = self._layout.groups.most
-        return np.empty((most, most)), np.empty(most)
+        record, columns = np.empty(2 * most * widest), np.empty(widest, dtype=np.int64)
+        return EliminationRoom(np.empty((most, most)), np.empty(most), record, columns)
 
 
 def _spans(groups: Groups, threads: int) -> IntRows:

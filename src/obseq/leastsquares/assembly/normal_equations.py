@@ -100,11 +100,11 @@ class NormalEquations:
         self.evaluations = 0
         numbers = [self.free.number[prior.scalars] for prior in self.priors]
         self._prior_rows = [(row[row >= 0], row >= 0) for row in numbers]
-        self._poured_blocks = self.layout.diagonal.copy()
-        self._poured_blocks[self.layout.groups.blocks] = 0
+        self._diagonal_places = self.layout.diagonal.copy()
+        self._diagonal_places[self.layout.groups.blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._elimination = Elimination(table, self.layout, len(self._shares))
-        self._pour_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
+        self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = aligned_zeros(self._shares.size)
         self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
@@ -165,7 +165,7 @@ class NormalEquations:
             if not np.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
-        values, gradient = self._poured()
+        values, gradient = self._matrix_and_gradient()
         self._is_clean = True
         self._add_priors(values, gradient, squares)
         self._add_clusters(values, gradient, squares)
@@ -271,20 +271,18 @@ class NormalEquations:
         tile, scratch = batch.shape.new_tile(), aligned_zeros(table.scratch)
         return float(assemble(kernel, tile, arrays, span, present, table, scratch, self._store))
 
-    def _poured(self) -> tuple[FloatArray, FloatArray]:
-        from obseq.leastsquares.loops.blocks_to_matrix import pour_diagonal, pour_pairs
+    def _matrix_and_gradient(self) -> tuple[FloatArray, FloatArray]:
+        """The values of the matrix with all blocks of their own added, and the gradient."""
+        from obseq.leastsquares.loops.blocks_to_matrix import add_diagonal_blocks, add_pairs
 
-        store, number, first = self._store, self.free.number, self.free.first
-        start, size, indptr = self.table.start, self.table.size, self.pattern.indptr
+        store, unknowns, bounds = self._store, self.layout.unknowns, self._pair_bounds
         gradient = np.zeros(self.pattern.n)
-        pour_diagonal(store, self._poured_blocks, start, size, number, indptr, gradient)
-        bounds = self._pour_bounds
+        add_diagonal_blocks(store, self._diagonal_places, unknowns, gradient)
 
-        def pour_share(share: int) -> None:
-            stored = self.layout.stored[bounds[share] : bounds[share + 1]]
-            pour_pairs(store, stored, start, size, number, first, indptr)
+        def add_share(share: int) -> None:
+            add_pairs(store, self.layout.stored[bounds[share] : bounds[share + 1]], unknowns)
 
-        in_threads(pour_share, len(bounds) - 1)
+        in_threads(add_share, len(bounds) - 1)
         return store[: self.pattern.nnz], gradient
 
     def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:

@@ -3,7 +3,7 @@
 The front of the store is the sparse normal matrix itself: the lower triangle of the free unknowns by
 columns. Pairs of blocks of three free unknowns, the common case, are added there directly. Behind it come
 blocks of their own: one per block of unknowns (its diagonal block, and its share of the gradient as one
-more column), and one per other pair, whole whether or not some unknowns are frozen; these are poured into
+more column), and one per other pair, whole whether or not some unknowns are frozen; these are added to
 the matrix at the end. A spare block takes what concerns frozen blocks. All is worked out once per set of
 equations and frozen unknowns, without loops over observations.
 """
@@ -19,7 +19,7 @@ from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
 from obseq.leastsquares.assembly.schur import elimination_groups, fill_keys, fill_offsets, placed
-from obseq.leastsquares.loops.tables import BlockTable
+from obseq.leastsquares.loops.tables import BlockTable, UnknownPlaces
 from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
@@ -45,10 +45,11 @@ class StoreLayout:
     Attributes:
         free: the numbering of the matrix.
         matrix: its pattern.
+        unknowns: the blocks of unknowns, for loops.
         size: number of doubles of the store.
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles; 0 where it has none.
-        stored: (n_stored, 4) pairs to be poured: place, row block, column block, offset in the block column;
-            sorted by the block of the two that comes first, whose columns they go to.
+        stored: (n_stored, 4) pairs to be added to the matrix: place, row block, column block, offset in the
+            block column; sorted by the block of the two that comes first, whose columns they go to.
         batches: one layout per batch.
         groups: the eliminated blocks.
         fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
@@ -58,6 +59,7 @@ class StoreLayout:
 
     free: FreeUnknowns
     matrix: SymmetricPattern
+    unknowns: UnknownPlaces
     size: int
     diagonal: IntArray
     stored: IntArray
@@ -82,7 +84,7 @@ class _Places:
 
 @dataclass(frozen=True)
 class _Addresses:
-    """What the drivers are told of each distinct pair, and as last entry of the spare block."""
+    """What the loops are told of each distinct pair, and as last entry of the spare block."""
 
     position: IntArray
     height: IntArray
@@ -130,6 +132,7 @@ def store_layout(
     return StoreLayout(
         free=free,
         matrix=matrix,
+        unknowns=UnknownPlaces(table.start, table.size, free.number, free.first, free.count, matrix.indptr),
         size=places.size,
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.compilation import compiled
+from obseq.leastsquares.loops.tables import UnknownPlaces
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows
@@ -30,23 +31,18 @@ def pattern_rows(
 
 
 @compiled
-def pour_diagonal(
-    store: FloatArray,
-    place: IntArray,
-    start: IntArray,
-    size: IntArray,
-    free: IntArray,
-    indptr: IntArray,
-    gradient: FloatArray,
+def add_diagonal_blocks(
+    store: FloatArray, place: IntArray, unknowns: UnknownPlaces, gradient: FloatArray
 ) -> None:
     """Adds diagonal blocks to the matrix at the front of the store, and clears them; writes the gradient.
 
     `place` (n_blocks,): in units of four doubles, 0 for blocks without one.
     """
+    free, indptr = unknowns.number, unknowns.indptr
     for block in range(len(place)):
         if place[block] == 0:
             continue
-        n, first = size[block], start[block]
+        n, first = unknowns.size[block], unknowns.start[block]
         at = 4 * place[block]
         width = (n + 4) // 4 * 4
         for j in range(n):
@@ -62,21 +58,15 @@ def pour_diagonal(
 
 
 @compiled
-def pour_pairs(
-    store: FloatArray,
-    stored: IntRows,
-    start: IntArray,
-    size: IntArray,
-    free: IntArray,
-    first: IntArray,
-    indptr: IntArray,
-) -> None:
+def add_pairs(store: FloatArray, stored: IntRows, unknowns: UnknownPlaces) -> None:
     """Adds pairs that have a place of their own to the matrix at the front of the store, and clears them.
 
     `stored` (n, 4): place, row block, column block, offset of the lower block in the block column. A pair
     whose row block comes first is added transposed; a block paired with itself (one block in two
     arguments) counts both ways.
     """
+    start, size, free = unknowns.start, unknowns.size, unknowns.number
+    first, indptr = unknowns.first, unknowns.indptr
     for k in range(len(stored)):
         at, p, q, offset = stored[k, 0], stored[k, 1], stored[k, 2], stored[k, 3]
         threes = size[p] == 3 and size[q] == 3

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
+from obseq.leastsquares.loops.tables import EquationRows, SparseInverse
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray, IntRows, PositionRows
+    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray
 
 
 @compiled
@@ -31,10 +32,7 @@ def _place(indptr: IntArray, indices: IndexArray, row: int, column: int) -> int:
 
 @compiled
 def _read_block(
-    inverse: FloatArray,
-    indptr: IntArray,
-    indices: IndexArray,
-    number: IntArray,
+    inverse: SparseInverse,
     left: int,
     right: int,
     n_left: int,
@@ -45,6 +43,7 @@ def _read_block(
 
     The free unknowns of a block follow each other in the matrix: one entry searched tells the places of all.
     """
+    number, indptr = inverse.number, inverse.indptr
     first_row, first_column = -1, -1
     for i in range(n_left):
         if first_row < 0:
@@ -55,7 +54,7 @@ def _read_block(
     if first_row < 0 or first_column < 0:
         return False
     low, high = min(first_row, first_column), max(first_row, first_column)
-    offset = _place(indptr, indices, high, low) - indptr[low]
+    offset = _place(indptr, inverse.indices, high, low) - indptr[low]
     for i in range(n_left):
         row = number[left + i]
         for j in range(n_right):
@@ -63,10 +62,10 @@ def _read_block(
             if row < 0 or column < 0:
                 block[i, j] = 0.0
             elif low == high:
-                block[i, j] = inverse[indptr[min(row, column)] + abs(row - column)]
+                block[i, j] = inverse.values[indptr[min(row, column)] + abs(row - column)]
             else:
                 along, down = (column, row) if first_column < first_row else (row, column)
-                block[i, j] = inverse[indptr[along] + offset + (down - high) - (along - low)]
+                block[i, j] = inverse.values[indptr[along] + offset + (down - high) - (along - low)]
     return True
 
 
@@ -84,14 +83,8 @@ def _form(block: FloatRows, a: FloatArray, b: FloatArray, p: int, q: int, n_p: i
 
 @compiled
 def leverages(
-    derivatives: FloatRows,
-    weights: FloatRows,
-    starts: PositionRows,
-    roles: IntRows,
-    number: IntArray,
-    inverse: FloatArray,
-    indptr: IntArray,
-    indices: IndexArray,
+    rows: EquationRows,
+    inverse: SparseInverse,
     crossed: bool,
     results: FloatRows,
     block: FloatRows,
@@ -100,19 +93,14 @@ def leverages(
     """Writes a Q a' of some observations of one formula, a being divided by the sigma.
 
     Args:
-        derivatives: (n_residuals n_unknowns, n) Jacobian, residual by residual.
-        weights: (n_residuals, n) inverse sigmas; zero gives zero.
-        starts: (n_roles, n) first unknown of each block.
-        roles: (n_roles, 4) first derivative and size of each block.
-        number: (n_scalars,) number of each unknown in the matrix, -1 where frozen.
-        inverse: (nnz,) lower triangle of Q on the pattern of N.
-        indptr: its columns.
-        indices: its rows.
+        rows: the observations.
+        inverse: Q.
         crossed: with the products of different residuals of one observation.
         results: (n, n_residuals), written; (n, n_residuals^2) when `crossed`.
         block: room for a block of Q, as long and as wide as the largest block of unknowns.
         a: (n_residuals, n_unknowns) room for the rows of one observation.
     """
+    derivatives, weights, starts, roles = rows.derivatives, rows.weights, rows.starts, rows.roles
     n_residuals, n = weights.shape
     n_unknowns, n_roles = len(derivatives) // n_residuals, len(roles)
     for k in range(n):
@@ -124,7 +112,7 @@ def leverages(
             for q in range(p + 1):
                 i, j, n_i, n_j = roles[p, 0], roles[q, 0], roles[p, 1], roles[q, 1]
                 left, right = int(starts[p, k]), int(starts[q, k])
-                if not _read_block(inverse, indptr, indices, number, left, right, n_i, n_j, block):
+                if not _read_block(inverse, left, right, n_i, n_j, block):
                     continue
                 for r in range(n_residuals):
                     for t in range(0 if crossed else r, r + 1):

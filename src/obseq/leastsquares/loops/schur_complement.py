@@ -8,13 +8,13 @@ import numpy as np
 
 from obseq.compilation import compiled
 from obseq.kernels.vectors import outer_padded_threes, outer_threes
-from obseq.leastsquares.loops.tables import Groups
+from obseq.leastsquares.loops.tables import EliminationRoom, Groups, UnknownPlaces
 from obseq.leastsquares.loops.temporaries import (
     backward,
     entry,
-    factored,
+    factor_group,
     forward,
-    gathered,
+    gather_group,
     is_one_three,
     scalar_of,
 )
@@ -50,20 +50,18 @@ def coupling_rows(
     store: FloatArray,
     groups: Groups,
     group: int,
-    start: IntArray,
-    size: IntArray,
-    number: IntArray,
-    count: IntArray,
+    unknowns: UnknownPlaces,
     record: FloatArray,
     width: int,
 ) -> None:
     """Adds the coupling of a group to the rows of a record, each neighbour from its part on."""
-    is_three = is_one_three(groups, group, start, size)
+    start, size, number = unknowns.start, unknowns.size, unknowns.number
+    is_three = is_one_three(groups, group, unknowns)
     for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
         place, slot, k = groups.links[link, 0], groups.links[link, 1], groups.links[link, 2]
         t, turned = groups.links[link, 3], groups.links[link, 4]
         column = groups.part[slot]
-        if is_three and size[k] == 3 and count[k] == 3:
+        if is_three and size[k] == 3 and unknowns.n_free[k] == 3:
             if turned:
                 add_threes(store, place, 1, record, column, width)
             else:
@@ -141,23 +139,21 @@ def subtract_pull(
 def subtract_squares(
     store: FloatArray,
     slots: IntArray,
-    neighbours: IntArray,
-    part: IntArray,
-    first: IntArray,
-    count: IntArray,
-    indptr: IntArray,
+    groups: Groups,
+    unknowns: UnknownPlaces,
     offsets: PositionArray,
     pair: int,
-    record: FloatArray,
+    room: EliminationRoom,
     width: int,
     n: int,
-    columns: IntArray,
 ) -> int:
     """Subtracts Y' Y from the matrix for one group; returns the number of the next pair.
 
-    `slots`: first and last neighbour of the group. `record`: Y row by row, `width` apart, then -Y. `columns`:
-    room for where the columns of each neighbour begin, and the height of the first if it is a three.
+    `slots`: first and last neighbour of the group. `room.record`: Y row by row, `width` apart, then -Y.
+    `room.columns` gets where the columns of each neighbour begin, and the height of the first of a three.
     """
+    neighbours, part, record, columns = groups.neighbours, groups.part, room.record, room.columns
+    first, count, indptr = unknowns.first, unknowns.n_free, unknowns.indptr
     opposite, w, rows = n * width, np.uint64(width), np.uint64(n)
     for b in range(slots[0], slots[1]):
         slot = 2 * (b - slots[0])
@@ -208,22 +204,14 @@ def eliminate(
     store: FloatArray,
     diagonal: IntArray,
     groups: Groups,
-    start: IntArray,
-    size: IntArray,
-    number: IntArray,
-    first: IntArray,
-    count: IntArray,
-    indptr: IntArray,
+    unknowns: UnknownPlaces,
     offsets: PositionArray,
     damping: float,
     span: IntArray,
     target: FloatArray,
     gradient: FloatArray,
     failed: IntArray,
-    factor: FloatRows,
-    right: FloatArray,
-    record: FloatArray,
-    columns: IntArray,
+    room: EliminationRoom,
 ) -> float:
     """Subtracts the effect of some groups of eliminated blocks from a matrix and from a gradient.
 
@@ -231,34 +219,27 @@ def eliminate(
         store: the small blocks, behind the matrix.
         diagonal: (n_blocks,) place of each diagonal block in units of four doubles.
         groups: the eliminated blocks.
-        start: (n_blocks,) first unknown of each block.
-        size: (n_blocks,) number of its unknowns.
-        number: (n_scalars,) number of each unknown in the matrix, or -1.
-        first: (n_blocks,) number of the first free unknown of each block.
-        count: (n_blocks,) number of its free unknowns.
-        indptr: columns of the matrix.
+        unknowns: where all blocks are.
         offsets: (n_pairs,) offset of each pair of neighbours below the top of its block column.
         damping: share of the diagonal of the eliminated blocks that is added to it.
         span: (3,) first group, last one excluded, and place of the first one's pairs in `offsets`.
         target: the entries of the matrix, changed; no other thread works on them.
         gradient: (n_free,) changed.
         failed: (1,) written: the first unknown that its observations do not determine; -1 when all is well.
-        factor: (most, most) room for the factor of a group.
-        right: (most,) room for its gradient.
-        record: (2 most widest,) room for its rows, and for their opposites.
-        columns: (widest,) room for the places of its neighbours' columns.
+        room: numbers of one group, overwritten.
 
     Returns:
         Sum of g_t' N_tt^-1 g_t over the blocks of these groups.
     """
     bounds, neighbours, part = groups.bounds, groups.neighbours, groups.part
+    factor, right, record = room.factor, room.right, room.record
     decrease, pair = 0.0, span[2]
     failed[0] = -1
     for group in range(span[0], span[1]):
-        n = gathered(store, diagonal, groups, group, start, size, factor, right)
-        bad = factored(factor, n, damping)
+        n = gather_group(store, diagonal, groups, group, unknowns, factor, right)
+        bad = factor_group(factor, n, damping)
         if bad >= 0:
-            failed[0] = scalar_of(groups, group, bad, start, size)
+            failed[0] = scalar_of(groups, group, bad, unknowns)
             return decrease
         forward(factor, n, right)
         for i in range(n):
@@ -267,18 +248,17 @@ def eliminate(
         if slots[0] == slots[1]:
             continue
         last = slots[1] - 1
-        width = part[last] + (count[neighbours[last]] + 3) // 4 * 4
+        width = part[last] + (unknowns.n_free[neighbours[last]] + 3) // 4 * 4
         record[: n * width] = 0.0
-        coupling_rows(store, groups, group, start, size, number, count, record, width)
+        coupling_rows(store, groups, group, unknowns, record, width)
         forward_rows(factor, n, record, width)
         for i in range(n * width):
             record[n * width + i] = -record[i]
         for a in range(slots[0], slots[1]):
             k = neighbours[a]
-            subtract_pull(gradient, first[k], count[k], record, part[a], width, right, n)
-        pair = subtract_squares(
-            target, slots, neighbours, part, first, count, indptr, offsets, pair, record, width, n, columns
-        )
+            first, count = unknowns.first[k], unknowns.n_free[k]
+            subtract_pull(gradient, first, count, record, part[a], width, right, n)
+        pair = subtract_squares(target, slots, groups, unknowns, offsets, pair, room, width, n)
     return decrease
 
 
@@ -298,22 +278,21 @@ def substitute_back(
     store: FloatArray,
     diagonal: IntArray,
     groups: Groups,
-    start: IntArray,
-    size: IntArray,
+    unknowns: UnknownPlaces,
     damping: float,
     span: IntArray,
     step: FloatArray,
-    factor: FloatRows,
-    right: FloatArray,
+    room: EliminationRoom,
 ) -> None:
     """Writes the step of the eliminated unknowns of some groups, from that of the others (n_scalars,).
 
-    `span`, `factor` and `right` are as in `eliminate`.
+    `span` and `room` are as in `eliminate`.
     """
+    start, size, factor, right = unknowns.start, unknowns.size, room.factor, room.right
     for group in range(span[0], span[1]):
-        n = gathered(store, diagonal, groups, group, start, size, factor, right)
-        factored(factor, n, damping)
-        is_three = is_one_three(groups, group, start, size)
+        n = gather_group(store, diagonal, groups, group, unknowns, factor, right)
+        factor_group(factor, n, damping)
+        is_three = is_one_three(groups, group, unknowns)
         for link in range(groups.link_bounds[group], groups.link_bounds[group + 1]):
             place, k = groups.links[link, 0], groups.links[link, 2]
             t, turned = groups.links[link, 3], groups.links[link, 4]

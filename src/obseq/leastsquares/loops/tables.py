@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
+    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray, IntRows, PositionRows
 
 
 class BatchArrays(NamedTuple):
@@ -102,3 +102,71 @@ class Groups(NamedTuple):
     part: IntArray
     most: int
     widest: int
+
+
+class UnknownPlaces(NamedTuple):
+    """Where the blocks of unknowns are, among all unknowns and in the matrix.
+
+    Attributes:
+        start: (n_blocks,) first unknown of each block.
+        size: (n_blocks,) number of its unknowns.
+        number: (n_scalars,) number of each unknown in the matrix, or -1.
+        first: (n_blocks,) number of the first free unknown of each block.
+        n_free: (n_blocks,) number of its free unknowns.
+        indptr: (n_free + 1,) where the columns of the matrix begin.
+    """
+
+    start: IntArray
+    size: IntArray
+    number: IntArray
+    first: IntArray
+    n_free: IntArray
+    indptr: IntArray
+
+
+class EliminationRoom(NamedTuple):
+    """Room for the elimination of one group.
+
+    Attributes:
+        factor: (most, most) its factor.
+        right: (most,) its gradient.
+        record: (2 most widest,) its rows, and their opposites; nothing for the way back.
+        columns: (widest,) the places of its neighbours' columns; nothing for the way back.
+    """
+
+    factor: FloatRows
+    right: FloatArray
+    record: FloatArray
+    columns: IntArray
+
+
+class EquationRows(NamedTuple):
+    """Observations of one formula with their derivatives.
+
+    Attributes:
+        derivatives: (n_residuals n_unknowns, n) Jacobian, residual by residual.
+        weights: (n_residuals, n) inverse sigmas; zero for those without influence.
+        starts: (n_roles, n) first unknown of each block.
+        roles: (n_roles, 2) first derivative and size of each block.
+    """
+
+    derivatives: FloatRows
+    weights: FloatRows
+    starts: PositionRows
+    roles: IntRows
+
+
+class SparseInverse(NamedTuple):
+    """The inverse Q of the normal matrix N, on the pattern of N.
+
+    Attributes:
+        number: (n_scalars,) number of each unknown in the matrix, -1 where frozen.
+        values: (nnz,) lower triangle of Q, by columns.
+        indptr: where they begin.
+        indices: (nnz,) rows.
+    """
+
+    number: IntArray
+    values: FloatArray
+    indptr: IntArray
+    indices: IndexArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.tables import Groups
+from obseq.leastsquares.loops.tables import Groups, UnknownPlaces
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray
@@ -29,16 +29,16 @@ def entry(store: FloatArray, at: int, row: int, column: int, rows: int, columns:
 
 
 @compiled
-def is_one_three(groups: Groups, group: int, start: IntArray, size: IntArray) -> bool:
+def is_one_three(groups: Groups, group: int, unknowns: UnknownPlaces) -> bool:
     """Whether a group is one block of three free unknowns, as a tie point is."""
     t = groups.blocks[groups.block_bounds[group]]
     alone = groups.block_bounds[group + 1] == groups.block_bounds[group] + 1
-    return bool(alone and size[t] == 3 and groups.local[start[t] + 2] == 2)
+    return bool(alone and unknowns.size[t] == 3 and groups.local[unknowns.start[t] + 2] == 2)
 
 
 @compiled
 def gather_three(store: FloatArray, at: int, normal: FloatRows, right: FloatArray) -> None:
-    """`gathered` for one block of three."""
+    """`gather_group` for one block of three."""
     for j in range(3):
         right[j] = store[at + 12 + j]
         for i in range(j, 3):
@@ -46,18 +46,18 @@ def gather_three(store: FloatArray, at: int, normal: FloatRows, right: FloatArra
 
 
 @compiled
-def gathered(
+def gather_group(
     store: FloatArray,
     diagonal: IntArray,
     groups: Groups,
     group: int,
-    start: IntArray,
-    size: IntArray,
+    unknowns: UnknownPlaces,
     normal: FloatRows,
     right: FloatArray,
 ) -> int:
     """Copies N_tt (lower triangle) and g_t of a group from the store; returns the number of its unknowns."""
-    if is_one_three(groups, group, start, size):
+    start, size = unknowns.start, unknowns.size
+    if is_one_three(groups, group, unknowns):
         gather_three(store, 4 * diagonal[groups.blocks[groups.block_bounds[group]]], normal, right)
         return 3
     n, local = 0, groups.local
@@ -92,8 +92,8 @@ def gathered(
 
 
 @compiled
-def factored_three(normal: FloatRows, damping: float) -> int:
-    """`factored` for three unknowns."""
+def factor_three(normal: FloatRows, damping: float) -> int:
+    """`factor_group` for three unknowns."""
     a = normal[0, 0] * (1.0 + damping)
     if not a > TINY * a:
         return 0
@@ -114,10 +114,10 @@ def factored_three(normal: FloatRows, damping: float) -> int:
 
 
 @compiled
-def factored(normal: FloatRows, n: int, damping: float) -> int:
+def factor_group(normal: FloatRows, n: int, damping: float) -> int:
     """Cholesky factor, in place, of a damped lower triangle; the first vanishing pivot, or -1."""
     if n == 3:
-        return factored_three(normal, damping)
+        return factor_three(normal, damping)
     for j in range(n):
         for i in range(j, n):
             value = normal[i, j]
@@ -157,11 +157,11 @@ def backward(factor: FloatRows, n: int, vector: FloatArray) -> None:
 
 
 @compiled
-def scalar_of(groups: Groups, group: int, wanted: int, start: IntArray, size: IntArray) -> int:
+def scalar_of(groups: Groups, group: int, wanted: int, unknowns: UnknownPlaces) -> int:
     """The unknown, among all, that has a number within a group."""
     for member in range(groups.block_bounds[group], groups.block_bounds[group + 1]):
         t = groups.blocks[member]
-        for i in range(size[t]):
-            if groups.local[start[t] + i] == wanted:
-                return int(start[t] + i)
+        for scalar in range(unknowns.start[t], unknowns.start[t] + unknowns.size[t]):
+            if groups.local[scalar] == wanted:
+                return int(scalar)
     return -1

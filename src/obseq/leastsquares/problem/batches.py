@@ -1,4 +1,4 @@
-"""Batches of equations: many observations of one formula, checked once and laid out for the drivers."""
+"""Batches of equations: many observations of one formula, checked once and laid out for the loops."""
 
 from __future__ import annotations
 
@@ -376,7 +376,7 @@ class Batch:
         return truths(active, (self.n,), f"{self.name}: active")
 
     def _lay_out(self) -> None:
-        """The arrays that the drivers take, in their order."""
+        """The arrays that the loops take, in their order."""
         shape, table = self.shape, self._table
         contexts = table.context_start[self.blocks]
         if any(role.transposed for role in shape.roles):

@@ -68,7 +68,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Shape:
-    """What the drivers must know of a formula.
+    """What the loops must know of a formula.
 
     Attributes:
         name: name of the formula, for messages.

@@ -108,12 +108,12 @@ class UnknownTable:
 
     @property
     def padded_values(self) -> FloatArray:
-        """`values` with spare room behind, for the drivers."""
+        """`values` with spare room behind, for the loops."""
         return self._values.padded
 
     @property
     def padded_context(self) -> FloatArray:
-        """The context with spare room behind, for the drivers."""
+        """The context with spare room behind, for the loops."""
         return self._context.padded
 
     @property

@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
 from obseq.leastsquares.assembly.evaluation import batch_arrays
-from obseq.leastsquares.loops.tables import Present, Span
+from obseq.leastsquares.loops.tables import EquationRows, Present, Span, SparseInverse
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
 from obseq.leastsquares.problem.weights import root_weights
@@ -62,27 +62,22 @@ class FinalState:
         k = batch.shape.n_residuals
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
-        pattern = self.equations.pattern
-        indices = pattern.indices.astype(np.int32, copy=False)
+        inverse = self._inverse()
         largest = int(np.max(roles[:, 1], initial=0))
-        block, rows = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
+        block, row = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
         for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
             chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
-            leverages(
-                self._derivatives(batch, chosen),
-                np.ascontiguousarray(root_weights(batch.sigmas[chosen], batch.active[chosen]).T),
-                np.ascontiguousarray(batch.starts[:, chosen]),
-                roles,
-                self.equations.free.number,
-                self.cofactors.values,
-                pattern.indptr,
-                indices,
-                crossed,
-                results[chosen[0] : chosen[-1] + 1],
-                block,
-                rows,
-            )
+            weights = np.ascontiguousarray(root_weights(batch.sigmas[chosen], batch.active[chosen]).T)
+            starts = np.ascontiguousarray(batch.starts[:, chosen])
+            rows = EquationRows(self._derivatives(batch, chosen), weights, starts, roles)
+            leverages(rows, inverse, crossed, results[chosen[0] : chosen[-1] + 1], block, row)
         return results.reshape(batch.n, k, k) if crossed else results
+
+    def _inverse(self) -> SparseInverse:
+        """Q as loops read it."""
+        pattern = self.equations.pattern
+        indices = pattern.indices.astype(np.int32, copy=False)
+        return SparseInverse(self.equations.free.number, self.cofactors.values, pattern.indptr, indices)
 
     def cluster_rows(self, batch: Batch) -> csr_array:
         """(n n_residuals, n_free) whitened rows of observations that are correlated with one another."""
