@@ -27,12 +27,25 @@ class FormulaError(ObseqError):
 
 
 class SingularSystemError(ObseqError):
-    """The observations do not determine some unknowns; `unknowns` names them, `defect` counts them."""
+    """The observations do not determine some unknowns.
 
-    def __init__(self, message: str, unknowns: tuple[str, ...] = (), defect: int | None = None) -> None:
+    Attributes:
+        unknowns: (n) their names.
+        defect: How many of them would have to be known; None where nobody counted.
+        kernel: (n, defect) how they may change without any residual; None where nobody computed it.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        unknowns: tuple[str, ...] = (),
+        defect: int | None = None,
+        kernel: FloatArray | None = None,
+    ) -> None:
         super().__init__(message)
         self.unknowns = unknowns
         self.defect = defect
+        self.kernel = kernel
 
 
 class CrsError(InputError):

@@ -22,6 +22,7 @@ from obseq.record_quality import (
     EllipseRecord,
     EllipsoidRecord,
     GlobalTestRecord,
+    MotionRecord,
     RejectionRecord,
     RelativeRecord,
     ReliabilityRecord,
@@ -46,6 +47,7 @@ __all__ = [
     "GrossErrorRecord",
     "IterationRecord",
     "LeftOutRecord",
+    "MotionRecord",
     "ObservationRecord",
     "OperationRecord",
     "PhaseRecord",
@@ -196,6 +198,7 @@ class LeftOutRecord:
 
     Attributes:
         place: Approximate x, y, z in the computation frame; None where none were given.
+        directions: Unit vectors along which its observations let a point move; None where they leave more.
     """
 
     what: str
@@ -203,6 +206,7 @@ class LeftOutRecord:
     reason: str
     observations: tuple[str, ...]
     place: tuple[float, ...] | None = None
+    directions: tuple[tuple[float, ...], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +295,7 @@ class AdjustmentRecord:
         operations: How PROJ leads from the systems to the Earth.
         types: How the observations of each type fit.
         setups: How the observations from each point fit.
+        undetermined: Motions that the datum of a free network takes away; None where known points hold it.
     """
 
     n_observations: int
@@ -331,6 +336,7 @@ class AdjustmentRecord:
     operations: tuple[OperationRecord, ...] | None = None
     types: tuple[StatisticsRecord, ...] | None = None
     setups: tuple[StatisticsRecord, ...] | None = None
+    undetermined: tuple[MotionRecord, ...] | None = None
     format: str = FORMAT
     version: int = VERSION
 

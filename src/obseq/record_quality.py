@@ -45,6 +45,21 @@ class EffectRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionRecord:
+    """A motion of points that no observation sees.
+
+    Attributes:
+        text: What it is: "the rotation about z", "a change of shape".
+        points: The points that move.
+        moves: How each of them moves along x, y, z of the frame; the farthest by 1.
+    """
+
+    text: str
+    points: tuple[str, ...]
+    moves: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class StatisticsRecord:
     """How the active observations of one type, or of one station, fit.
 

@@ -5,6 +5,7 @@ import pytest
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares import LeastSquares
+from obseq.leastsquares.diagnosis.motions import motions
 
 RNG = np.random.default_rng(0)
 
@@ -91,3 +92,54 @@ def test_directions_between_points_leave_the_scale():
         across = np.array([[xyz[j, 1] - xyz[i, 1], xyz[i, 0] - xyz[j, 0]]])
         system.add_linear([ids[[i]], ids[[j]]], [-across, across], [0.0], 1.0)
     assert "Nothing fixes the scale of B, C" in message(system)
+
+
+def named(system, ids):
+    """Motions of the kernel of a system whose datum rests on all points: text, points and moves."""
+    system.set_datum(ids)
+    system.solve()
+    analysis = system.analysis(reduced=True)
+    parts = analysis.equations
+    return list(motions(parts.table, parts.free, parts.pattern, analysis.solver.null_vectors()))
+
+
+def test_motions_of_a_kernel_are_named_and_span_it():
+    system = LeastSquares()
+    ids = cloud(system)
+    distances(system, ids)
+    found = named(system, ids)
+    assert [motion.text for motion in found] == [
+        *(f"the position along {axis}" for axis in "xyz"),
+        *(f"the rotation about {axis}" for axis in "zxy"),
+    ]
+    xyz = system.values(ids) - system.values(ids).mean(axis=0)
+    for motion in found:
+        assert np.linalg.norm(motion.moves, axis=1).max() == pytest.approx(1.0)
+        first, second = np.triu_indices(len(ids), 1)
+        stretched = (motion.moves[second] - motion.moves[first]) * (xyz[second] - xyz[first])
+        np.testing.assert_allclose(stretched.sum(axis=1), 0.0, atol=1e-9)  # no length changes
+    turned = np.cross([0.0, 0.0, 1.0], xyz)
+    np.testing.assert_allclose(found[3].moves, turned / np.linalg.norm(turned, axis=1).max(), atol=1e-9)
+
+
+def test_parts_that_nothing_joins_move_for_themselves():
+    system = LeastSquares()
+    near, far = cloud(system, 4), cloud(system, 4, name="Q", seed=1)
+    for ids in (near, far):
+        distances(system, ids)
+    found = named(system, np.concatenate([near, far]))
+    assert len(found) == 12
+    assert [set(motion.points.tolist()) for motion in found] == [set(near.tolist())] * 6 + [
+        set(far.tolist())
+    ] * 6
+
+
+def test_what_is_no_similarity_is_a_change_of_shape():
+    system = LeastSquares()
+    ids = system.add_points(["A", "B", "C", "D"], [[0, 0], [10, 0], [10, 10], [0, 10.0]])
+    xyz = system.values(ids)
+    sides = (ids, np.roll(ids, -1))
+    lengths = np.linalg.norm(np.roll(xyz, -1, axis=0) - xyz, axis=1)
+    system.add("Dist2DCons", {"p1": sides[0], "p2": sides[1]}, lengths, 0.01)
+    texts = [motion.text for motion in named(system, ids)]
+    assert texts == ["the position along x", "the position along y", "the orientation", "a change of shape"]

@@ -316,6 +316,26 @@ def _components(record: AdjustmentRecord, _: Rows) -> Table | None:
     return table("components", "Components", title, columns)
 
 
+def _undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
+    """What the observations of a free network leave undetermined, by motion and point; the plan draws it."""
+    found = record.undetermined
+    if not found:
+        return None
+    numbered = [(f"{k + 1}: {item.text}", item) for k, item in enumerate(found)]
+    moves = [move for item in found for move in item.moves]
+    columns = [
+        choice("motion", [text for text, item in numbered for _ in item.points], key="motion"),
+        column("point", "point", (rows[name] for item in found for name in item.points), key="point"),
+        *(
+            column(f"along {axis}", "number", (move[k] for move in moves), key=axis)
+            for k, axis in enumerate("xyz")
+        ),
+    ]
+    about = "How points may move together without any residual; the farthest of each motion by 1."
+    title = "Not determined by the observations: what the datum of the free network takes"
+    return table("undetermined", "Not determined", title, columns, about=about)
+
+
 TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
     _observations,
     _points,
@@ -327,4 +347,5 @@ TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
     _ellipsoids,
     _relative,
     _components,
+    _undetermined,
 )

@@ -41,6 +41,8 @@ def listing(record: AdjustmentRecord) -> str:
         tables.append(rows.statistics_table("Statistics by station", "from", record.setups))
     if any(point.known or point.moved or point.inner for point in record.points):
         tables.append(rows.moved_table(record))
+    if record.undetermined:
+        tables.append(rows.motion_table(record.undetermined))
     known = worst_constraints_first(record)
     if known:
         title = "Known coordinates, the worst normalised residual first"

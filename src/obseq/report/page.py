@@ -23,7 +23,7 @@ from obseq.report.summary import (
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict
 
-SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "plan", "charts", "main")
+SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "motions", "plan", "charts", "main")
 MOST_WARNINGS = 20
 
 Facts = list[tuple[str, str, str]]

@@ -37,6 +37,7 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         "moved": _moved(record, padding),
         "unplaced": [printable_line(name) for name in _unplaced(record)],
         "rays": _rays(record, rows),
+        "loose": _loose(record, rows),
         "title": "triangles: known points; circles: stations; dots: other points",
         "ellipses": f"ellipses {ellipse_level(record)}",
         "displacements": "displacements, adjusted minus given",
@@ -70,6 +71,16 @@ def _unplaced(record: AdjustmentRecord) -> list[str]:
     """Points that are left out and have no place on the plan."""
     placed = {point.name for point in record.points}
     return [item.name for item in record.left_out if not item.place and item.name not in placed]
+
+
+def _loose(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float]]:
+    """Directions along which nothing holds a point that is left out: its row, and a unit vector."""
+    return [
+        [rows[item.name], *(round(part, 3) for part in direction)]
+        for item in record.left_out
+        if item.place and rows.get(item.name, -1) >= len(record.points)
+        for direction in item.directions or ()
+    ]
 
 
 def _rays(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float | str]]:

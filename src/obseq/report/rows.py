@@ -6,7 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from obseq.record import AdjustmentRecord, ConstraintRecord, ObservationRecord, PointRecord, StatisticsRecord
+from obseq.record import (
+    AdjustmentRecord,
+    ConstraintRecord,
+    MotionRecord,
+    ObservationRecord,
+    PointRecord,
+    StatisticsRecord,
+)
 from obseq.report import units
 
 ANGLES = frozenset({"Hz", "Zen"})
@@ -227,3 +234,14 @@ def _constraint_cells(record: AdjustmentRecord, row: ConstraintRecord) -> tuple[
         f"{units.millimetres(row.residual)} mm",
         units.fixed(row.normalised_residual, 2),
     )
+
+
+def motion_table(found: Sequence[MotionRecord]) -> Table:
+    """What the observations of a free network leave undetermined: motions, the point that each moves most."""
+    rows = []
+    for item in found:
+        most = max(range(len(item.points)), key=lambda row: math.hypot(*item.moves[row]))
+        moves = (units.fixed(move, 3) for move in item.moves[most])
+        rows.append((item.text, str(len(item.points)), item.points[most], *moves))
+    title = "Not determined by the observations (the datum takes it): motions, the point that each moves most"
+    return Table(title, ("motion", "points", "most", "along x", "y", "z"), tuple(rows))

@@ -52,13 +52,14 @@ def free_movements(
     """One sentence for each connected part of the kernel (n_free, k) that moves points as a rigid whole."""
     if not kernel.size:
         return ()
-    sentences = (_sentence(table, part) for part in _parts(table, free, pattern, kernel))
+    sentences = (_sentence(table, part) for part in parts(table, free, pattern, kernel))
     return tuple(sentence for sentence in sentences if sentence)
 
 
-def _parts(
+def parts(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
 ) -> list[Part]:
+    """The connected parts of the unknowns that the kernel (n_free, k) moves."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -101,8 +102,8 @@ def _sentence(table: UnknownTable, part: Part) -> str:
         return ""
     coordinates = table.values[table.start[part.points][:, None] + np.arange(dimension)]
     centre = coordinates.mean(axis=0)
-    similarities = _similarities(coordinates - centre)
-    common = _common(similarities, part.movements.reshape(n * dimension, k))
+    alike = similarities(coordinates - centre)
+    common = common_similarities(alike, part.movements.reshape(n * dimension, k))
     phrases = _phrases(common, dimension)
     if not phrases:
         return ""
@@ -112,7 +113,7 @@ def _sentence(table: UnknownTable, part: Part) -> str:
     return f"{' and '.join(phrases)} of {_named(table, part.points)}"
 
 
-def _similarities(coordinates: FloatArray) -> FloatArray:
+def similarities(coordinates: FloatArray) -> FloatArray:
     """(n * d, q) translations, then rotations, then the scale, each of unit size, about the centre."""
     n, dimension = coordinates.shape
     columns = [np.tile(axis, (n, 1)) for axis in np.eye(dimension)]
@@ -126,13 +127,19 @@ def _similarities(coordinates: FloatArray) -> FloatArray:
     return np.asarray(flat / np.where(lengths > 0.0, lengths, 1.0))
 
 
-def _common(similarities: FloatArray, movements: FloatArray) -> FloatArray:
-    """(q, m) the similarities, by their coefficients, that are movements of the kernel too."""
-    u, values, v = np.linalg.svd(similarities, full_matrices=False)
+def common_similarities(alike: FloatArray, movements: FloatArray, same: float = SAME) -> FloatArray:
+    """(q, m) the similarities, by their coefficients, that are movements of the kernel too.
+
+    Args:
+        alike: (n * d, q) similarities of unit size.
+        movements: (n * d, k) an orthonormal basis of what the kernel does.
+        same: Sine of the angle below which a movement is a similarity.
+    """
+    u, values, v = np.linalg.svd(alike, full_matrices=False)
     kept = values > SAME * values.max()
     _, cosines, turned = np.linalg.svd(movements.T @ u[:, kept])
-    same = turned[: len(cosines)][cosines > np.sqrt(1.0 - SAME**2)]
-    return np.asarray((v[kept].T / values[kept]) @ same.T)
+    same_ones = turned[: len(cosines)][cosines > np.sqrt(1.0 - same**2)]
+    return np.asarray((v[kept].T / values[kept]) @ same_ones.T)
 
 
 def _phrases(common: FloatArray, dimension: int) -> list[str]:

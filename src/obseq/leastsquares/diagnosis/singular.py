@@ -35,14 +35,19 @@ def singular_error(
     """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
     scalars, defect = free.scalars, solver.defect()
     pivots = table.component_names(scalars[defect.indices])
-    involved = table.component_names(scalars[_participants(solver)])
+    moving = _participants(solver)
+    involved = table.component_names(scalars[moving])
     message = f"the observations leave {len(pivots)} unknown(s) undetermined: {_listed(pivots)}"
     if len(involved) > len(pivots):
         message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
-    meaning = free_movements(table, free, pattern, solver.null_vectors())
+    kernel = solver.null_vectors()
+    meaning = free_movements(table, free, pattern, kernel)
     if meaning:
         message += f". Nothing fixes {'; nor '.join(meaning)}"
-    return SingularSystemError(f"{message}: {REMEDY}", involved or pivots, len(pivots))
+    message = f"{message}: {REMEDY}"
+    if not involved:
+        return SingularSystemError(message, pivots, len(pivots))
+    return SingularSystemError(message, involved, len(pivots), kernel[moving])
 
 
 def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:

@@ -30,7 +30,9 @@ class Page {
     document.getElementById("plan").hidden = false;
     const sights = new Sights(this.observations);
     sights.typeOf = columnOf(this.observations, "type")?.values ?? [];
-    this.plan = new Plan(document.getElementById("map"), this.content.plan, this.content.names, sights, choose);
+    const motions = new Motions(this.content.tables.find((table) => table.id === "undetermined"));
+    motions.choose(this.content.plan.x.length);
+    this.plan = new Plan(document.getElementById("map"), this.content.plan, this.content.names, sights, motions, choose);
     this.plan.legend = (text, colouring) => this.legend(text, colouring);
     this.showLayers(sights.types);
     for (const button of document.querySelectorAll("#buttons button")) button.addEventListener("click", () => this.zoomed(Number(button.dataset.zoom)));
@@ -52,7 +54,17 @@ class Page {
       plan.visible[on ? "add" : "delete"](k);
       plan.redraw();
     }));
-    document.getElementById("layers").append(group("show", [...layers, this.larger()]), group("observations", kinds), this.colours());
+    document.getElementById("layers").append(group("show", [...layers, this.larger()]), group("observations", kinds), ...this.motions(), this.colours());
+  }
+
+  /** Switches of the motions that no observation sees. */
+  motions() {
+    const { motions } = this.plan;
+    const boxes = motions.names.map((name, k) => checkbox(name, motions.shown.has(k), (on) => {
+      motions.shown[on ? "add" : "delete"](k);
+      this.plan.redraw();
+    }));
+    return boxes.length ? [group("not determined", boxes)] : [];
   }
 
   larger() {

@@ -19,8 +19,8 @@ const NEAR = 12;
 const MOST_NAMES = 600;
 
 class Plan {
-  constructor(canvas, content, names, sights, select) {
-    Object.assign(this, { canvas, content, names, sights, select });
+  constructor(canvas, content, names, sights, motions, select) {
+    Object.assign(this, { canvas, content, names, sights, motions, select });
     this.context = canvas.getContext("2d");
     this.typeOf = sights.typeOf;
     this.layers = { names: true, ellipses: true, moved: false };
@@ -83,6 +83,8 @@ class Plan {
     if (this.layers.moved) this.drawMoved();
     this.drawPoints();
     this.drawRays();
+    this.motions.draw(this);
+    drawLoose(this);
     this.drawSelection();
     if (this.layers.names) this.drawNames();
     this.drawScale();
@@ -285,6 +287,8 @@ class Plan {
     const { unplaced } = this.content;
     const more = unplaced.length > MOST_UNPLACED ? ` and ${unplaced.length - MOST_UNPLACED} more (the warnings name them)` : "";
     if (unplaced.length) parts.push(`not determined, and without a place: ${unplaced.slice(0, MOST_UNPLACED).join(", ")}${more}`);
+    if (this.content.loose.length) parts.push("arrows at crosses: directions that nothing holds (a ring: the vertical)");
+    if (this.motions.shown.size) parts.push("arrows in colours: motions that no observation sees (a ring: along the vertical)");
     if (this.content.rays.length) parts.push("dashed rays: sights to such points");
     if (this.layers.ellipses && this.usual > 0) parts.push(`${this.content.ellipses}, ${large(this.ellipseFactor)}`);
     if (this.layers.moved) parts.push(`${this.content.displacements}, ${large(this.movedFactor)}`);

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import EllipsoidRecord, GrossErrorRecord, OperationRecord, RunRecord
+    from obseq.record import EllipsoidRecord, GrossErrorRecord, MotionRecord, OperationRecord, RunRecord
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
@@ -147,6 +147,7 @@ class Adjustment:
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
+        undetermined: The motions that the datum of a free network takes away.
     """
 
     solution: LeastSquaresResult
@@ -171,6 +172,7 @@ class Adjustment:
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
+    undetermined: tuple[MotionRecord, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -252,6 +254,7 @@ class Adjustment:
             operations=self.operations,
             types=by_type(fit),
             setups=by_setup(fit),
+            undetermined=self.undetermined or None,
         )
 
     def _points(self) -> Iterator[PointRecord]:

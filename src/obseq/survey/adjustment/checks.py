@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import station_names
+from obseq.survey.adjustment.undetermined import directions
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
+
+SINGULAR = "its observations do not determine it (the system is singular); observe it from other directions"
 
 LISTED = 8
 """Names given in a message before it says how many more there are."""
@@ -78,15 +81,23 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     names = {name.rsplit(".", 1)[0] for name in error.unknowns}
     free = start.points.is_free.any(axis=1)
     points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
-    reason = "its observations do not determine it (the system is singular); observe it from other directions"
     if points:
-        found = [Unplaced(f"point {start.points.names[row]}", reason, row) for row in points]
+        found = [_undetermined(start.points.names[row], row, error) for row in points]
         return found if len(found) < np.count_nonzero(free) else []
     book = start.book
     return [
-        Unplaced(f"{name} ({book.place(int(book.stations.observations(k)[0]))})", reason, int(origin), k)
+        Unplaced(f"{name} ({book.place(int(book.stations.observations(k)[0]))})", SINGULAR, int(origin), k)
         for k, (name, origin) in enumerate(
             zip(station_names(start.points, book), book.stations.origins, strict=True)
         )
         if name in names
     ]
+
+
+def _undetermined(name: str, row: int, error: SingularSystemError) -> Unplaced:
+    """A point of a singular system, with the directions in which nothing holds it."""
+    along = None if error.kernel is None else directions(name, error.unknowns, error.kernel)
+    if not along:
+        return Unplaced(f"point {name}", SINGULAR, row)
+    axes = " and ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in along)
+    return Unplaced(f"point {name}", f"{SINGULAR}; nothing holds it along {axes}", row, None, along)

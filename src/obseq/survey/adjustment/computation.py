@@ -18,6 +18,7 @@ from obseq.survey.adjustment.inner import inner_covariances
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
+from obseq.survey.adjustment.undetermined import free_motions
 from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
@@ -156,6 +157,7 @@ class Computation:
         coordinates = solution.values(equations.points)
         residuals, sigmas = equations.fitted(solution)
         residuals[quality.rejected] = np.nan
+        undetermined = free_motions(equations, start.points.names)
         return Adjustment(
             solution=solution,
             points=self._points(start, coordinates, solution.covariance(equations.points, found.a_priori)),
@@ -171,7 +173,7 @@ class Computation:
             warnings=book.warnings,
             notes=(
                 *of_unit_weight(self.unit_sigma, solution.sigma0),
-                *datum_note(equations.system.datum_defect),
+                *datum_note(equations.system.datum_defect, undetermined, len(start.points)),
                 *notes(self.frame, book, coordinates),
                 *equations.shared.sentences(solution, found.a_priori),
             ),
@@ -180,6 +182,7 @@ class Computation:
             quality=quality,
             refraction=self.frame.refraction_coefficient,
             operations=operations((self.frame.system, self.points_crs)),
+            undetermined=undetermined,
         )
 
     def _points(self, start: Determined, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:

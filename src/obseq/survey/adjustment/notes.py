@@ -10,14 +10,17 @@ from obseq.survey.adjustment.frame import MEAN_RADIUS
 from obseq.survey.kinds.directions import ZEN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.record import MotionRecord
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook
 
 
 MILLIGON = np.pi / 200_000.0
+SHOWN = 4
+"""Points named in a sentence."""
 
 
 def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, ...]:
@@ -35,16 +38,33 @@ def of_unit_weight(unit_sigma: float | None, sigma0: float | None) -> tuple[str,
     return (f"m0 of gama-local, sigma-apr ({unit_sigma:g}) times sigma0: {unit_sigma * sigma0:.8g}",)
 
 
-def datum_note(defect: int) -> tuple[str, ...]:
-    """What a free network lacks, and what takes its place; nothing where the defect of rank is 0."""
+def datum_note(defect: int, motions: Sequence[MotionRecord], count: int) -> tuple[str, ...]:
+    """What a free network lacks, and what takes its place; nothing where the defect of rank is 0.
+
+    Args:
+        defect: How many parameters the observations leave free.
+        motions: Those that move points.
+        count: How many points the network has.
+    """
     if not defect:
         return ()
-    of = "parameter" if defect == 1 else "parameters"
+    together: dict[tuple[str, ...], list[str]] = {}
+    for motion in motions:
+        together.setdefault(motion.points, []).append(motion.text)
+    phrases = [f"{', '.join(texts)} of {_listed(points, count)}" for points, texts in together.items()]
+    if defect > len(motions):
+        phrases.append(f"{defect - len(motions)} of the orientations of stations and other unknowns")
     return (
-        f"free network, rank defect {defect}: the observations leave {defect} {of} of its position, "
-        "orientation or scale undetermined; the points that carry the datum take them with the least changes "
-        "(inner constraints), and precisions and ellipses are relative to that datum",
+        f"free network, rank defect {defect}: the observations leave undetermined {'; '.join(phrases)}. The "
+        "points that carry the datum take this with the least changes (inner constraints), and precisions "
+        "and ellipses are relative to that datum",
     )
+
+
+def _listed(names: Sequence[str], count: int) -> str:
+    if len(names) <= SHOWN:
+        return ", ".join(names)
+    return "all points" if len(names) == count else f"{len(names)} points ({', '.join(names[:2])}, ...)"
 
 
 def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:

@@ -36,7 +36,9 @@ class LeftOut:
         name: of the point, or of the origin of the station.
         reason: why, and what would help.
         observations: the active observations that are left out with it, as labels with file and line.
-        place: of a point, the coordinates that were given for it (m, in the frame); None without.
+        place: of a point, the coordinates that were given for it, or that it started from where observations
+            leave some directions open (m, in the frame); None without.
+        directions: unit vectors along which its observations let the point move; None where they leave more.
     """
 
     what: str
@@ -44,10 +46,13 @@ class LeftOut:
     reason: str
     observations: tuple[str, ...]
     place: tuple[float, ...] | None = None
+    directions: tuple[tuple[float, ...], ...] | None = None
 
     def record(self) -> LeftOutRecord:
         """Its entry in the record of the adjustment."""
-        return LeftOutRecord(self.what, self.name, self.reason, self.observations, self.place)
+        return LeftOutRecord(
+            self.what, self.name, self.reason, self.observations, self.place, self.directions
+        )
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""
@@ -170,9 +175,17 @@ def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
         mine = rows.stations == item.station
     lost = np.flatnonzero(mine & rows.active & ~active)
     labels = tuple(given.book.label(row) for row in lost.tolist())
-    given_here = item.station is None and bool(given.points.has_coordinates[item.point])
-    place = tuple(given.points.coordinates[item.point].tolist()) if given_here else None
-    return LeftOut(item.what, given.points.names[item.point], item.reason, labels, place)
+    name = given.points.names[item.point]
+    return LeftOut(item.what, name, item.reason, labels, _place(given, item), item.directions)
+
+
+def _place(given: Determined, item: Unplaced) -> tuple[float, ...] | None:
+    """Where a point would be drawn."""
+    if item.station is not None:
+        return None
+    if given.points.has_coordinates[item.point]:
+        return tuple(given.points.coordinates[item.point].tolist())
+    return None if item.directions is None else tuple(given.initial.coordinates[item.point].tolist())
 
 
 def _without(

@@ -44,12 +44,14 @@ class Unplaced:
         reason: why, and what would help.
         point: row of the point, or of the origin of the station.
         station: number of the station; None for a point.
+        directions: unit vectors along which its observations let the point move; None where they leave more.
     """
 
     what: str
     reason: str
     point: int
     station: int | None = None
+    directions: tuple[tuple[float, ...], ...] | None = None
 
 
 def explain_points(
