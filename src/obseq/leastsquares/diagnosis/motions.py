@@ -1,4 +1,4 @@
-"""The motions of points that no residual sees, one at a time: named where they are similarities, to be drawn."""
+"""The motions of points that no residual sees, named where they are similarities."""
 
 from __future__ import annotations
 

@@ -41,21 +41,16 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
     from obseq.record import EllipsoidRecord, GrossErrorRecord, MotionRecord, OperationRecord, RunRecord
+    from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
-    from obseq.survey.model import FieldBook, Points
-
-
-COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
-"""Fields of a point record, in the order in which they are filled."""
+    from obseq.survey.model import FieldBook
 
 
 _LARGEST_HONEST = 10.0
@@ -70,53 +65,6 @@ class Announcement(Protocol):
 
     def record(self) -> GrossErrorRecord:
         """Its entry in the record."""
-
-
-@dataclass(frozen=True, eq=False)
-class AdjustedPoints:
-    """Adjusted points, one row each.
-
-    Attributes:
-        points: The points as they were given.
-        coordinates: (n, 3) in the computation frame, m.
-        covariances: (n, 3, 3) in the computation frame, m^2.
-        crs_coordinates: (n, 3) in the system of the points.
-        crs_precisions: (n, 3) m: along the axes of the system of the points; along east, north and up when
-            it is in degrees or grads.
-    """
-
-    points: Points
-    coordinates: FloatArray
-    covariances: FloatArray
-    crs_coordinates: FloatArray
-    crs_precisions: FloatArray
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Their names."""
-        return self.points.names
-
-    @property
-    def precisions(self) -> FloatArray:
-        """(n, 3) standard deviations in the computation frame, m."""
-        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
-
-
-@dataclass(frozen=True, eq=False)
-class AdjustedStations:
-    """Adjusted stations, one row each.
-
-    Attributes:
-        origins: Names of their points.
-        orientations: (m,) int8 values of `Orientation`, after the automatic #FIX.
-        g0: (m,) azimuth of the zero of the horizontal circle, rad.
-        rotations: (m, 3, 3) from the local vertical (or the frame, where it has none) to the instrument.
-    """
-
-    origins: tuple[str, ...]
-    orientations: NDArray[np.int8]
-    g0: FloatArray
-    rotations: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +207,7 @@ class Adjustment:
 
     def _points(self) -> Iterator[PointRecord]:
         points = self.points
-        records = _point_records(points, self._ellipses())
+        records = points.records(self._ellipses())
         extras = zip(
             known_letters(points.points),
             moves(points.points, points.coordinates),
@@ -392,12 +340,3 @@ class Adjustment:
             "external": defined(numbers.external),
             "blunder": defined(numbers.blunder),
         }
-
-
-def _point_records(points: AdjustedPoints, ellipses: Iterator[EllipseRecord]) -> Iterator[PointRecord]:
-    upper = points.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
-    numbers = [points.coordinates, points.precisions, points.crs_coordinates, points.crs_precisions]
-    rows = np.hstack(numbers).tolist()
-    for name, row, covariance, ellipse in zip(points.names, rows, upper.tolist(), ellipses, strict=True):
-        keys = dict(zip(COORDINATES, row, strict=True))
-        yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)

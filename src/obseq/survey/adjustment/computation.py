@@ -10,7 +10,8 @@ import numpy as np
 
 from obseq.errors import SingularSystemError
 from obseq.record import new_run
-from obseq.survey.adjustment.adjusted import AdjustedPoints, AdjustedStations, Adjustment
+from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.checks import singular_parts

@@ -1,4 +1,4 @@
-"""What the observations of a network leave undetermined, as motions of its points: in words, and to be drawn."""
+"""What the observations of a network leave undetermined, as motions of its points."""
 
 from __future__ import annotations
 

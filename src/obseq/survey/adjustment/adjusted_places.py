@@ -1,0 +1,78 @@
+"""Adjusted points and stations, in columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.record import PointRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from obseq.arrays import FloatArray
+    from obseq.record import EllipseRecord
+    from obseq.survey.model import Points
+
+COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
+"""Fields of a point record, in the order in which they are filled."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedPoints:
+    """Adjusted points, one row each.
+
+    Attributes:
+        points: The points as they were given.
+        coordinates: (n, 3) in the computation frame, m.
+        covariances: (n, 3, 3) in the computation frame, m^2.
+        crs_coordinates: (n, 3) in the system of the points.
+        crs_precisions: (n, 3) m: along the axes of the system of the points; along east, north and up when
+            it is in degrees or grads.
+    """
+
+    points: Points
+    coordinates: FloatArray
+    covariances: FloatArray
+    crs_coordinates: FloatArray
+    crs_precisions: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return self.points.names
+
+    @property
+    def precisions(self) -> FloatArray:
+        """(n, 3) standard deviations in the computation frame, m."""
+        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+    def records(self, ellipses: Iterable[EllipseRecord]) -> Iterator[PointRecord]:
+        """Their entries in the record, each with its ellipse."""
+        upper = self.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
+        numbers = [self.coordinates, self.precisions, self.crs_coordinates, self.crs_precisions]
+        rows = np.hstack(numbers).tolist()
+        for name, row, covariance, ellipse in zip(self.names, rows, upper.tolist(), ellipses, strict=True):
+            keys = dict(zip(COORDINATES, row, strict=True))
+            yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedStations:
+    """Adjusted stations, one row each.
+
+    Attributes:
+        origins: Names of their points.
+        orientations: (m,) int8 values of `Orientation`, after the automatic #FIX.
+        g0: (m,) azimuth of the zero of the horizontal circle, rad.
+        rotations: (m, 3, 3) from the local vertical (or the frame, where it has none) to the instrument.
+    """
+
+    origins: tuple[str, ...]
+    orientations: NDArray[np.int8]
+    g0: FloatArray
+    rotations: FloatArray
