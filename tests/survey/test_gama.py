@@ -152,8 +152,6 @@ WRONG = {
     "</obs>",
     "not positive definite": '<obs from="A"><angle bs="B" fs="P" val="1" /><angle bs="P" fs="B" val="1" />'
     '<cov-mat dim="2" band="1"> 1 2 1 </cov-mat></obs>',
-    "a covariance between": '<obs from="A"><angle bs="B" fs="P" val="1" /><distance to="P" val="1" />'
-    '<cov-mat dim="2" band="1"> 1 0.2 1 </cov-mat></obs>',
     "x and y go together": '<point id="X" x="1" />' + SIGHTS,
     "of it is not given": '<point id="X" fix="xy" />' + SIGHTS,
     "is none of": '<point id="X" adj="x" />' + SIGHTS,

@@ -28,13 +28,14 @@ def linear_batch(
     sigmas: ArrayLike,
     labels: Sequence[str] | None,
     group: str | None,
+    is_tangent: bool = False,
 ) -> Batch:
     """Rows sum of coefficients times unknowns = value; arguments as of `Problem.add_linear`."""
     ids = [table.checked(column, "linear rows") for column in listed(columns, "linear rows")]
     parts = [real(part, "linear rows, coefficients") for part in listed(coefficients, "linear rows")]
     if not ids or len(ids) != len(parts):
         raise InputError(f"linear rows: {len(parts)} sets of coefficients for {len(ids)} blocks")
-    shape, right = linear_shape(table, ids), real(values, "linear rows, values")
+    shape, right = linear_shape(table, ids, is_tangent), real(values, "linear rows, values")
     n = max(*(len(column) for column in ids), *(len(rows) for rows in (*parts, right) if rows.ndim))
     for part, role in zip(parts, shape.roles, strict=True):
         finite(part, (n, role.size), f"linear rows, coefficients {role.name}")

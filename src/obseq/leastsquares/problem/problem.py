@@ -101,6 +101,7 @@ class Problem:
         labels: Sequence[str] | None = None,
         group: str | None = None,
         is_constraint: bool = False,
+        is_tangent: bool = False,
     ) -> Batch:
         """Adds plain linear rows: sum of coefficients times unknowns = value.
 
@@ -112,8 +113,11 @@ class Problem:
             labels: (n,) what to call the rows in messages.
             group: name under which sums of squares are kept; "linear" when None.
             is_constraint: True for rows that count as constraints, as priors do, not as observations.
+            is_tangent: True for rows that stand for other equations near the current values and are made anew
+                before each linearisation; rotations and directions then have coefficients of their small
+                steps, which are 0 at the current values.
         """
-        batch = linear_batch(self.unknowns, columns, coefficients, values, sigmas, labels, group)
+        batch = linear_batch(self.unknowns, columns, coefficients, values, sigmas, labels, group, is_tangent)
         batch.is_constraint = is_constraint
         return self._added(batch)
 

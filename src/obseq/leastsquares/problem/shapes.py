@@ -151,12 +151,18 @@ def _columns(kernel: Kernel) -> tuple[Column, ...]:
     )
 
 
-def linear_shape(table: UnknownTable, columns: Sequence[IntArray]) -> Shape:
-    """The shape of plain linear rows over blocks: their coefficients and value are the observations."""
+def linear_shape(table: UnknownTable, columns: Sequence[IntArray], is_tangent: bool = False) -> Shape:
+    """The shape of plain linear rows over blocks: their coefficients and value are the observations.
+
+    Args:
+        table: the unknowns.
+        columns: for each place in the rows, the ids of the blocks that stand there.
+        is_tangent: whether curved blocks may be among them, with coefficients of their small steps.
+    """
     roles, row = [], 0
     for number, ids in enumerate(columns):
         _, manifold, size = table.uniform(ids, f"linear rows, block {number}")
-        if not manifold.is_flat:
+        if not (manifold.is_flat or is_tangent):
             name = table.names[ids[0]]
             raise InputError(f"linear rows: {name!r} is a {manifold.label}, not a linear unknown")
         roles.append(Role(str(number), manifold.label, row, size))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.datum import is_oriented
+from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
@@ -106,6 +106,8 @@ class Equations:
         self.shared = SharedUnknowns(self.system, book)
         self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, self.shared)
         self.shared.add(self._site, initial.coordinates)
+        self._shadows: list[tuple[IntArray, Batch]] = []
+        self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system, initial)
 
@@ -153,9 +155,12 @@ class Equations:
         families = self._families()
         for family, clusters in self._clusters().items():
             rows = np.concatenate([cluster.rows for cluster in clusters])
-            families[rows] = ""
             covariance = [cluster.covariance for cluster in clusters]
-            batches[family, True] = rows, self._added(rows, coordinates, covariance)
+            if family == GROUP:
+                batches[family, True] = rows, self._joined(families[rows], rows, coordinates, covariance)
+            else:
+                batches[family, True] = rows, self._added(rows, coordinates, covariance)
+            families[rows] = ""
         for family in FAMILIES:
             rows = np.flatnonzero((families == family) & observations.active)
             if rows.size:
@@ -176,26 +181,39 @@ class Equations:
         for cluster in self._book.clusters:
             rest = cluster.among(observations.active)
             if rest.rows.size:
-                found.setdefault(self._family(rest), []).append(rest)
+                families = {BY_CODE[code].group for code in np.unique(observations.types[rest.rows]).tolist()}
+                found.setdefault(GROUP if len(families) > 1 else families.pop(), []).append(rest)
         return found
 
-    def _family(self, cluster: Cluster) -> str:
-        """The family of the kinds of a cluster.
+    def _joined(
+        self,
+        families: npt.NDArray[np.str_],
+        rows: IntArray,
+        coordinates: FloatArray,
+        covariances: list[FloatArray],
+    ) -> Batch:
+        """Observations of several families that are correlated, in the system; their batches beside it."""
+        batches = []
+        for family in np.unique(families).tolist():
+            places = np.flatnonzero(families == family)
+            batch = self._added(rows[places], coordinates)
+            batch.active = np.zeros(len(places), np.bool_)
+            batches.append((places, batch))
+            self._shadows.append((rows[places], batch))
+        signs, starts = self._signs(rows), np.cumsum([0, *map(len, covariances)])
+        parts = [
+            np.outer(signs[start : start + len(part)], signs[start : start + len(part)]) * part
+            for start, part in zip(starts, covariances, strict=False)
+        ]
+        self._joint = JointRows(self.system, batches, parts, Labels(self._book, rows))
+        return self._joint.batch
 
-        Raises:
-            InputError: There is more than one.
-        """
-        types = self._book.observations.types[cluster.rows]
-        families = {code: BY_CODE[code].group for code in np.unique(types).tolist()}
-        first = families[int(types[0])]
-        others = [code for code, family in families.items() if family != first]
-        if others:
-            row, of_first = int(cluster.rows[np.argmax(np.isin(types, others))]), int(cluster.rows[0])
-            raise InputError(
-                f"{self._book.label(row)}: it is correlated with {self._book.label(of_first)}; only "
-                "observations of one equation can be; set the covariance of the two to 0"
-            )
-        return first
+    def _signs(self, rows: IntArray) -> FloatArray:
+        """(n,) 1, or -1 for observations whose equation counts residuals the other way round."""
+        signs = np.ones(len(rows))
+        for kind, chosen in self._kinds(rows):
+            signs[chosen] = kind.residuals(np.ones((1, 1)))[0, 0]
+        return signs
 
     def _added(
         self, rows: IntArray, coordinates: FloatArray, covariance: list[FloatArray] | None = None
@@ -293,12 +311,26 @@ class Equations:
             rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
             system.set_values(self.stations, rotations)
             self._verticals = verticals
-        for (_family, is_correlated), (rows, batch) in self.batches.items():
-            moves = self._has_grid or any(kind.depends_on_place for kind, _ in self._kinds(rows))
-            if moves or self._has_heights(rows) or self._plumb.is_deflected:
-                batch.observations = self._measured(rows, coordinates)
+        for (family, is_correlated), (rows, batch) in self.batches.items():
+            if family != GROUP:
+                self._renew(rows, batch, coordinates)
             if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
                 batch.sigmas = self.sigmas(rows, coordinates)
+
+        for rows, batch in self._shadows:
+            self._renew(rows, batch, coordinates)
+        self.linearise()
+
+    def linearise(self) -> None:
+        """Makes the rows of equations that are correlated with others anew, at the current values."""
+        if self._joint is not None:
+            self._joint.follow()
+
+    def _renew(self, rows: IntArray, batch: Batch, coordinates: FloatArray) -> None:
+        """Gives the observations of one family anew what changes with coordinates."""
+        moves = self._has_grid or any(kind.depends_on_place for kind, _ in self._kinds(rows))
+        if moves or self._has_heights(rows) or self._plumb.is_deflected:
+            batch.observations = self._measured(rows, coordinates)
 
     def fitted(self, solution: LeastSquaresResult | LeastSquares) -> tuple[FloatArray, FloatArray]:
         """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""

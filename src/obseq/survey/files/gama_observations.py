@@ -13,7 +13,6 @@ from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
-from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z
 from obseq.survey.model import Orientation
 
@@ -306,21 +305,20 @@ class ObservationReader:
         scaled = band.scaled(np.array([scalar.unit * scalar.sign for scalar in scalars]))
         for scalar, sigma in zip(scalars, scaled.sigmas.tolist(), strict=True):
             scalar.measure = scalar.measure._replace(sigma=sigma)
-        blocks = list(scaled.blocks())
-        for first, matrix in blocks:
-            _require_one_family(band.element, scalars[first : first + len(matrix)], matrix)
         rows = self._add(scalars)
-        for first, matrix in blocks:
-            self._correlate(scalars[first : first + len(matrix)], rows[first : first + len(matrix)], matrix)
+        for first, matrix in scaled.blocks():
+            self._correlate(rows[first : first + len(matrix)], matrix)
 
-    def _correlate(self, scalars: list[_Scalar], rows: list[int], matrix: FloatArray) -> None:
-        """A cluster for each family of kinds in a block of a matrix."""
-        families = [scalar.measure.kind.group for scalar in scalars]
-        for family in dict.fromkeys(families):
-            chosen = sorted((k for k, other in enumerate(families) if other == family), key=rows.__getitem__)
-            part = matrix[np.ix_(chosen, chosen)]
-            if len(chosen) > 1 and np.count_nonzero(part - np.diag(np.diag(part))):
-                self._columns.correlate([rows[k] for k in chosen], part)
+    def _correlate(self, rows: list[int], matrix: FloatArray) -> None:
+        """A cluster for all that hangs together in a block of a matrix."""
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import connected_components
+
+        count, labels = connected_components(csr_array(matrix), directed=False)
+        for label in range(count):
+            chosen = sorted(np.flatnonzero(labels == label).tolist(), key=rows.__getitem__)
+            if len(chosen) > 1:
+                self._columns.correlate([rows[k] for k in chosen], matrix[np.ix_(chosen, chosen)])
 
     @staticmethod
     def _label(scalar: _Scalar) -> str:
@@ -357,15 +355,3 @@ def _measured(child: Element, kind: ObservationKind, hand: float) -> tuple[Value
 def _require_matrix(element: Element) -> None:
     if next(element.named("cov-mat"), None) is None:
         raise element.error(f"<{element.name}> has no cov-mat; it is the only source of their precision")
-
-
-def _require_one_family(element: Element, scalars: list[_Scalar], matrix: FloatArray) -> None:
-    """Refuses covariances between kinds of observations that have different equations."""
-    families = np.array([scalar.measure.kind.group for scalar in scalars])
-    wrong = np.argwhere((families[:, None] != families[None]) & (matrix != 0.0))
-    if len(wrong):
-        first, second = (BY_CODE[scalars[k].measure.kind.code].words for k in wrong[0])
-        raise element.error(
-            f"a covariance between a {first} and a {second}, which obseq cannot adjust: covariances join "
-            "observations of one kind. Give each kind a set of its own, or leave out these entries"
-        )

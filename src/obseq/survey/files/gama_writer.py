@@ -37,6 +37,8 @@ WRITTEN = (*ELEMENTS, DH.code, *VECTORS, *COORDINATES)
 WITH_HEIGHTS = codes(DIST, ZEN)
 IN_HEIGHT = (*codes(DIST, ZEN, DH, POINT_Z), *VECTORS)
 ONLY_IN_HEIGHT = codes(DH, POINT_Z)
+ALONE = (ANGLE, DIST, DIST_HZ)
+"""Kinds that need no set-up."""
 
 
 def gama_text(network: GamaNetwork) -> str:
@@ -91,6 +93,7 @@ class _Set:
 class _Writer(CoordinateWriter):
     def __init__(self, network: GamaNetwork) -> None:
         super().__init__(network)
+        self._with_sights = np.zeros(len(self.rows), np.bool_)
         self._check()
 
     def _check(self) -> None:
@@ -154,10 +157,11 @@ class _Writer(CoordinateWriter):
     # Sights
 
     def stations(self) -> Iterator[str]:
-        """The set-ups: directions with what else was read there."""
+        """The set-ups: directions with what else was read there, and what is correlated with that."""
         for station in range(len(self.book.stations)):
             members = self.book.stations.observations(station)
             active = [int(row) for row in members if self.rows.active[row]]
+            active += self._correlated(active)
             name = self.book.point_names[self.book.stations.origins[station]]
             if active:
                 sights = _Set(f"<obs from={quoteattr(name)}>")
@@ -165,14 +169,23 @@ class _Writer(CoordinateWriter):
                     self._add_sight(sights, row, self._orientations[station] == Orientation.FIX)
                 yield from self._set(sights, "</obs>")
 
+    def _correlated(self, sights: list[int]) -> list[int]:
+        """Angles and distances that are correlated with sights of a set-up: they are written in its set."""
+        alone = self.rows.active & np.isin(self.rows.types, codes(*ALONE))
+        numbers = {int(self.cluster[row]) for row in sights} - {-1}
+        mates = [row for n in sorted(numbers) for row in self.book.clusters[n].rows.tolist() if alone[row]]
+        self._with_sights[mates] = True
+        return mates
+
     def others(self) -> Iterator[str]:
         """Angles, distances and height differences; those of a cluster are a set of their own."""
         rows = self.rows
         for chosen, head, tail in (
-            ((ANGLE, DIST, DIST_HZ), "<obs>", "</obs>"),
+            (ALONE, "<obs>", "</obs>"),
             ((DH,), "<height-differences>", "</height-differences>"),
         ):
-            mine = np.flatnonzero(rows.active & np.isin(rows.types, codes(*chosen)))
+            taken = rows.active & ~self._with_sights
+            mine = np.flatnonzero(taken & np.isin(rows.types, codes(*chosen)))
             for members in self.by_cluster(mine):
                 whole = _Set(head)
                 for row in members:

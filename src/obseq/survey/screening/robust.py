@@ -129,6 +129,8 @@ def _settle(equations: Equations, stages: Stages) -> None:
     def before(system: LeastSquares, iteration: int) -> None:
         if iteration % _FOLLOW == 0:
             equations.follow(system, iteration)
+        else:
+            equations.linearise()
 
     for loss, count in stages:
         for batch in batches:

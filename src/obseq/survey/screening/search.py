@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
-from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
 from obseq.survey.screening.known_points import known_point_cause
@@ -96,9 +96,9 @@ def is_doubtful(start: Determined, equations: Equations) -> bool:
         misfits = np.abs(equations.system.residuals(batch)[:, 0])
         ends = observations.from_points[rows], observations.to_points[rows]
         moved = np.hypot(initial.spreads[ends[0]], initial.spreads[ends[1]])
-        if BY_CODE[int(observations.types[rows[0]])].is_angle:
-            lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
-            moved = moved / np.maximum(lengths, 1e-3)
+        lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
+        is_angle = IS_ANGLE[observations.types[rows]]
+        moved = np.where(is_angle, moved / np.maximum(lengths, 1e-3), moved)
         if (misfits > GROSS * np.hypot(sigmas_of(batch), moved)).any():
             return True
     return False
