@@ -3,16 +3,13 @@
 import json
 import shutil
 
-import numpy as np
 import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.project.blocks import pose_tree, read_block
-from obseq.project.bundle_options import Set2D, Set3D, parse_options, parse_value
+from obseq.project.bundle_options import Set2D, Set3D, parse_options
 from obseq.project.cameras import read_orientation
-from obseq.project.instrument_blocks import read_instrument_block
-from obseq.project.tree import tree_text
+from obseq.project.option_values import parse_value
 
 
 @pytest.fixture
@@ -63,57 +60,6 @@ def test_a_rigid_block_of_the_tree_joins(panel, shared_data, capsys):
     assert (panel / "MMVII-PhgrProj/RigBlock/Rig2/RigidBloc_TheBloc.xml").is_file()
 
 
-def _instrument_file(panel, **changes):
-    """The block of the cameras as the newer form has it, from the older one."""
-    tree = panel / "MMVII-PhgrProj"
-    old = read_block(tree / "RigBlock/Rig/RigidBloc_TheBloc.xml")
-    poses, _ = read_orientation(tree / "Ori/BA")
-    owner = {image.split("_")[0]: camera for image, camera in zip(poses.images, poses.cameras, strict=True)}
-    cameras = [
-        {
-            "Num": (k,), "NameCalib": owner[name], "PatTimeStamp": ".*_(.*)_Scaled.tif", "SelIsPat": (1,),
-            "ImSelect": ".*", "IsInit": (1,), "Pose": pose_tree(old.poses[name]),
-        }
-        for k, name in enumerate(old.poses)
-    ]  # fmt: skip
-    names = [owner[name] for name in old.poses]
-    sigmas = {"K": {"V1": names[0], "V2": names[1]}, "V": {"Tr": (1e-3,), "Rot": (1e-6,)}}
-    content = {
-        "Cams": {"NumMaster": (0,), "NumPoseInstr": [], "Set_Cams": cameras},
-        "Clinos": {"Set_Clinos": [{"Name": "tilt"}]},
-        "SigmasPairs": [sigmas],
-    }
-    path = tree / "InstrBlock/In/FileRB_B.xml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(tree_text("RBlock", {**content, **changes}))
-    return path
-
-
-def test_an_instrument_block_is_as_the_old_form_with_the_same_sigmas(panel, shared_data, capsys):
-    project = f"--project={panel}"
-    main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", project])
-    _instrument_file(panel)
-    words = ["bundle-adjust", ".*", "BA", "Mine", "GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]]"]
-    boi = ["BOI=[[B,10,10]]", "InInstrBlock=In", "OutInstrBlock=Out"]
-    assert main([*words, *boi, project, f"--json={panel / 'new.json'}"]) == 0
-    assert main([*words, "BRDirIn=Rig", "BRW=[1e-2,1e-5]", project, f"--json={panel / 'old.json'}"]) == 0
-    new, old = (json.loads((panel / f"{name}.json").read_text()) for name in ("new", "old"))
-    assert new["sigma0"] == pytest.approx(old["sigma0"], rel=1e-9)
-    assert len(new["unpaired"]) == 1
-    written = read_instrument_block(panel / "MMVII-PhgrProj/InstrBlock/Out/FileRB_B.xml")
-    place = new["rigid_blocks"][0]["places"][1]
-    np.testing.assert_array_equal(written.cameras[1].pose.centre, place["centre"])
-    shifts = [np.linalg.norm(item["translation"]) for item in new["rigid_blocks"][0]["exposures"]]
-    assert next(iter(written.sigmas.values()))[0] == pytest.approx(np.mean(shifts), rel=1e-12)
-    assert written.content["Clinos"] == {"Set_Clinos": [{"Name": "tilt"}]}
-    assert "FileRB_B.xml: Clinos is not used" in new["notes"][0]
-    assert main([*words, "BOI=[[Other]]", "InInstrBlock=In", project]) == 2
-    assert "BOI names Other; there are B" in capsys.readouterr().err
-    path = _instrument_file(panel, SigmasPairs=[])
-    assert main([*words, "BOI=[[B]]", "InInstrBlock=In", project]) == 2
-    assert f"{path}: SigmasPairs is empty" in capsys.readouterr().err
-
-
 def test_lists_are_read_as_mmvii_writes_them():
     assert parse_value("[[a,1],[b,[2,3]]]", "X") == [["a", "1"], ["b", ["2", "3"]]]
     assert parse_value("word", "X") == "word"
@@ -134,10 +80,7 @@ def test_lists_are_read_as_mmvii_writes_them():
         (["BRW=[1,a]"], "BRW: 'a' is not a number"),
         (["BRDirIn=R"], "have no effect without BRW"),
         (["TPDir=R"], "TPDir has no effect"),
-        (["InInstrBlock=R"], "have no effect without BOI"),
-        (["BOI=[[B],[1,1]]"], "BOI: a soft gauge"),
-        (["BOI=[[B,0]]"], "BOI: mTr and mRot must be above zero"),
-        (["BOI=[[B,1,1,x]]"], "BOI: 'x' is neither true nor false"),
+        (["GCP2D=[[F,nan]]"], "GCP2D: 'nan' is not a number"),
         (["GCP3D=[[F,1]", "NbIter=1"], "a bracket is not closed"),
         (["GCP3D=[[F,1]]]"], "is left over"),
         (["GCP3D=[[F]]"], "each element takes 2 to 3 values"),

@@ -17,7 +17,8 @@ Options are MMVII's, Name=value, of today or of 2024:
   PoseVisc=[C,R] RefOri=[Ori,C,R?,Pat?] TPDir=F TiePWeight=[S,At?,Thr?,Exp?] TopoDirIn=F TopoDirOut=F NbIter=N
   GCPFilter=Pat GCPFilterAdd=Pat (3D points by name, by additional information)
   BRDirIn=F BRW=[Tr,Rot] BRW_Rat=[Tr,Rot] OutRigBlock=F
-  BOI=[[Block,mTr,mRot,Save,Rel]] InInstrBlock=F OutInstrBlock=F
+  BOI=[[Block,mTr,mRot,Save,Rel],[gTr,gRot],[cTr,cRot]] InInstrBlock=F OutInstrBlock=F
+  ClinoBOI=[[Block,mAng,mOrth],[VertFree,Others],[Degree0,Degree1,...]] InMeasureClino=F
 The iterations go on until they converge; NbIter only limits them. Poses, calibrations and points that
 are written belong to one state."""
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Sigmas = tuple[float, float]
 """Of a translation per coordinate (unit of the world), and of a rotation per axis (radians)."""
+Gauge = tuple[float | None, float | None]
+"""The same, where None stands for what is held."""
 GROSS = 4.0
 """An exposure that is off by this many times the typical scatter does not fit the block."""
 
@@ -158,7 +160,7 @@ class RigidBlock:
         place_sigmas: (translation, rotation) of the places as given, when they are observations, for all
             cameras or by camera; None when they are free.
         master_sigmas: (translation, rotation) of the place of the master, where it is not held (a soft
-            gauge); the place stays free of all else then.
+            gauge); the place stays free of all else then. None for one of them: it is held.
         pair_sigmas: (translation, rotation) of the pairs of cameras that are observed, where each has its
             own (MMVII's instrument blocks); None: every camera with the master, with the sigmas above.
         as_matrices: True for MMVII's twelve equations of a pair, nine of them the entries of a matrix, which
@@ -173,7 +175,7 @@ class RigidBlock:
     sigma_rotation: float
     is_fixed: bool = False
     place_sigmas: Sigmas | Mapping[str, Sigmas] | None = None
-    master_sigmas: Sigmas | None = None
+    master_sigmas: Gauge | None = None
     pair_sigmas: Mapping[tuple[str, str], Sigmas] | None = None
     as_matrices: bool = False
 
@@ -182,9 +184,9 @@ class RigidBlock:
         for first, second in self.pair_sigmas or ():
             index_of(self.places.images, [first, second], f"block {self.name}: pair of camera")
         own = (self.sigma_translation, self.sigma_rotation)
-        every = (own, self.master_sigmas or own, *self.observed_places.values(), *self.pairs.values())
+        every = (own, *self.observed_places.values(), *self.pairs.values())
         for sigma in (sigma for sigmas in every for sigma in sigmas):
-            if not (np.isfinite(sigma) and sigma > 0.0):
+            if sigma is not None and not (np.isfinite(sigma) and sigma > 0.0):
                 raise InputError(f"block {self.name}: a sigma must be positive, not {sigma}")
 
     @property
@@ -196,12 +198,17 @@ class RigidBlock:
         return {(self.master, camera): own for camera in self.exposures.cameras if camera != self.master}
 
     @property
-    def observed_places(self) -> dict[str, Sigmas]:
-        """The cameras whose places are observed, and the sigmas."""
+    def gauge(self) -> Gauge:
+        """The sigmas of the place of the master; None for what is held."""
+        return self.master_sigmas or (None, None)
+
+    @property
+    def observed_places(self) -> dict[str, Gauge]:
+        """The cameras whose places are observed, and the sigmas; None for what is held."""
         given = self.place_sigmas or {}
         if not isinstance(given, Mapping):
             given = {camera: given for camera in self.places.images if camera != self.master}
-        soft = {} if self.master_sigmas is None else {self.master: self.master_sigmas}
+        soft = {} if self.gauge == (None, None) else {self.master: self.gauge}
         return {**given, **soft}
 
 

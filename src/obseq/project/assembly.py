@@ -13,7 +13,8 @@ from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighti
 from obseq.images.names import are_among
 from obseq.project.blocks import read_block
 from obseq.project.cameras import read_orientation
-from obseq.project.instrument_blocks import FILE, read_instrument_block, rigid_block_of
+from obseq.project.instrument_blocks import FILE, read_instrument_block
+from obseq.project.instrument_joining import ENTRIES, add_instruments
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
 from obseq.project.points import NO_SYSTEM, read_image_measures, read_system
@@ -25,14 +26,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.images import ControlPoints, ImagePoints
-    from obseq.project.bundle_options import BundleOptions, InstrumentOptions, Set2D
+    from obseq.project.bundle_options import BundleOptions, Set2D
+    from obseq.project.instrument_options import InstrumentOptions
     from obseq.project.layout import ProjectTree
     from obseq.survey import FieldBook, Points
 
 UNCODED = "NONE"
 """Beginning of the names of targets without a code."""
-ENTRIES = 2.0**0.5
-"""Sigma of the entries of a rotation matrix over that of an angle."""
 
 
 def assembled(
@@ -72,9 +72,7 @@ def assembled(
         _add_rigid(block, tree, options)
     if options.instrument is not None:
         given = options.instrument
-        found = read_instrument_block(instrument_file(tree, given))
-        block.add_rigid_block(rigid_block_of(found, block.camera_of, given.factors, given.relative))
-        block.notes += [f"{found.path}: {name} is not used by the adjustment" for name in found.unused]
+        add_instruments(block, tree, read_instrument_block(instrument_file(tree, given)), given)
     return block
 
 

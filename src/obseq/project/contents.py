@@ -31,6 +31,13 @@ FIELDS = {
     "StationOriStatus Out_G0 ObsSetSimple",
 }
 """What is read of each kind of file: the names of its fields, at any level."""
+WHOLE = {
+    "instrument block": "Cams NumMaster NumPoseInstr Set_Cams Num NameCalib PatTimeStamp SelIsPat ImSelect "
+    "IsInit Pose Center RotMatrix AxeI AxeJ AxeK Clinos Set_Clinos Name PolCorr PtNorm SigmasPairs K V Tr "
+    "Rot SumW SumVW Nb DescrIndiv Type NameInstr Sigma CstrRelRot Ori CstrOrthog",
+    "clinometer readings": "NamesClino SetMeasures Ident Angles Sigmas",
+}
+"""The same of files whose content has no name of its own; the first field is always there."""
 OTHERS = {".obs": "survey observations", ".cor": "points of a survey", ".csv": "table"}
 FREE = frozenset({"Radial", "Decentric", "Polynomial"})
 """Fields whose own fields are coefficients."""
@@ -68,6 +75,10 @@ def _content(path: Path) -> Content:
         data = read_tree(path)
     except InputError as error:
         return Content(path, "", (str(error),))
+    for kind, fields in WHOLE.items():
+        known = fields.split()
+        if known[0] in data:
+            return Content(path, kind, tuple(dict.fromkeys(_unknown(data, frozenset(known)))))
     kinds = [name for name in data if name in FIELDS]
     if len(kinds) != 1:
         return Content(path, "", tuple(data))

@@ -1,35 +1,33 @@
-"""Instrument blocks of a project (`FileRB_<name>`): cameras by their calibration, and sigmas of their pairs.
+"""Instrument blocks of a project (`FileRB_<name>`): cameras and clinometers on one body, and their sigmas.
 
-What a file holds besides its cameras and the sigmas of pairs (clinometers, constraints) stays in it.
+Cameras are named by their calibrations. What a file holds besides stays in it when it is written again.
 """
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images import Exposures, Poses, RigidBlock
-from obseq.images.names import numbered
-from obseq.project.blocks import pose_tree, read_pose_fields
-from obseq.project.metadata import whole_match
-from obseq.project.tree import Reader, pairs, read_tree, tree_text
+from obseq.project.blocks import read_pose_fields
+from obseq.project.metadata import read_names
+from obseq.project.tree import Reader, pairs, read_tree
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
+    from obseq.arrays import FloatArray
     from obseq.geometry import Pose
-    from obseq.images import BundleSolution
-    from obseq.images.rigid import Sigmas
     from obseq.project.tree import Tree
 
 FILE = "FileRB_"
-ENTRIES = 2.0**0.5
-"""Sigma of the entries of a rotation matrix over that of an angle."""
+CAMERA, CLINOMETER = "Camera", "Clino"
+"""What instruments are called in files."""
+Average = tuple[float | None, float | None]
+"""Sigmas of a translation and of the entries of a rotation matrix; None where none is known yet."""
+Names = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -39,14 +37,30 @@ class InstrumentCamera:
     Attributes:
         calibration: its name, which is that of the camera here.
         stamp: pattern of image names, whose first group is the exposure.
-        selection: pattern of the images of the block.
+        selection: pattern of the images of the block, where `listed` is None.
         pose: camera to block; None where the file says that it is not known yet.
+        listed: names of the images of the block, where a list says them.
     """
 
     calibration: str
     stamp: str
     selection: str
     pose: Pose | None
+    listed: frozenset[str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class InstrumentClinometer:
+    """A clinometer of an instrument block.
+
+    Attributes:
+        axis: (3,) in the frame of the block; None where the file says that it is not known yet.
+        correction: coefficients of degrees 0 to 3.
+    """
+
+    name: str
+    axis: FloatArray | None
+    correction: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +69,25 @@ class InstrumentBlock:
 
     Attributes:
         path: of the file.
-        tag: of its content.
-        content: all of it.
+        data: all that it holds.
         master: calibration of the camera whose frame is that of the block.
+        carriers: calibrations of the cameras whose pose is that of the block.
         cameras: of the block.
-        sigmas: of translations and of matrix entries, by pair of calibrations.
+        pairs: sigmas by pair of calibrations.
+        instruments: sigmas by name of instrument.
+        clinometers: of the block.
+        right_angles: sigmas of the right angles between clinometers, radians.
     """
 
     path: Path
-    tag: str
-    content: Tree
+    data: dict[str, Tree]
     master: str
+    carriers: tuple[str, ...]
     cameras: tuple[InstrumentCamera, ...]
-    sigmas: dict[tuple[str, str], Sigmas]
+    pairs: dict[Names, Average]
+    instruments: dict[str, Average]
+    clinometers: tuple[InstrumentClinometer, ...] = ()
+    right_angles: dict[Names, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -75,13 +95,10 @@ class InstrumentBlock:
         return self.path.stem.removeprefix(FILE)
 
     @property
-    def unused(self) -> tuple[str, ...]:
-        """What the file has and no adjustment of images alone uses: relative rotations, clinometers."""
-        fields = Reader(self.content, str(self.path))
-        clinometers = fields.has("Clinos") and fields.mapping("Clinos").get("Set_Clinos")
-        rotations = fields.has("CstrRelRot") and fields.list("CstrRelRot")
-        names = {"CstrRelRot": rotations, "Clinos": clinometers}
-        return tuple(name for name, value in names.items() if value)
+    def turns(self) -> bool:
+        """Whether it has known relative rotations, which no adjustment uses (the original's neither)."""
+        fields = Reader(self.data, str(self.path))
+        return fields.has("CstrRelRot") and bool(fields.list("CstrRelRot"))
 
 
 def read_instrument_block(path: Path) -> InstrumentBlock:
@@ -91,135 +108,119 @@ def read_instrument_block(path: Path) -> InstrumentBlock:
         InputError: with file and field.
     """
     data = read_tree(path)
-    if len(data) != 1:
-        raise InputError(f"{path}: should hold one block, not {', '.join(data) or 'nothing'}")
-    ((tag, content),) = data.items()
-    whole = Reader(content, str(path))
+    whole = Reader(data, str(path))
     cams = whole.fields("Cams")
     rows = [Reader(one, f"{path}: Set_Cams") for one in cams.list("Set_Cams")]
-    cameras = tuple(_camera(row) for row in rows)
-    numbers = [row.integer("Num", place) for place, row in enumerate(rows)]
-    number = cams.integer("NumMaster", 0)
-    if number not in numbers:
-        raise InputError(f"{path}: NumMaster is {number}; the cameras have {numbers}")
-    sigmas = dict(_sigmas(whole, str(path)))
-    known = {camera.calibration for camera in cameras}
-    lost = {name for pair in sigmas for name in pair} - known
-    if lost:
-        raise InputError(f"{path}: SigmasPairs names {min(lost)}, which is no camera of the block")
-    return InstrumentBlock(path, tag, content, cameras[numbers.index(number)].calibration, cameras, sigmas)
-
-
-def _camera(row: Reader) -> InstrumentCamera:
-    name = row.text("NameCalib")
-    if row.has("SelIsPat") and not row.integer("SelIsPat"):
-        raise InputError(f"{row.where}: {name}: images by a list (SelIsPat 0) are not read; give a pattern")
-    known = row.integer("IsInit", 1)
-    pose = read_pose_fields(row.fields("Pose")) if known else None
-    return InstrumentCamera(name, row.text("PatTimeStamp"), row.text("ImSelect", ""), pose)
-
-
-def _sigmas(whole: Reader, where: str) -> list[tuple[tuple[str, str], Sigmas]]:
-    found = []
-    for key, value in pairs(whole.list("SigmasPairs"), f"{where}: SigmasPairs"):
-        names = list(key.values()) if isinstance(key, dict) else key
-        if not (isinstance(names, list) and len(names) == 2):
-            raise InputError(f"{where}: SigmasPairs: a pair should be of two names")
-        first, second = (str(name) for name in names)
-        one = Reader(value, f"{where}: SigmasPairs: {first}, {second}")
-        found.append(((first, second), (float(one.number("Tr")), float(one.number("Rot")))))
+    cameras = tuple(_camera(row, path) for row in rows)
+    names = [camera.calibration for camera in cameras]
+    numbers = {row.integer("Num", place): names[place] for place, row in enumerate(rows)}
+    if len(set(names)) < len(names) or len(numbers) < len(names):
+        raise InputError(f"{path}: a camera comes twice, by its name or by its number")
+    found = InstrumentBlock(
+        path,
+        data,
+        _numbered(numbers, cams.integer("NumMaster", 0), f"{path}: NumMaster"),
+        _carriers(cams, numbers),
+        cameras,
+        {key: _average(value) for key, value in _by_pair(whole, "SigmasPairs")},
+        _descriptions(whole),
+        tuple(_clinometers(whole)),
+        {key: float(value.number("Sigma")) for key, value in _by_pair(whole, "CstrOrthog")},
+    )
+    _require_known(found)
     return found
 
 
-def rigid_block_of(
-    found: InstrumentBlock, camera_of: Mapping[str, str], factors: Sigmas, relative: bool
-) -> RigidBlock:
-    """The block in an adjustment.
-
-    Args:
-        found: the file.
-        camera_of: calibration of each image.
-        factors: of the sigmas of the file (`BOI`), or, when not relative, the sigmas themselves.
-        relative: whether the sigmas of the file count.
-
-    Raises:
-        InputError: a camera has no pose yet or twice one exposure, or there are no pairs.
-    """
-    places = {camera.calibration: _place(found, camera) for camera in found.cameras}
-    if not found.sigmas:
-        raise InputError(f"{found.path}: SigmasPairs is empty: no pair of cameras is observed")
-    every = {
-        pair: (factors[0] * (tr if relative else 1.0), factors[1] * (rot if relative else 1.0) / ENTRIES)
-        for pair, (tr, rot) in found.sigmas.items()
-    }
-    poses = list(places.values())
-    return RigidBlock(
-        found.name,
-        found.master,
-        _exposures(found, camera_of),
-        Poses.of(list(places), [pose.centre for pose in poses], [pose.rotation for pose in poses]),
-        *next(iter(every.values())),
-        pair_sigmas=every,
-    )
+def _numbered(numbers: dict[int, str], number: int, where: str) -> str:
+    if number not in numbers:
+        raise InputError(f"{where} is {number}; the cameras have {sorted(numbers)}")
+    return numbers[number]
 
 
-def _place(found: InstrumentBlock, camera: InstrumentCamera) -> Pose:
-    if camera.pose is None:
-        raise InputError(f"{found.path}: camera {camera.calibration} has no pose yet (IsInit 0)")
-    return camera.pose
+def _carriers(cams: Reader, numbers: dict[int, str]) -> tuple[str, ...]:
+    """The cameras of `NumPoseInstr`: all of them where it is empty, the master for -1."""
+    if not cams.has("NumPoseInstr") or not cams.value("NumPoseInstr"):
+        return tuple(numbers.values())
+    master = cams.integer("NumMaster", 0)
+    given = [int(number) if number >= 0 else master for number in cams.series("NumPoseInstr")]
+    return tuple(_numbered(numbers, number, f"{cams.where}: NumPoseInstr") for number in given)
 
 
-def _exposures(found: InstrumentBlock, camera_of: Mapping[str, str]) -> Exposures:
-    by_name = {camera.calibration: camera for camera in found.cameras}
-    taken: dict[tuple[str, str], str] = {}
-    for image, calibration in camera_of.items():
-        stamp = _stamp(found, by_name[calibration], image) if calibration in by_name else None
-        if stamp is None:
-            continue
-        other = taken.setdefault((calibration, stamp), image)
-        if other != image:
-            raise InputError(f"{found.path}: {other} and {image} are both of {calibration}, exposure {stamp}")
-    cameras, camera = numbered([pair[0] for pair in taken])
-    names, exposure = numbered([pair[1] for pair in taken])
-    images = tuple(taken.values())
-    others = tuple(image for image in camera_of if image not in set(images))
-    return Exposures(cameras, names, images, camera, exposure, others)
+def _camera(row: Reader, path: Path) -> InstrumentCamera:
+    name, selection = row.text("NameCalib"), row.text("ImSelect", "")
+    listed = None
+    if row.has("SelIsPat") and not row.integer("SelIsPat"):
+        listed = frozenset(read_names(_list_file(path, selection, f"{row.where}: {name}")))
+    known = row.integer("IsInit", 1)
+    pose = read_pose_fields(row.fields("Pose")) if known else None
+    return InstrumentCamera(name, row.text("PatTimeStamp"), selection, pose, listed)
 
 
-def _stamp(found: InstrumentBlock, camera: InstrumentCamera, image: str) -> str | None:
-    """The exposure of an image of a camera; None for images that are not of the block."""
-    if camera.selection and not whole_match(camera.selection, image, str(found.path)):
-        return None
-    match = whole_match(camera.stamp, image, f"{found.path}: PatTimeStamp")
-    if match is None:
-        return None
-    if not match.re.groups:
-        raise InputError(f"{found.path}: PatTimeStamp {camera.stamp!r} has no group in parentheses")
-    return match[1]
+def _list_file(path: Path, name: str, where: str) -> Path:
+    """The list of names that a block refers to: in the folder of the project, or beside the block."""
+    places = [folder / name for folder in (*path.parents[3:4], path.parent)]
+    found = next((place for place in places if name and place.is_file()), None)
+    if found is None:
+        tried = " and ".join(map(str, places))
+        raise InputError(f"{where}: its images are those of a list (SelIsPat 0), which is not at {tried}")
+    return found
 
 
-def adjusted_text(
-    found: InstrumentBlock, solution: BundleSolution, observed: bool, *, as_json: bool = False
-) -> str:
-    """The file of a block with its adjusted poses, and the observed sigmas of its pairs if wanted."""
-    content = copy.deepcopy(found.content)
-    assert isinstance(content, dict)
-    places, scatter = solution.rigid_places(found.name), _norms(solution, found.name)
-    for row in Reader(content, str(found.path)).fields("Cams").list("Set_Cams"):
-        fields = Reader(row, str(found.path))
-        assert isinstance(row, dict)
-        row["Pose"] = pose_tree(places[fields.text("NameCalib")])
-    listed = Reader(content, str(found.path)).list("SigmasPairs")
-    for pair, (_, value) in zip(found.sigmas, pairs(listed, str(found.path)), strict=True):
-        if observed and pair in scatter and isinstance(value, dict):
-            value["Tr"], value["Rot"] = (scatter[pair][0],), (scatter[pair][1],)
-    return tree_text(found.tag, content, as_json=as_json)
+def _by_pair(whole: Reader, name: str) -> list[tuple[Names, Reader]]:
+    """The entries of a map whose keys are pairs of names."""
+    found: list[tuple[Names, Reader]] = []
+    for key, value in pairs(whole.list(name) if whole.has(name) else [], f"{whole.where}: {name}"):
+        names = [part for part in key if isinstance(part, str)] if isinstance(key, tuple | list) else []
+        if len(names) != 2 or len(key) != 2:
+            raise InputError(f"{whole.where}: {name}: a key should be two names in quotes")
+        pair = names[0], names[1]
+        if pair in (other for other, _ in found):
+            raise InputError(f"{whole.where}: {name}: {', '.join(pair)} come twice")
+        found.append((pair, Reader(value, f"{whole.where}: {name}: {', '.join(pair)}")))
+    return found
 
 
-def _norms(solution: BundleSolution, name: str) -> dict[tuple[str, str], Sigmas]:
-    """By pair, the mean lengths of what translations and matrices are off."""
-    found = solution.rigid_residuals(name)
-    shifts = np.linalg.norm(found.translations, axis=1)
-    turns = 2.0 * ENTRIES * np.sin(np.linalg.norm(found.rotations, axis=1) / 2.0)
-    rows = {pair: [k for k, other in enumerate(found.cameras) if other == pair] for pair in found.cameras}
-    return {pair: (float(shifts[own].mean()), float(turns[own].mean())) for pair, own in rows.items()}
+def _average(sigmas: Reader) -> Average:
+    return _mean(sigmas, "Tr"), _mean(sigmas, "Rot")
+
+
+def _mean(sigmas: Reader, name: str) -> float | None:
+    """A sigma, which files keep as a weighted sum and the sum of its weights; None without any."""
+    parts = sigmas.fields(name)
+    weight = float(parts.number("SumW"))
+    return float(parts.number("SumVW")) / weight if weight else None
+
+
+def _descriptions(whole: Reader) -> dict[str, Average]:
+    rows = whole.list("DescrIndiv") if whole.has("DescrIndiv") else []
+    found = {}
+    for key, value in pairs(rows, f"{whole.where}: DescrIndiv"):
+        one = Reader(value, f"{whole.where}: DescrIndiv: {key}")
+        found[str(key)] = _average(one.fields("Sigma"))
+    return found
+
+
+def _clinometers(whole: Reader) -> list[InstrumentClinometer]:
+    clinos = whole.fields("Clinos") if whole.has("Clinos") and whole.mapping("Clinos") else None
+    rows = clinos.list("Set_Clinos") if clinos else []
+    found = []
+    for row in (Reader(one, f"{whole.where}: Set_Clinos") for one in rows):
+        axis = np.array(row.numbers("PtNorm", 3), dtype=np.float64)
+        known = bool(row.integer("IsInit", 1)) and bool(axis.any())
+        correction = tuple(map(float, row.series("PolCorr")))
+        found.append(InstrumentClinometer(row.text("Name"), axis if known else None, correction))
+    return found
+
+
+def _require_known(found: InstrumentBlock) -> None:
+    """Refuses pairs and right angles of instruments that the block does not have."""
+    cameras = {camera.calibration for camera in found.cameras}
+    clinometers = {item.name for item in found.clinometers}
+    for where, keys, known in (
+        ("SigmasPairs", found.pairs, cameras),
+        ("CstrOrthog", found.right_angles, clinometers),
+    ):
+        lost = {name for pair in keys for name in pair} - known
+        if lost:
+            what = "camera" if known is cameras else "clinometer"
+            raise InputError(f"{found.path}: {where} names {min(lost)}, which is no {what} of the block")

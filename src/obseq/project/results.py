@@ -11,7 +11,8 @@ from obseq.images import ControlPoints
 from obseq.project.assembly import block_files, instrument_file
 from obseq.project.blocks import block_text, read_block
 from obseq.project.cameras import orientation_files
-from obseq.project.instrument_blocks import adjusted_text, read_instrument_block
+from obseq.project.instrument_blocks import read_instrument_block
+from obseq.project.instrument_results import adjusted_text
 from obseq.project.networks import adjusted_sets, control_of
 from obseq.project.points import NO_SYSTEM, read_system, system_text
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
@@ -96,7 +97,8 @@ class Results:
             return {}
         found = read_instrument_block(instrument_file(self.tree, given))
         path = self.tree.folder("InstrBlock", given.out) / f"{found.path.stem}{self._ending}"
-        return {path: adjusted_text(found, solution, given.save, as_json=self.as_json)}
+        tilts = given.clinometers is not None
+        return {path: adjusted_text(found, solution, given.save, tilts, as_json=self.as_json)}
 
     def _topo(self, solution: BundleSolution) -> Files:
         if not self.options.survey_out:

@@ -1,8 +1,8 @@
 """MMVII's serialised trees, in both spellings: XML and JSON to the same Python values, and back.
 
-A tree is made of mappings (tags in order), lists (XML's ``el``), strings, and tuples of numbers: a bare
-number is a tuple of one, a point one of two or three. What a file holds that its reader does not know stays
-in the tree, so that a file that is read and written loses nothing but its comments.
+A tree is made of mappings (tags in order), lists (XML's ``el``), strings, and tuples: a bare number is a
+tuple of one, a point one of two or three, a pair of names one of two strings. What a file holds that its
+reader does not know stays in the tree: a file that is read and written loses nothing but its comments.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 Number: TypeAlias = "int | float"
-Tree: TypeAlias = "dict[str, Tree] | list[Tree] | str | tuple[Number, ...]"
+Tree: TypeAlias = "dict[str, Tree] | list[Tree] | str | tuple[Number, ...] | tuple[str, ...]"
 
 HEADER = '<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>\n'
 KIND, VERSION = "MMVII_Serialization", "0.0.0"
@@ -28,7 +28,9 @@ DEEPEST = 64
 """Levels of the deepest tree that is read."""
 INDENT = "   "
 _COMMENT = re.compile(r"<!--comment\d+-->")
-_PAIR = "Pair"
+_PAIR, _KEY = "Pair", "K"
+_NEXT_TEXT = re.compile(r'(?<!\\)"\s+"')
+"""Between the texts of a pair of names."""
 
 
 def read_tree(path: str | Path) -> dict[str, Tree]:
@@ -46,10 +48,15 @@ def read_tree(path: str | Path) -> dict[str, Tree]:
 
 def tree_text(name: str, content: Tree, *, as_json: bool = False) -> str:
     """A file that holds one named value, with 17 significant digits (the original keeps 15 decimals)."""
+    return data_text({name: content}, as_json=as_json)
+
+
+def data_text(data: dict[str, Tree], *, as_json: bool = False) -> str:
+    """A file of what stands under ``Data``: several values without a name for the whole, as in blocks."""
     if as_json:
-        whole = {"Type": KIND, "Version": VERSION, "Data": {name: _jsonable(content)}}
+        whole = {"Type": KIND, "Version": VERSION, "Data": _jsonable(data)}
         return json.dumps(whole, indent=3, ensure_ascii=False) + "\n"
-    inner = _xml(name, content, 2)
+    inner = "".join(_xml(name, content, 2) for name, content in data.items())
     return (
         f'{HEADER}<Root>\n{INDENT}<Type>"{KIND}"</Type>\n{INDENT}<Version>"{VERSION}"</Version>\n'
         f"{INDENT}<Data>\n{inner}{INDENT}</Data>\n</Root>\n"
@@ -97,9 +104,19 @@ class Reader:
     def numbers(self, name: str, count: int | None = None) -> tuple[Number, ...]:
         """Numbers, as many as wanted."""
         found = self.value(name)
-        if not isinstance(found, tuple) or (count is not None and len(found) != count):
+        numbers = _numbers(found)
+        if not isinstance(found, tuple) or len(numbers) != (len(found) if count is None else count):
             raise InputError(f"{self.where}: {name} should be {count or 'some'} numbers")
-        return found
+        return numbers
+
+    def series(self, name: str) -> tuple[Number, ...]:
+        """Numbers of a vector, which XML writes as a list and JSON as a row."""
+        found = self.value(name)
+        parts = found if isinstance(found, list) else [found]
+        numbers = tuple(number for part in parts for number in _numbers(part))
+        if any(not isinstance(part, tuple) for part in parts) or not numbers:
+            raise InputError(f"{self.where}: {name} should be a list of numbers")
+        return numbers
 
     def number(self, name: str) -> Number:
         """One number."""
@@ -135,6 +152,12 @@ class Reader:
         if not isinstance(found, dict):
             raise InputError(f"{self.where}: {name} should hold fields")
         return found
+
+
+def _numbers(value: Tree) -> tuple[Number, ...]:
+    """The numbers of a tuple; none of anything else."""
+    parts = value if isinstance(value, tuple) else ()
+    return tuple(part for part in parts if not isinstance(part, str))
 
 
 def pairs(values: list[Tree], where: str) -> list[tuple[Tree, Tree]]:
@@ -210,14 +233,15 @@ def _element(node: Element, where: str, depth: int) -> Tree:
 
 
 def _leaf(text: str, where: str) -> Tree:
-    """A quoted text, numbers, or nothing."""
+    """A quoted text, several of them, numbers, or nothing."""
     bare = text.strip()
     if not bare:
         return []
     if bare[0] == '"':
         if len(bare) < 2 or bare[-1] != '"':
             raise InputError(f"{where}: the quotes of {bare[:40]!r} are not closed")
-        return bare[1:-1].replace('\\"', '"')
+        texts = tuple(part.replace('\\"', '"') for part in _NEXT_TEXT.split(bare[1:-1]))
+        return texts if len(texts) > 1 else texts[0]
     return tuple(_number(word, where) for word in bare.split())
 
 
@@ -259,17 +283,22 @@ def _plain(value: Any, where: str, depth: int) -> Tree:
         return [_plain(part, where, depth + 1) for part in value]
     if isinstance(value, dict):
         items = {key: part for key, part in value.items() if not _COMMENT.fullmatch(key)}
-        return {key: _plain(part, where, depth + 1) for key, part in items.items()}
+        return {key: _plain_field(key, part, where, depth + 1) for key, part in items.items()}
     raise InputError(f"{where}: a null has no meaning here")
+
+
+def _plain_field(name: str, value: Any, where: str, depth: int) -> Tree:
+    """A value under its name: the key of a map may be a pair of names, which is no list."""
+    if name == _KEY and isinstance(value, list) and value and all(isinstance(one, str) for one in value):
+        return tuple(value)
+    return _plain(value, where, depth)
 
 
 def _xml(name: str, value: Tree, level: int) -> str:
     margin = INDENT * level
-    if isinstance(value, str):
-        quoted = value.replace('"', '\\"')
-        return f'{margin}<{name}>"{_escaped(quoted)}"</{name}>\n'
-    if isinstance(value, tuple):
-        return f"{margin}<{name}>{' '.join(map(repr, value))}</{name}>\n"
+    if isinstance(value, str | tuple):
+        words = map(_word, (value,) if isinstance(value, str) else value)
+        return f"{margin}<{name}>{' '.join(words)}</{name}>\n"
     if not value:
         return f"{margin}<{name}></{name}>\n"
     if isinstance(value, list):
@@ -277,6 +306,14 @@ def _xml(name: str, value: Tree, level: int) -> str:
     else:
         inner = "".join(_xml(key, part, level + 1) for key, part in value.items())
     return f"{margin}<{name}>\n{inner}{margin}</{name}>\n"
+
+
+def _word(value: str | Number) -> str:
+    """A text in its quotes, or a number."""
+    if not isinstance(value, str):
+        return repr(value)
+    quoted = value.replace('"', '\\"')
+    return f'"{_escaped(quoted)}"'
 
 
 def _is_pair(value: Tree) -> bool:

@@ -107,23 +107,27 @@ class RigidEquations:
         return index_of(self.block.places.images, cameras, f"block {self.block.name}: camera")
 
     def _hold(self) -> None:
-        block = self.block
-        gauge = () if block.master_sigmas else (block.master,)
-        fixed = block.places.images if block.is_fixed else gauge
-        held = self._rows(list(dict.fromkeys([*fixed, *_lone(block, self.pairs.cameras)])))
-        if held.size:
-            self._system.freeze(self.centres[held])
-            self._system.freeze(self.rotations[held])
+        block, lone = self.block, _lone(self.block, self.pairs.cameras)
+        for unknowns, sigma in zip((self.centres, self.rotations), block.gauge, strict=True):
+            gauge = (block.master,) if sigma is None else ()
+            fixed = block.places.images if block.is_fixed else gauge
+            held = self._rows(list(dict.fromkeys([*fixed, *lone])))
+            if held.size:
+                self._system.freeze(unknowns[held])
 
     def _observe_places(self) -> None:
         observed = {} if self.block.is_fixed else self.block.observed_places
-        if observed:
-            rows, sigmas = self._rows(list(observed)), np.array(list(observed.values()))
-            places = self.block.places
+        places = self.block.places
+        shifts = {camera: own[0] for camera, own in observed.items() if own[0] is not None}
+        turns = {camera: own[1] for camera, own in observed.items() if own[1] is not None}
+        if shifts:
+            rows, sigmas = self._rows(list(shifts)), np.array(list(shifts.values()))[:, None]
             self._system.add_prior(
-                self.centres[rows], places.centres[rows], np.repeat(sigmas[:, :1], 3, axis=1), GROUP
+                self.centres[rows], places.centres[rows], np.repeat(sigmas, 3, axis=1), GROUP
             )
-            attach_rotations(self._system, self.rotations[rows], places.rotations[rows], sigmas[:, 1:], GROUP)
+        if turns:
+            rows, sigmas = self._rows(list(turns)), np.array(list(turns.values()))[:, None]
+            attach_rotations(self._system, self.rotations[rows], places.rotations[rows], sigmas, GROUP)
 
     def _add_pairs(self, centres: IntArray, rotations: IntArray) -> Batch:
         pairs = self.pairs
