@@ -35,7 +35,12 @@ LOOPS = {
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
     "obseq.leastsquares.loops.blocks_to_matrix": ("add_diagonal_blocks", "add_pairs", "pattern_rows"),
     "obseq.leastsquares.loops.leverages": ("leverages",),
-    "obseq.leastsquares.loops.schur_complement": ("eliminate", "neighbour_pairs", "substitute_back"),
+    "obseq.leastsquares.loops.schur_complement": (
+        "body_pairs",
+        "eliminate",
+        "substitute_back",
+        "subtract_sums",
+    ),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
     "obseq.leastsquares.solvers.dense_loops": ("factor_columns", "invert_small", "solve_columns"),
     "obseq.leastsquares.solvers.graph": (

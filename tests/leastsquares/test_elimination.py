@@ -73,7 +73,7 @@ def test_each_iteration_is_the_same():
 
 @pytest.mark.parametrize("portion", [10, 4_000_000])
 def test_the_reduced_matrix_is_the_schur_complement(portion, monkeypatch):
-    monkeypatch.setattr("obseq.leastsquares.assembly.schur.PORTION", portion)
+    monkeypatch.setattr("obseq.leastsquares.assembly.bodies.PORTION", portion)
     whole, points, *_ = bundle(False, seed=3)
     reduced = bundle(True, seed=3)[0]
     full, small = whole.equations(), reduced.equations(reduced=True)
@@ -164,7 +164,7 @@ def test_blocks_that_hang_together_are_one_group():
         if eliminated:
             system.eliminate(points)
             system.eliminate(rotations[:3])
-            assert len(system.equations(reduced=True).layout.groups.bounds) == 2
+            assert len(system.equations(reduced=True).layout.groups.block_bounds) == 2
         result = system.solve(max_iterations=3, tolerance=-1.0)
         values.append(np.concatenate([result.values(points).ravel(), result.values(rotations).ravel()]))
     assert values[1] == pytest.approx(values[0], abs=1e-8)

@@ -1,4 +1,4 @@
-"""Four doubles at a time: the two operations that assembly is made of, as LLVM vector instructions.
+"""Four doubles at a time: the operations that assembly is made of, as LLVM vector instructions.
 
 The compiler does not find them by itself in a loop over scalars (it emits one scalar instruction per
 product), and they are most of the work between an observation and its normal equations. Imported when
@@ -149,29 +149,103 @@ def _outer(columns: int, stepped: bool = False) -> Value:
     return outer
 
 
-@intrinsic
-def outer_padded_threes(
-    typing: Context, store: Kind, at: Kind, height: Kind, record: Kind, a: Kind, b: Kind, width: Kind
-) -> Emitter:
-    """`outer_threes` for three rows whose fourth doubles are zero, where no other thread works."""
+def _outer_columns(quads: int, rank: int) -> Value:
+    """Adds sum_r record[a + r w : +4 quads] * record[b + columns[k] + r w] to doubles at `at + height k`.
+
+    For each k from `first` to before `last`, with r < rank; what is common to all columns stays in registers.
+    """
 
     def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
-        _, at, height, _, a, b, width = args
+        _, at, height, _, a, b, width, _, first, last = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[3], args[3])
-        shifts = [_INT64(0), width, builder.add(width, width)]
-        vectors = [_load(builder, record, builder.add(a, shift)) for shift in shifts]
-        for k in range(3):
-            total = _load(builder, store, at)
-            for vector, shift in zip(vectors, shifts, strict=True):
-                place = builder.add(builder.add(b, shift), _INT64(k))
-                total = _multiply_add(builder, total, vector, builder.load(builder.gep(record, [place])))
-            _store(builder, total, store, at)
-            at = builder.add(at, builder.sub(height, _INT64(k + 1)))
+        columns = _data(context, builder, signature.args[7], args[7])
+        shifts = [builder.mul(width, _INT64(r)) for r in range(rank)]
+        rows = [builder.add(a, shift) for shift in shifts]
+        left = [
+            [_load(builder, record, builder.add(row, _INT64(4 * q))) for row in rows] for q in range(quads)
+        ]
+        with cgutils.for_range(builder, builder.sub(last, first)) as loop:
+            column = builder.load(builder.gep(columns, [builder.add(first, loop.index)]))
+            here = builder.add(b, column)
+            right = [builder.load(builder.gep(record, [builder.add(here, shift)])) for shift in shifts]
+            place = builder.add(at, builder.mul(height, loop.index))
+            for vectors in left:
+                total = _load(builder, store, place)
+                for vector, scalar in zip(vectors, right, strict=True):
+                    total = _multiply_add(builder, total, vector, scalar)
+                _store(builder, total, store, place)
+                place = builder.add(place, _INT64(4))
+        return context.get_dummy_value()
+
+    @intrinsic
+    def outer_columns(
+        typing: Context,
+        store: Kind,
+        at: Kind,
+        height: Kind,
+        record: Kind,
+        a: Kind,
+        b: Kind,
+        width: Kind,
+        columns: Kind,
+        first: Kind,
+        last: Kind,
+    ) -> Emitter:
+        index = types.uint64
+        given = store, index, index, record, index, index, index, columns, index, index
+        return types.void(*given), emit
+
+    return outer_columns
+
+
+@intrinsic
+def copy_threes(typing: Context, store: Kind, place: Kind, record: Kind, at: Kind, width: Kind) -> Emitter:
+    """Copies a pair of threes, columns 0, 4 and 7 from its place on, to four doubles of three rows."""
+
+    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+        _, place, _, at, width = args
+        store = _data(context, builder, signature.args[0], args[0])
+        record = _data(context, builder, signature.args[2], args[2])
+        for column in (0, 4, 7):
+            _store(builder, _load(builder, store, builder.add(place, _INT64(column))), record, at)
+            at = builder.add(at, width)
         return context.get_dummy_value()
 
     index = types.uint64
-    return types.void(store, index, index, record, index, index, index), emit
+    return types.void(store, index, record, index, index), emit
+
+
+@intrinsic
+def solve_threes(typing: Context, record: Kind, at: Kind, width: Kind, factor: Kind) -> Emitter:
+    """Solves L Y = X for four columns of three rows in place.
+
+    `factor`: the inverse diagonal of L, then its entries below: second, third of the first column, third of
+    the second.
+    """
+
+    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+        _, at, width, _ = args
+        record = _data(context, builder, signature.args[0], args[0])
+        factor = _data(context, builder, signature.args[3], args[3])
+        first, second, third, b_a, c_a, c_b = (
+            _splat(builder, builder.load(builder.gep(factor, [_INT64(k)]))) for k in range(6)
+        )
+        places = [at, builder.add(at, width), builder.add(at, builder.add(width, width))]
+        a, b, c = (_load(builder, record, place) for place in places)
+        a = builder.fmul(a, first)
+        b = builder.fmul(_minus(builder, b, b_a, a), second)
+        c = builder.fmul(_minus(builder, _minus(builder, c, c_a, a), c_b, b), third)
+        for vector, place in zip((a, b, c), places, strict=True):
+            _store(builder, vector, record, place)
+        return context.get_dummy_value()
+
+    index = types.uint64
+    return types.void(record, index, index, factor), emit
+
+
+def _minus(builder: Builder, total: Value, factor: Value, vector: Value) -> Value:
+    return builder.fsub(total, builder.fmul(factor, vector, flags=_CONTRACT), flags=_CONTRACT)
 
 
 transpose3 = _transpose(3)
@@ -179,3 +253,9 @@ transpose4 = _transpose(4)
 outer1 = _outer(1)
 outer4 = _outer(4)
 outer_threes = _outer(3, stepped=True)
+outer_columns_1 = _outer_columns(1, 1)
+outer_columns_2 = _outer_columns(2, 1)
+outer_columns_3 = _outer_columns(3, 1)
+outer_columns_1_by_3 = _outer_columns(1, 3)
+outer_columns_2_by_3 = _outer_columns(2, 3)
+outer_columns_3_by_3 = _outer_columns(3, 3)

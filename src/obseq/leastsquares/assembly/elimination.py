@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.assembly.store import part_width
-from obseq.leastsquares.assembly.threads import in_threads
+from obseq.leastsquares.assembly.pattern import ranks
+from obseq.leastsquares.assembly.store import aligned_zeros, part_width
+from obseq.leastsquares.assembly.threads import column_bounds, in_threads
 from obseq.leastsquares.diagnosis.singular import eliminated_error
 from obseq.leastsquares.loops.tables import EliminationRoom
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray, IntRows
     from obseq.leastsquares.assembly.store import StoreLayout
-    from obseq.leastsquares.loops.tables import Groups
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class Elimination:
     """Works on a store that is filled; false when nothing is eliminated.
 
-    Groups of blocks are shared among threads. Each thread but the first has a matrix and a gradient of its
-    own, which are added at the end in a fixed order: the numbers are the same at each run.
+    Groups of blocks are shared among threads. Each thread has sums of its own, which are subtracted from the
+    matrix at the end in a fixed order: the numbers are the same at each run.
 
     Args:
         table: the unknowns.
@@ -33,7 +33,11 @@ class Elimination:
     def __init__(self, table: UnknownTable, layout: StoreLayout, threads: int) -> None:
         self._table = table
         self._layout = layout
-        self._spans = _spans(layout.groups, threads)
+        self._spans = _spans(layout.fill.bodies.bounds, threads)
+        self._sums = aligned_zeros(len(self._spans) * layout.fill.size).reshape(len(self._spans), -1)
+        self._pair_bounds = column_bounds(layout.fill.low, threads)
+        count = layout.free.count[layout.fill.blocks]
+        self._pulled = np.repeat(layout.free.first[layout.fill.blocks], count) + ranks(count)
         blocks = layout.groups.blocks
         size = table.size[blocks]
         within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
@@ -70,48 +74,53 @@ class Elimination:
         """
         if not self:
             return 0.0
-        entries = store[: self._layout.matrix.nnz]
-        results = [(entries, gradient)]
-        results += [(np.zeros_like(entries), np.zeros_like(gradient)) for _ in self._spans[1:]]
+        pulls = np.zeros((len(self._spans), int(self._layout.fill.bodies.height.sum())))
         failed = np.full((len(self._spans), 1), -1, dtype=np.int64)
 
         def eliminate_share(share: int) -> float:
-            return self._eliminated(store, share, damping, *results[share], failed[share])
+            return self._summed_up(store, share, damping, pulls[share], failed[share])
 
         decrease = sum(in_threads(eliminate_share, len(self._spans)))
         wrong = failed[failed >= 0]
         if wrong.size:
             raise eliminated_error(self._table, int(wrong[0]))
-        for matrix, vector in results[1:]:
-            entries += matrix
-            gradient += vector
+        self._subtract_sums(store)
+        gradient[self._pulled] -= pulls.sum(axis=0)[self._layout.fill.pulls]
         return decrease
 
-    def _eliminated(
-        self,
-        store: FloatArray,
-        share: int,
-        damping: float,
-        target: FloatArray,
-        gradient: FloatArray,
-        failed: IntArray,
+    def _summed_up(
+        self, store: FloatArray, share: int, damping: float, pulls: FloatArray, failed: IntArray
     ) -> float:
         from obseq.leastsquares.loops.schur_complement import eliminate
 
-        layout = self._layout
+        layout, sums = self._layout, self._sums[share]
+        bodies = layout.fill.bodies
+        sums[:] = 0.0
         return eliminate(
             store,
             layout.diagonal,
             layout.groups,
+            bodies,
             layout.unknowns,
-            layout.fill,
             damping,
             self._spans[share],
-            target,
-            gradient,
+            sums,
+            pulls,
             failed,
-            self._room(layout.groups.widest),
+            self._room(bodies.widest),
         )
+
+    def _subtract_sums(self, store: FloatArray) -> None:
+        """Subtracts the sums of all threads from the matrix."""
+        from obseq.leastsquares.loops.schur_complement import subtract_sums
+
+        layout, bounds = self._layout, self._pair_bounds
+
+        def subtract_share(share: int) -> None:
+            pairs = layout.summed[bounds[share] : bounds[share + 1]]
+            subtract_sums(self._sums, pairs, layout.unknowns, store)
+
+        in_threads(subtract_share, len(bounds) - 1)
 
     def substitute_back(self, store: FloatArray, damping: float, step: FloatArray) -> None:
         """Writes the steps of eliminated unknowns in a step (n_scalars,) that has the others."""
@@ -131,14 +140,16 @@ class Elimination:
     def _room(self, widest: int) -> EliminationRoom:
         """Room for one eliminated group, whose longest rows have this length."""
         most = self._layout.groups.most
-        record, columns = np.empty(2 * most * widest), np.empty(widest, dtype=np.int64)
-        return EliminationRoom(np.empty((most, most)), np.empty(most), record, columns)
+        return EliminationRoom(np.empty((most, most)), np.empty(most), np.empty(6), np.empty(most * widest))
 
 
-def _spans(groups: Groups, threads: int) -> IntRows:
-    """(n_shares, 3) groups of each share, with about as many pairs, and where its first pair is."""
-    met = np.diff(groups.bounds)
-    pairs = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
+def _spans(bounds: IntArray, threads: int) -> IntRows:
+    """(n_shares, 3) groups of each share, with about as many pairs, and where its first pair is.
+
+    `bounds` (n_groups + 1,): as of `Bodies`.
+    """
+    met = np.diff(bounds)
+    pairs = np.concatenate([[0], np.cumsum(met * (met + 1) // 2)])
     wanted = np.arange(1, threads) * int(pairs[-1]) // threads
-    bounds = np.concatenate([[0], np.searchsorted(pairs, wanted), [len(met)]])
-    return np.column_stack([bounds[:-1], bounds[1:], pairs[bounds[:-1]]]).astype(np.int64)
+    cuts = np.concatenate([[0], np.searchsorted(pairs, wanted), [len(met)]])
+    return np.column_stack([cuts[:-1], cuts[1:], pairs[cuts[:-1]]]).astype(np.int64)

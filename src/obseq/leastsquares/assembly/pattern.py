@@ -85,13 +85,13 @@ def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[S
     top[live] = above[np.searchsorted(column, live)]
     offsets = above - top[column]
     height = np.bincount(column, weights=count[row], minlength=n).astype(np.int64)
-    lengths = np.repeat(height[live], count[live]) - _ranks(count[live])
+    lengths = np.repeat(height[live], count[live]) - ranks(count[live])
     indptr = np.concatenate([[0], np.cumsum(lengths)])
     indices = np.empty(indptr[-1], dtype=np.int32)
     pattern_rows(column, row, offsets, count, free.first, indptr, indices)
     return SymmetricPattern(len(indptr) - 1, indptr, indices), offsets[inverse[len(live) :]]
 
 
-def _ranks(counts: IntArray) -> IntArray:
+def ranks(counts: IntArray) -> IntArray:
     """0, 1, ..., count - 1 for each count, one after the other."""
     return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -11,6 +11,7 @@ for the other unknowns k, group by group, so that only these enter the matrix th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +20,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.loops.tables import Groups
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, IntArray, PositionArray
+    from obseq.arrays import BoolArray, IntArray
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
@@ -29,62 +28,23 @@ if TYPE_CHECKING:
 LARGEST = 1000
 """Unknowns of one group: beyond, a dense elimination takes longer than the sparse matrix would."""
 
-PORTION = 4_000_000
-"""Pairs of neighbours that are looked at together: 32 MB."""
 
+@dataclass(frozen=True)
+class Met:
+    """The blocks that each group meets.
 
-def _pair_keys(groups: Groups, n: int) -> Iterator[IntArray]:
-    """Keys low * n + high of all pairs of neighbours, in the order of elimination, in portions."""
-    if not len(groups.blocks):
-        return
-    from obseq.leastsquares.loops.schur_complement import neighbour_pairs
-
-    met = np.diff(groups.bounds)
-    total = np.concatenate([[0], np.cumsum(met * (met - 1) // 2)])
-    first = 0
-    while first < len(met):
-        last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
-        keys = np.empty(total[last] - total[first], dtype=np.int64)
-        neighbour_pairs(groups.bounds, groups.neighbours, first, last, n, keys)
-        yield keys
-        first = last
-
-
-def fill_keys(groups: Groups, n: int) -> IntArray:
-    """The distinct keys of pairs of neighbours, ascending."""
-    distinct = np.zeros(0, dtype=np.int64)
-    for keys in _pair_keys(groups, n):
-        distinct = np.union1d(distinct, keys)
-    return distinct
-
-
-def fill_offsets(groups: Groups, n: int, distinct: IntArray, offsets: IntArray) -> PositionArray:
-    """(n_pairs,) offset of each pair of neighbours, from those of the distinct keys."""
-    found = [offsets[np.searchsorted(distinct, keys)].astype(np.uint32) for keys in _pair_keys(groups, n)]
-    return np.concatenate(found) if found else np.zeros(0, dtype=np.uint32)
-
-
-def placed(groups: Groups, places: IntArray, free: IntArray) -> Groups:
-    """The same with the places of the pairs instead of their numbers, and the rows of each group laid out.
-
-    Args:
-        groups: the groups.
-        places: (n_pairs,) places in the store.
-        free: (n_blocks,) free unknowns of each block.
+    Attributes:
+        blocks: (n_met,) the blocks, ascending within each group.
+        bounds: (n_groups + 1,) where those of each group begin.
+        of_link: (n_links,) which of them a link leads to.
     """
-    if not len(groups.blocks):
-        return groups
-    links, inner = groups.links.copy(), groups.inner.copy()
-    links[:, 0] = places[links[:, 0]]
-    inner[:, 0] = places[inner[:, 0]]
-    widths = (free[groups.neighbours] + 3) // 4 * 4
-    ends = np.concatenate([[0], np.cumsum(widths)])
-    part = ends[:-1] - np.repeat(ends[groups.bounds[:-1]], np.diff(groups.bounds))
-    widest = int(np.max(np.diff(ends[groups.bounds]), initial=4))
-    return groups._replace(links=links, inner=inner, part=part, widest=widest)
+
+    blocks: IntArray
+    bounds: IntArray
+    of_link: IntArray
 
 
-def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> Groups:
+def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> tuple[Groups, Met]:
     """Groups of the eliminated blocks (n_blocks,) that are in use; places are numbers of pairs as yet.
 
     Raises:
@@ -104,16 +64,33 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
     within = within[np.argsort(group[pairs.rows[within]], kind="stable")]
     inner = np.column_stack([within, pairs.rows[within], pairs.columns[within]])
     inner_bounds = np.searchsorted(group[pairs.rows[within]], steps)
-    neighbours, bounds, links, link_bounds = _met(pairs, of_row ^ of_column, of_column, group, steps)
-    most = int(local.max(initial=0)) + 1
-    met = (neighbours, bounds, links, link_bounds)
-    return Groups(blocks, block_bounds, inner, inner_bounds, *met, local, np.zeros_like(neighbours), most, 4)
+    turned = of_column | _are_threes(table, pairs)
+    met, links, link_bounds = _met(pairs, of_row ^ of_column, turned, of_column, group, steps)
+    threes = np.zeros(len(block_bounds) - 1, dtype=np.int64)
+    groups = Groups(
+        blocks, block_bounds, inner, inner_bounds, links, link_bounds, threes, local, _most(local)
+    )
+    return groups, met
 
 
-def _no_groups(n_scalars: int) -> Groups:
+def is_turned(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> BoolArray:
+    """(n_pairs,) True for pairs of threes to be stored transposed, the eliminated block as column part."""
+    joining = eliminated[pairs.rows] & ~eliminated[pairs.columns]
+    return np.asarray(joining & _are_threes(table, pairs))
+
+
+def _are_threes(table: UnknownTable, pairs: BlockPairs) -> BoolArray:
+    return np.asarray((table.size[pairs.rows] == 3) & (table.size[pairs.columns] == 3))
+
+
+def _no_groups(n_scalars: int) -> tuple[Groups, Met]:
     none, start = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     pairs, links, local = none.reshape(0, 3), none.reshape(0, 5), np.full(n_scalars, -1)
-    return Groups(none, start, pairs, start, none, start, links, start, local, none, 1, 4)
+    return Groups(none, start, pairs, start, links, start, none, local, 1), Met(none, start, none)
+
+
+def _most(local: IntArray) -> int:
+    return int(local.max(initial=0)) + 1
 
 
 def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntArray:
@@ -157,18 +134,23 @@ def _refuse_large(table: UnknownTable, blocks: IntArray, bounds: IntArray, local
 
 
 def _met(
-    pairs: BlockPairs, joining: BoolArray, turned: BoolArray, group: IntArray, steps: IntArray
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Neighbours and links of all groups, with their bounds."""
+    pairs: BlockPairs,
+    joining: BoolArray,
+    turned: BoolArray,
+    is_column: BoolArray,
+    group: IntArray,
+    steps: IntArray,
+) -> tuple[Met, IntArray, IntArray]:
+    """What the groups meet, and their links with their bounds; arguments (n_pairs,) but for the last two."""
     chosen = np.flatnonzero(joining)
-    swapped = turned[chosen]
-    block = np.where(swapped, pairs.columns[chosen], pairs.rows[chosen])
-    other = np.where(swapped, pairs.rows[chosen], pairs.columns[chosen])
+    swapped, is_last = turned[chosen], is_column[chosen]
+    block = np.where(is_last, pairs.columns[chosen], pairs.rows[chosen])
+    other = np.where(is_last, pairs.rows[chosen], pairs.columns[chosen])
     order = np.lexsort((other, group[block]))
     chosen, swapped, block, other = chosen[order], swapped[order], block[order], other[order]
     of_group = group[block]
     new = np.ones(len(chosen), dtype=bool)
     new[1:] = (np.diff(of_group) != 0) | (np.diff(other) != 0)
-    links = np.column_stack([chosen, np.cumsum(new) - 1, other, block, swapped])
-    bounds = np.searchsorted(of_group[new], steps)
-    return other[new], bounds, links, np.searchsorted(of_group, steps)
+    links = np.column_stack([chosen, np.zeros_like(chosen), other, block, swapped])
+    met = Met(other[new], np.searchsorted(of_group[new], steps), np.cumsum(new) - 1)
+    return met, links, np.searchsorted(of_group, steps)

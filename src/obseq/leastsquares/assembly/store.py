@@ -17,15 +17,17 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
+from obseq.leastsquares.assembly.bodies import fill_of
 from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
-from obseq.leastsquares.assembly.schur import elimination_groups, fill_keys, fill_offsets, placed
+from obseq.leastsquares.assembly.schur import elimination_groups, is_turned
 from obseq.leastsquares.loops.tables import BlockTable, UnknownPlaces
 from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray, PositionArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows
+    from obseq.leastsquares.assembly.bodies import Fill
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.loops.tables import Groups
     from obseq.leastsquares.problem.batches import Batch
@@ -52,7 +54,8 @@ class StoreLayout:
             block column; sorted by the block of the two that comes first, whose columns they go to.
         batches: one layout per batch.
         groups: the eliminated blocks.
-        fill: (n_fill,) offset in the block column of each pair of neighbours of an eliminated block.
+        fill: what elimination adds to the matrix.
+        summed: (n_fill, 5) pairs of blocks of the fill: as of `Fill`, and the offset in the block column.
         first_eliminated: where the blocks of eliminated unknowns begin; they last until the next assembly.
         spare: (2,) place and length of the spare block.
     """
@@ -65,7 +68,8 @@ class StoreLayout:
     stored: IntArray
     batches: tuple[BlockTable, ...]
     groups: Groups
-    fill: PositionArray
+    fill: Fill
+    summed: IntRows
     first_eliminated: int
     spare: IntArray
 
@@ -109,13 +113,17 @@ def store_layout(
     free = free_unknowns(table, used & ~eliminated)
     loose = _with_free_unknowns(table, used & eliminated)
     pairs = block_pairs(batches, (free.count > 0) | loose)
-    groups = elimination_groups(table, pairs, loose)
-    n = max(len(table), 1)
-    fill = fill_keys(groups, n)
+    groups, met = elimination_groups(table, pairs, loose)
+    groups, fill = fill_of(table, groups, met, free.count)
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
-    low, high = np.concatenate([pairs.low[kept], fill // n]), np.concatenate([pairs.high[kept], fill % n])
+    joined = fill.low < fill.high
+    low, high = (
+        np.concatenate([pairs.low[kept], fill.low[joined]]),
+        np.concatenate([pairs.high[kept], fill.high[joined]]),
+    )
     matrix, found = matrix_pattern(free, low, high)
-    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), found[np.count_nonzero(kept) :]
+    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), np.zeros(len(joined), dtype=np.int64)
+    of_fill[joined] = found[np.count_nonzero(kept) :]
     offsets[kept] = found[: np.count_nonzero(kept)]
     direct = _direct(table.size, free, pairs)
     places = _places(table, matrix, free, pairs, direct, loose)
@@ -124,6 +132,7 @@ def store_layout(
     position[direct] = top + offsets[direct]
     height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
     height[direct] += (pairs.rows < pairs.columns)[direct]
+    height += is_turned(table, pairs, loose)
     addressed = _Addresses(
         np.append(position, places.spare), np.append(height, 2 * STORED_HEIGHT), places.diagonal, places.spare
     )
@@ -137,11 +146,20 @@ def store_layout(
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
-        groups=placed(groups, places.pair, free.count),
-        fill=fill_offsets(groups, n, fill, of_fill),
+        groups=_placed(groups, places.pair),
+        fill=fill,
+        summed=np.column_stack([fill.summed, of_fill]),
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),
     )
+
+
+def _placed(groups: Groups, places: IntArray) -> Groups:
+    """The same with the places of the pairs (n_pairs,) in the store instead of their numbers."""
+    links, inner = groups.links.copy(), groups.inner.copy()
+    links[:, 0] = places[links[:, 0]]
+    inner[:, 0] = places[inner[:, 0]]
+    return groups._replace(links=links, inner=inner)
 
 
 def _with_free_unknowns(table: UnknownTable, blocks: BoolArray) -> BoolArray:

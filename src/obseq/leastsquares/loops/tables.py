@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray, IntRows, PositionRows
+    from obseq.arrays import (
+        FloatArray,
+        FloatRows,
+        IndexArray,
+        IntArray,
+        IntRows,
+        PositionArray,
+        PositionRows,
+    )
 
 
 class BatchArrays(NamedTuple):
@@ -79,28 +87,52 @@ class Groups(NamedTuple):
         block_bounds: (n + 1,) where the blocks of each group begin.
         inner: (n_inner, 3) place in the store, row block, column block of the pairs within a group.
         inner_bounds: (n + 1,) where those of each group begin.
-        neighbours: (n_neighbours,) the blocks that are met, ascending within each group.
-        bounds: (n + 1,) where the neighbours of each group begin.
-        links: (n_links, 5) place in the store, neighbour (as place in `neighbours`), neighbour block,
-            eliminated block, and 1 where the eliminated block is the column part.
+        links: (n_links, 5) place in the store, place in the rows of the group, neighbour block, eliminated
+            block, and 1 where the eliminated block is the column part.
         link_bounds: (n + 1,) where the links of each group begin.
+        threes: (n,) 1 for groups that are one block of three free unknowns, the column part of all links,
+            and whose neighbours all have three, too.
         local: (n_scalars,) number of each eliminated unknown within its group; -1 for all others.
-        part: (n_neighbours,) where each neighbour begins in the rows of its group, in fours.
         most: unknowns of the largest group, at least one.
-        widest: length of the longest rows of a group, at least four.
     """
 
     blocks: IntArray
     block_bounds: IntArray
     inner: IntRows
     inner_bounds: IntArray
-    neighbours: IntArray
-    bounds: IntArray
     links: IntRows
     link_bounds: IntArray
+    threes: IntArray
     local: IntArray
-    part: IntArray
     most: int
+
+
+class Bodies(NamedTuple):
+    """Neighbours of groups, side by side where they are met by the same groups, as the unknowns of an image.
+
+    What elimination takes from the matrix is summed up by pairs of bodies, columns of the lower-numbered
+    one, and subtracted at the end. In the rows of a group each block begins at a multiple of four.
+
+    Attributes:
+        slots: (n_slots,) the bodies that each group meets, ascending.
+        bounds: (n_groups + 1,) where those of each group begin.
+        part: (n_slots,) where each begins in the rows of its group.
+        places: (n_pairs,) place of the sums of each pair of slots, in fours, in the order of elimination.
+        columns: (n_columns,) place of each unknown within its body.
+        column_bounds: (n_bodies + 1,) where those of each body begin.
+        height: (n_bodies,) length of its part.
+        pulls: (n_bodies,) where its share of the gradient is summed up.
+        widest: length of the longest rows of a group, a part of four for its gradient included.
+    """
+
+    slots: IntArray
+    bounds: IntArray
+    part: IntArray
+    places: PositionArray
+    columns: IntArray
+    column_bounds: IntArray
+    height: IntArray
+    pulls: IntArray
     widest: int
 
 
@@ -130,14 +162,14 @@ class EliminationRoom(NamedTuple):
     Attributes:
         factor: (most, most) its factor.
         right: (most,) its gradient.
-        record: (2 most widest,) its rows, and their opposites; nothing for the way back.
-        columns: (widest,) the places of its neighbours' columns; nothing for the way back.
+        three: (6,) what is needed of the factor of three unknowns: see `solve_three_rows`.
+        record: (most widest,) its rows; nothing for the way back.
     """
 
     factor: FloatRows
     right: FloatArray
+    three: FloatArray
     record: FloatArray
-    columns: IntArray
 
 
 class EquationRows(NamedTuple):

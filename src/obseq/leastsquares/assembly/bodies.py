@@ -1,0 +1,226 @@
+"""Bodies: blocks that the same groups of eliminated blocks meet, treated as one by the elimination.
+
+The centre, the rotation and the calibration of an image are three blocks, and every tie point that meets one
+of them meets all: nine unknowns side by side are multiplied at once, and one place is found instead of nine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.loops.tables import Bodies
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import IntArray, IntRows, PositionArray
+    from obseq.leastsquares.assembly.schur import Met
+    from obseq.leastsquares.loops.tables import Groups
+    from obseq.leastsquares.problem.unknowns import UnknownTable
+
+PORTION = 4_000_000
+"""Pairs of bodies that are looked at together: 32 MB."""
+
+
+@dataclass(frozen=True)
+class Fill:
+    """What elimination adds to the matrix: bodies, and the pairs of blocks that their sums consist of.
+
+    Attributes:
+        bodies: as the loops take them.
+        size: doubles of the sums of all pairs of bodies.
+        pulls: (n,) places of the unknowns of all bodies among the sums of the gradient.
+        blocks: (n_members,) the blocks of all bodies, body by body: theirs are the unknowns of `pulls`.
+        low: (n_pairs,) the first block of each pair of blocks, as the matrix has it; ascending.
+        high: (n_pairs,) the other one, or the same.
+        summed: (n_pairs, 4) place among the sums, distance of columns, row block, column block.
+    """
+
+    bodies: Bodies
+    size: int
+    pulls: IntArray
+    blocks: IntArray
+    low: IntArray
+    high: IntArray
+    summed: IntRows
+
+
+@dataclass(frozen=True)
+class _Members:
+    """The blocks of the bodies.
+
+    Attributes:
+        blocks: (n_members,) body by body, ascending within each.
+        bounds: (n_bodies + 1,) where those of each body begin.
+        place: (n_members,) where each begins in the rows of its body.
+        column: (n_members,) number of its first unknown within its body.
+        count: (n_members,) number of its unknowns.
+    """
+
+    blocks: IntArray
+    bounds: IntArray
+    place: IntArray
+    column: IntArray
+    count: IntArray
+
+
+def fill_of(table: UnknownTable, groups: Groups, met: Met, count: IntArray) -> tuple[Groups, Fill]:
+    """The bodies that groups meet, and the groups with the places of their links in their rows.
+
+    Args:
+        table: the unknowns.
+        groups: the groups.
+        met: the blocks that they meet.
+        count: (n_blocks,) unknowns of each block in the matrix.
+    """
+    if not len(met.blocks):
+        return groups, _no_fill(len(met.bounds) - 1)
+    body = _bodies(met, len(count))
+    members = _members(body, count)
+    heights = _padded(members, np.diff(members.bounds))
+    slots, bounds, of_met = _slots(met, body)
+    ends = np.concatenate([[0], np.cumsum(heights[slots])])
+    part = ends[:-1] - np.repeat(ends[bounds[:-1]], np.diff(bounds))
+    place = np.zeros(len(count), dtype=np.int64)
+    place[members.blocks] = members.place
+    links = groups.links.copy()
+    links[:, 1] = (part[of_met] + place[met.blocks])[met.of_link]
+    pairs = _distinct_pairs(slots, bounds, len(heights))
+    high, low = pairs // max(len(heights), 1), pairs % max(len(heights), 1)
+    width = np.bincount(np.repeat(np.arange(len(heights)), np.diff(members.bounds)), members.count)
+    sums = np.concatenate([[0], np.cumsum(heights[high] * width.astype(np.int64)[low])])
+    pulls = np.cumsum(heights) - heights
+    columns, column_bounds = _columns(members)
+    bodies = Bodies(
+        slots,
+        bounds,
+        part,
+        _places(slots, bounds, len(heights), pairs, sums),
+        columns,
+        column_bounds,
+        heights,
+        pulls,
+        int(np.max(np.diff(ends[bounds]), initial=0)) + 4,
+    )
+    summed = _summed(members, high, low, heights, sums)
+    order = np.argsort(summed[:, 2:].min(axis=1), kind="stable")
+    summed = np.ascontiguousarray(summed[order])
+    whole = np.repeat(pulls, np.diff(column_bounds)) + columns
+    ends = summed[:, 2:]
+    fill = Fill(bodies, int(sums[-1]), whole, members.blocks, ends.min(axis=1), ends.max(axis=1), summed)
+    return groups._replace(links=links, threes=_threes(table, groups, met, count)), fill
+
+
+def _no_fill(n_groups: int) -> Fill:
+    none, bounds = np.zeros(0, dtype=np.int64), np.zeros(n_groups + 1, dtype=np.int64)
+    bodies = Bodies(none, bounds, none, none.astype(np.uint32), none, bounds[:1], none, none, 4)
+    return Fill(bodies, 0, none, none, none, none, none.reshape(0, 4))
+
+
+def _bodies(met: Met, n_blocks: int) -> IntArray:
+    """(n_blocks,) body of each block, numbered by the lowest block of each; -1 where no group meets it."""
+    order = np.argsort(met.blocks, kind="stable")
+    groups = np.repeat(np.arange(len(met.bounds) - 1), np.diff(met.bounds))[order]
+    blocks, begin = np.unique(met.blocks[order], return_index=True)
+    numbers: dict[bytes, int] = {}
+    bodies = np.full(n_blocks, -1, dtype=np.int64)
+    for block, first, last in zip(blocks.tolist(), begin, [*begin[1:], len(groups)], strict=True):
+        bodies[block] = numbers.setdefault(groups[first:last].tobytes(), len(numbers))
+    return bodies
+
+
+def _members(body: IntArray, count: IntArray) -> _Members:
+    blocks = np.flatnonzero(body >= 0)
+    blocks = blocks[np.argsort(body[blocks], kind="stable")]
+    bounds = np.searchsorted(body[blocks], np.arange(int(body.max(initial=-1)) + 2))
+    padded = (count[blocks] + 3) // 4 * 4
+    return _Members(
+        blocks, bounds, _from_first(padded, bounds), _from_first(count[blocks], bounds), count[blocks]
+    )
+
+
+def _from_first(sizes: IntArray, bounds: IntArray) -> IntArray:
+    """Where each of consecutive parts begins, counted from the first one of its stretch."""
+    ends = np.concatenate([[0], np.cumsum(sizes)])
+    return np.asarray(ends[:-1] - np.repeat(ends[bounds[:-1]], np.diff(bounds)))
+
+
+def _padded(members: _Members, lengths: IntArray) -> IntArray:
+    """(n_bodies,) length of the rows of each body."""
+    last = np.cumsum(lengths) - 1
+    return np.asarray(members.place[last] + (members.count[last] + 3) // 4 * 4)
+
+
+def _columns(members: _Members) -> tuple[IntArray, IntArray]:
+    """Places of all unknowns within their bodies, and where those of each body begin."""
+    within = _from_first(np.ones(members.count.sum(), dtype=np.int64), np.append(0, np.cumsum(members.count)))
+    ends = np.concatenate([[0], np.cumsum(members.count)])
+    return np.repeat(members.place, members.count) + within, ends[members.bounds]
+
+
+def _slots(met: Met, body: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The bodies that each group meets, their bounds, and the slot of each of the blocks (n_met,)."""
+    group = np.repeat(np.arange(len(met.bounds) - 1), np.diff(met.bounds))
+    n = int(body.max(initial=-1)) + 1
+    slots, of_met = np.unique(group * n + body[met.blocks], return_inverse=True)
+    bounds = np.searchsorted(slots, np.arange(len(met.bounds)) * n)
+    return slots % max(n, 1), bounds, of_met
+
+
+def _pair_keys(slots: IntArray, bounds: IntArray, n: int) -> Iterator[IntArray]:
+    """Keys high * n + low of all pairs of bodies, in the order of elimination, in portions."""
+    from obseq.leastsquares.loops.schur_complement import body_pairs
+
+    met = np.diff(bounds)
+    total = np.concatenate([[0], np.cumsum(met * (met + 1) // 2)])
+    first = 0
+    while first < len(met):
+        last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
+        keys = np.empty(total[last] - total[first], dtype=np.int64)
+        body_pairs(bounds, slots, first, last, n, keys)
+        yield keys
+        first = last
+
+
+def _distinct_pairs(slots: IntArray, bounds: IntArray, n: int) -> IntArray:
+    """The distinct keys of pairs of bodies, ascending."""
+    distinct = np.zeros(0, dtype=np.int64)
+    for keys in _pair_keys(slots, bounds, n):
+        distinct = np.union1d(distinct, keys)
+    return distinct
+
+
+def _places(slots: IntArray, bounds: IntArray, n: int, pairs: IntArray, sums: IntArray) -> PositionArray:
+    """(n_pairs,) place of the sums of each pair of slots, in fours, in the order of elimination."""
+    quads = (sums // 4).astype(np.uint32)
+    found = [quads[np.searchsorted(pairs, keys)] for keys in _pair_keys(slots, bounds, n)]
+    return np.concatenate([np.zeros(0, dtype=np.uint32), *found])
+
+
+def _summed(members: _Members, high: IntArray, low: IntArray, heights: IntArray, sums: IntArray) -> IntRows:
+    """(n_pairs, 4) as of `Fill`: the pairs of blocks of all pairs of bodies, each once."""
+    n = np.diff(members.bounds)
+    each = n[high] * n[low]
+    pair = np.repeat(np.arange(len(high)), each)
+    number = np.arange(len(pair)) - np.repeat(np.cumsum(each) - each, each)
+    row = members.bounds[high[pair]] + number % n[high[pair]]
+    column = members.bounds[low[pair]] + number // n[high[pair]]
+    place = sums[pair] + members.column[column] * heights[high[pair]] + members.place[row]
+    summed = np.column_stack([place, heights[high[pair]], members.blocks[row], members.blocks[column]])
+    return np.asarray(summed[(high != low)[pair] | (row >= column)])
+
+
+def _threes(table: UnknownTable, groups: Groups, met: Met, count: IntArray) -> IntArray:
+    """(n_groups,) as of `Groups`."""
+    n = len(groups.block_bounds) - 1
+    first = groups.blocks[groups.block_bounds[:-1]]
+    is_three = (np.diff(groups.block_bounds) == 1) & (table.size[first] == 3)
+    is_three[is_three] = groups.local[table.start[first[is_three]] + 2] == 2
+    is_linked_once = np.diff(groups.link_bounds) == np.diff(met.bounds)
+    other = (count[met.blocks] != 3) | (table.size[met.blocks] != 3)
+    of_met = np.repeat(np.arange(n), np.diff(met.bounds))
+    meets_threes = np.bincount(of_met, other, minlength=n) == 0
+    return np.asarray(is_three & is_linked_once & meets_threes, dtype=np.int64)
