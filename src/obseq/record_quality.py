@@ -73,6 +73,9 @@ class StatisticsRecord:
         largest: Largest standardised residual (normalised without reliability) in absolute value.
         sigma_factor: Root of the weighted sum of squares over the redundancy: what would multiply their
             sigmas; None without redundancy.
+        lower: Smallest such factor that is expected of sigmas that are right; None where it is not tested.
+        upper: Largest one.
+        level: Probability that it lies beyond them where the sigmas are right.
     """
 
     name: str
@@ -83,6 +86,9 @@ class StatisticsRecord:
     mean: float | None
     largest: float | None
     sigma_factor: float | None
+    lower: float | None = None
+    upper: float | None = None
+    level: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ def test_the_page_is_well_formed_and_asks_for_nothing(record) -> None:
 
 def test_it_shows_the_fit_and_sorts_by_the_worst_residual(record) -> None:
     text = page(record)
-    assert "1.25 accepted; chi-square test at 95 %: between 0.348 and 1.669 is expected" in text
+    assert "1.25; chi-square test at 95 %: 1.25; between 0.348 and 1.669 is expected: accepted" in text
     found = table(text, "observations")
     column, sign = found["sort"]
     assert (found["columns"][column]["title"], sign) == ("normalised", -1)

@@ -13,8 +13,8 @@ def test_counts_and_sigma0(record) -> None:
     assert line_with(text, "  observations ").split() == "observations 3 1 Dist, 2 Hz; 1 not used".split()
     assert line_with(text, "redundancy").split() == ["redundancy", "4"]
     assert line_with(text, "each iteration").split()[-2:] == ["120.5", "1.25"]
-    assert line_with(text, "of the solution").endswith("1.25  accepted")
-    assert "between 0.348 and 1.669 is expected" in text
+    assert line_with(text, "of the solution").endswith("1.25")
+    assert "at 95 %: 1.25; between 0.348 and 1.669 is expected: accepted" in text
 
 
 def test_the_worst_residual_is_the_first_of_its_table(record) -> None:
@@ -73,9 +73,12 @@ def test_time_and_files(record) -> None:
 
 def test_the_number_that_is_tested_is_shown_when_it_is_another(make, plain) -> None:
     text = summary(make(global_test=plain["global_test"] | {"sigma0": 1.4}))
-    assert line_with(text, "of the solution").endswith("1.25  accepted")
-    assert "chi-square test at 95 % (1.4 with the residuals of known points): between" in text
-    assert "known points)" not in summary(make())
+    assert line_with(text, "of the solution").endswith("1.25")
+    told = (
+        "at 95 %: 1.4, the residuals of known points included; between 0.348 and 1.669 is expected: accepted"
+    )
+    assert told in text
+    assert "known points included" not in summary(make())
 
 
 def test_warnings_are_shown_and_counted(make) -> None:

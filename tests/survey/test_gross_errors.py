@@ -78,7 +78,8 @@ def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, t
     adjustment = site.read(tmp_path).adjust()
     assert mistake.is_named_by(site.read(tmp_path).gross_errors()[0], site.read(tmp_path))
     assert adjustment.gross_errors[0].cause == "elevation for zenith angle"
-    assert "elevation instead of a zenith angle" in adjustment.warnings[0]
+    assert "elevation instead of a zenith angle" in adjustment.gross_errors[0].text
+    assert not any("elevation instead" in text for text in adjustment.warnings)
 
 
 def test_several_gross_errors_come_worst_first(planted, tmp_path):

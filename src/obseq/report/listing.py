@@ -9,12 +9,12 @@ from obseq.report import rows
 from obseq.report.quality import quality_tables, single_tests, snooping_lines
 from obseq.report.summary import (
     basis,
-    expected,
     gross_errors,
     how_it_ended,
     kinds,
     left_out,
     notes,
+    tested,
     warnings,
 )
 from obseq.report.table import lines_of, wrapped
@@ -55,7 +55,6 @@ def listing(record: AdjustmentRecord) -> str:
 
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:
-    verdict = Verdict(record)
     if record.title:
         yield record.title
     yield f"Adjustment of {len(record.points)} points: {how_it_ended(record)}"
@@ -66,9 +65,9 @@ def _head(record: AdjustmentRecord) -> Iterator[str]:
     yield f"  constraints   {record.n_constraints}"
     yield f"  unknowns      {record.n_unknowns}"
     yield f"  redundancy    {record.redundancy}"
-    yield f"  sigma0        {significant(record.sigma0)}, {verdict.headline}"
-    if verdict.test:
-        yield f"  {expected(record, verdict.test)}"
+    yield f"  sigma0        {significant(record.sigma0)}"
+    yield f"  {tested(record)}"
+    yield f"  {Verdict(record).explanation}"
     yield from (f"  {line}" for line in single_tests(record))
     yield from snooping_lines(record)
     yield ""

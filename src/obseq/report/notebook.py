@@ -8,7 +8,7 @@ from obseq.report import rows
 from obseq.report.figure import network_figure, plan_figure
 from obseq.report.html import escaped
 from obseq.report.quality import single_tests, suspects
-from obseq.report.summary import gross_errors, how_it_ended, kinds, left_out
+from obseq.report.summary import gross_errors, how_it_ended, kinds, left_out, tested
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict, worst_first, worst_title
 
@@ -55,7 +55,8 @@ def _outcome(record: AdjustmentRecord) -> list[str]:
         (f"{len(record.points)} points, {how_it_ended(record)}", not record.is_complete),
         *((line.strip(), True) for line in (*left_out(record), *gross_errors(record, 5))),
         (f"{record.n_observations} observations ({kinds(record)}), redundancy {record.redundancy}", False),
-        (f"sigma0 {significant(record.sigma0)}, {verdict.headline}; {verdict.explanation}", False),
+        (f"sigma0 {significant(record.sigma0)}; {tested(record)}", not verdict.is_accepted),
+        (verdict.explanation, False),
         *((line, bool(suspects(record))) for line in single_tests(record)),
     ]
     return [f'<p class="{"bad" if is_bad else ""}">{escaped(text)}</p>' for text, is_bad in lines]

@@ -12,12 +12,12 @@ from obseq.report.html import escaped
 from obseq.report.quality import single_tests, snooping_lines, suspects
 from obseq.report.summary import (
     basis,
-    expected,
     gross_errors,
     how_it_ended,
     kinds,
     left_out,
     notes,
+    tested,
     warnings,
 )
 from obseq.report.units import significant
@@ -66,9 +66,7 @@ def _facts(record: AdjustmentRecord) -> str:
 
 def _outcome(record: AdjustmentRecord) -> Facts:
     verdict = Verdict(record)
-    sigma0 = f"{significant(record.sigma0)} {verdict.headline}"
-    if verdict.test:
-        sigma0 = f"{sigma0}; {expected(record, verdict.test)}"
+    sigma0 = f"{significant(record.sigma0)}; {tested(record)}"
     return [
         ("result", how_it_ended(record), "good" if record.converged else "bad"),
         *(("", line.strip(), "bad") for line in left_out(record)),

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import printable
-from obseq.record import AdjustmentRecord, GlobalTestRecord, OperationRecord, PointRecord
+from obseq.record import AdjustmentRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.quality import single_tests, snooping_lines
 from obseq.report.table import lines_of
@@ -90,15 +90,18 @@ def _operation(item: OperationRecord) -> str:
     return f"{item.system} to WGS 84 by PROJ: {item.description} ({accuracy})"
 
 
-def expected(record: AdjustmentRecord, test: GlobalTestRecord) -> str:
-    """What the test of sigma0 compares, in words."""
+def tested(record: AdjustmentRecord) -> str:
+    """What the test of sigma0 compares with which limits, and what it finds."""
+    verdict = Verdict(record)
+    test = verdict.test
+    if test is None:
+        return f"sigma0 is {verdict.headline}"
     own = units.significant(test.sigma0, 5)
-    known = (
-        "" if own == units.significant(record.sigma0, 5) else f" ({own} with the residuals of known points)"
-    )
+    is_other = own != units.significant(record.sigma0, 5)
+    known = ", the residuals of known points included" if is_other else ""
     share = 100.0 * (1.0 - test.level)
     limits = f"between {test.lower:.4g} and {test.upper:.4g} is expected"
-    return f"chi-square test at {share:g} %{known}: {limits}"
+    return f"chi-square test at {share:g} %: {own}{known}; {limits}: {verdict.headline}"
 
 
 def left_out(record: AdjustmentRecord) -> Iterator[str]:
@@ -115,7 +118,9 @@ def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
     if found:
         yield f"  GROSS ERRORS are suspected ({len(found)}, the worst first):"
     for item in found[:most]:
-        yield f"    {item.what}: {item.text}"
+        yield f"    {item.what} ({item.size:.3g} sigmas): {item.text}"
+    if len(found) > most:
+        yield f"    and {len(found) - most} more; the listing and the JSON file have them"
 
 
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
@@ -148,9 +153,8 @@ def _fit(record: AdjustmentRecord) -> Iterator[str]:
         values = [*values[:half], "...", *values[-half:]]
     verdict = Verdict(record)
     yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
-    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}  {verdict.headline}"
-    if verdict.test:
-        yield f"  {expected(record, verdict.test)}"
+    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}"
+    yield f"  {tested(record)}"
     yield from textwrap.wrap(verdict.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
     yield from (f"  {line}" for line in single_tests(record))
     yield from snooping_lines(record)

@@ -2,7 +2,27 @@
 
 from dataclasses import dataclass
 
-from obseq.record import AdjustmentRecord, ConstraintRecord, GlobalTestRecord, ObservationRecord
+from obseq.record import (
+    AdjustmentRecord,
+    ConstraintRecord,
+    GlobalTestRecord,
+    ObservationRecord,
+    StatisticsRecord,
+)
+from obseq.report import units
+
+TOO_LARGE = (
+    "The residuals are larger than the sigmas announce: look for a blunder among the worst residuals, for a "
+    "wrong known point, or for sigmas that are too small."
+)
+TOO_SMALL = (
+    "The residuals are smaller than the sigmas announce: the sigmas are too large, or observations that "
+    "depend on each other were given as independent."
+)
+GROSS = (
+    "The gross errors named above take part in this adjustment and spoil all of it: correct them, or switch "
+    "them off, and adjust again before judging anything else."
+)
 
 
 @dataclass(frozen=True)
@@ -18,8 +38,21 @@ class Verdict:
 
     @property
     def is_accepted(self) -> bool:
-        """Whether sigma0 is what the sigmas announce; False also when it cannot be tested."""
-        return self.test is not None and self.test.passed
+        """Whether sigma0 is what the sigmas announce, of each type too; False when it cannot be tested."""
+        return self.test is not None and self.test.passed and not self.types_beyond
+
+    @property
+    def types_beyond(self) -> list[StatisticsRecord]:
+        """The types of observations whose sigmas the residuals contradict, the worst first.
+
+        Wrong weights of one type spoil the residuals of others too: types that are out by less than the
+        root of the worst factor wait until that is mended. None while gross errors are suspected, which
+        decide then what the residuals of each type are.
+        """
+        if self.record.gross_errors:
+            return []
+        found = sorted(filter(_is_beyond, self.record.types or ()), key=lambda row: -_times(row))
+        return [row for row in found if _times(row) ** 2 >= _times(found[0])]
 
     @property
     def headline(self) -> str:
@@ -27,27 +60,62 @@ class Verdict:
         if self.test is None:
             return "not tested"
         if self.test.passed:
-            return "accepted"
+            return "accepted as a whole, NOT by type" if self.types_beyond else "accepted"
         return "rejected: too large" if self.test.sigma0 > self.test.upper else "rejected: too small"
 
     @property
     def explanation(self) -> str:
         """What the result means and what to do about it."""
+        sentences = [self._of_test(), *([self._of_types()] if self.types_beyond else [])]
+        return " ".join(sentences)
+
+    def _of_test(self) -> str:
         if self.test is None:
             if self.record.redundancy > 0:
                 return "This result does not hold the test of sigma0: adjust again to have it."
             return "Nothing is redundant: each observation fits exactly, and nothing checks it."
-        if self.test.passed:
-            return "The residuals are what the sigmas of the observations announce."
-        if self.test.sigma0 > self.test.upper:
-            return (
-                "The residuals are larger than the sigmas announce: look for a blunder among the worst "
-                "residuals, for a wrong known point, or for sigmas that are too small."
-            )
+        if self.record.gross_errors:
+            return GROSS
+        if not self.test.passed:
+            return TOO_LARGE if self.test.sigma0 > self.test.upper else TOO_SMALL
+        whole = " all together" if self.types_beyond else ""
+        return f"The residuals{whole} are what the sigmas of the observations announce."
+
+    def _of_types(self) -> str:
+        """Which types have sigmas that the residuals contradict, and by how much."""
+        beyond = self.types_beyond
+        level = 100.0 * (beyond[0].level or 0.0)
+        told = "; ".join(_told(row) for row in beyond)
         return (
-            "The residuals are smaller than the sigmas announce: the sigmas are too large, or observations "
-            "that depend on each other were given as independent."
+            f"Type by type (chi-square test of each at {level:.2g} %): {told}. Correct these sigmas, the "
+            "worst first, and adjust again; --variance-components estimates them."
         )
+
+
+def _is_beyond(row: StatisticsRecord) -> bool:
+    if row.sigma_factor is None or row.lower is None or row.upper is None:
+        return False
+    return not row.lower <= row.sigma_factor <= row.upper
+
+
+def _times(row: StatisticsRecord) -> float:
+    """How many times too large or too small the sigmas of a type look."""
+    factor = max(row.sigma_factor or 0.0, 1e-300)
+    return max(factor, 1.0 / factor)
+
+
+def _rounded(times: float) -> str:
+    """Three digits, without an exponent while that is readable."""
+    return f"{times:.3g}" if times < 100.0 or times > 1e7 else f"{times:.0f}"
+
+
+def _told(row: StatisticsRecord) -> str:
+    size = "small" if (row.sigma_factor or 0.0) > (row.upper or 0.0) else "large"
+    limits = f"{row.lower:.3g} to {row.upper:.3g}"
+    least = "at least " if size == "large" else "about "
+    share = f"their residuals are {units.significant(row.sigma_factor, 3)} of what they announce"
+    times = _rounded(_times(row))
+    return f"the sigmas of {row.name} look {least}{times} times too {size} ({share}; {limits} is expected)"
 
 
 def worst_first(record: AdjustmentRecord) -> list[ObservationRecord]:

@@ -391,7 +391,7 @@ class Network:
         with watch.phase("gross errors"):
             errors = self.gross_errors() if is_doubtful(start, self._equations(start)) else ()
         for error in errors:
-            _LOG.warning("%s", error.sentence())
+            _LOG.info("%s", error.sentence())
         if strict and errors:
             refuse(errors)
         return errors

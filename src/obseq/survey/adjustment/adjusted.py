@@ -60,9 +60,6 @@ _LARGEST_HONEST = 10.0
 class Announcement(Protocol):
     """A gross error, as the search found it."""
 
-    def sentence(self) -> str:
-        """What is suspected and why."""
-
     def record(self) -> GrossErrorRecord:
         """Its entry in the record."""
 
@@ -134,12 +131,11 @@ class Adjustment:
 
     def announcing(self, errors: Sequence[Announcement], replaced: tuple[Replaced, ...]) -> Adjustment:
         """The adjustment with what was found out before it."""
-        sentences = (*(error.sentence() for error in errors), *(item.sentence() for item in replaced))
         return replace(
             self,
             replaced=replaced,
             gross_errors=tuple(error.record() for error in errors),
-            warnings=(*sentences, *self.warnings),
+            warnings=(*(item.sentence() for item in replaced), *self.warnings),
         )
 
     def with_inner(self, covariances: FloatArray) -> Adjustment:

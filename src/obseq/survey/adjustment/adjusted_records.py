@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq import crs
+from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.record import (
     EllipsoidRecord,
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 _LEAST_REDUNDANCY = 1e-6
 """Redundancy of a group below which nothing is said of its sigmas."""
+_LEAST_TESTED = 1.0
+"""Redundancy of a type below which its sigmas are not tested."""
+_TYPES_LEVEL = 0.01
+"""Probability that the test of any type fails where all sigmas are right; each has its share of it."""
 
 
 def known_letters(points: Points) -> list[str]:
@@ -79,7 +84,23 @@ def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
     """How the observations of each type fit."""
     types = fit.book.observations.types
     codes, groups = np.unique(types, return_inverse=True)
-    return tuple(_statistics(fit, groups, [BY_CODE[code].name for code in codes.tolist()]))
+    found = list(_statistics(fit, groups, [BY_CODE[code].name for code in codes.tolist()]))
+    count = sum(_is_tested(record) for record in found)
+    return tuple(_tested(record, _TYPES_LEVEL / count) if _is_tested(record) else record for record in found)
+
+
+def _is_tested(record: StatisticsRecord) -> bool:
+    return record.sigma_factor is not None and (record.redundancy or 0.0) >= _LEAST_TESTED
+
+
+def _tested(record: StatisticsRecord, level: float) -> StatisticsRecord:
+    """With the limits of its factor: its sum of squares varies no more than chi-square of its redundancy."""
+    freedom = record.redundancy or 0.0
+    limits = (
+        chi_square_limit(freedom, below=0.5 * level) / freedom,
+        chi_square_limit(freedom, above=0.5 * level) / freedom,
+    )
+    return replace(record, lower=limits[0] ** 0.5, upper=limits[1] ** 0.5, level=level)
 
 
 def by_setup(fit: Fit) -> tuple[StatisticsRecord, ...]:
