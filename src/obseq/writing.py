@@ -6,6 +6,7 @@ import platform
 import re
 import shutil
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +18,8 @@ from obseq.errors import InputError
 DAY = 86400.0
 """Age in seconds at which a leftover of another machine is no longer taken for a file being written."""
 
+STANDARD_OUTPUT = Path("/dev/stdout")
+"""What is written there goes to where the program prints, in its turn."""
 INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM)
 LEFTOVER = re.compile(r"\.obseq-[0-9a-f]{12}-(?P<machine>[0-9a-f]{8})-(?P<process>\d+)\.(part|old)")
 
@@ -57,7 +60,9 @@ def write_all(texts: Mapping[Path, str | bytes]) -> None:
             _refuse_dangling(path)
             path.parent.mkdir(parents=True, exist_ok=True)
             target = _resolved(path)
-            if _is_stream(target):
+            if target == STANDARD_OUTPUT:
+                _print(_encoded(text))
+            elif _is_stream(target):
                 target.write_bytes(_encoded(text))
             else:
                 _clean(target)
@@ -79,12 +84,16 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def _refuse_dangling(path: Path) -> None:
+    if path == STANDARD_OUTPUT:
+        return
     for place in (path, *path.parents):
         if place.is_symlink() and not place.exists():
             raise InputError(f"{path}: {place} is a link to something that does not exist; remove the link.")
 
 
 def _resolved(path: Path) -> Path:
+    if path == STANDARD_OUTPUT:
+        return path
     try:
         return path.resolve()
     except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a zero byte
@@ -92,6 +101,8 @@ def _resolved(path: Path) -> Path:
 
 
 def _check(path: Path) -> None:
+    if path == STANDARD_OUTPUT:
+        return
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a file.")
     if _is_stream(path):
@@ -114,6 +125,12 @@ def _is_stream(path: Path) -> bool:
 
 def _encoded(text: str | bytes) -> bytes:
     return text.encode("utf-8") if isinstance(text, str) else text
+
+
+def _print(data: bytes) -> None:
+    sys.stdout.flush()
+    sys.stdout.buffer.write(data)
+    sys.stdout.flush()
 
 
 def _write(temporary: Path, text: str | bytes, target: Path) -> None:

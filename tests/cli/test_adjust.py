@@ -297,3 +297,28 @@ def test_what_is_wanted_of_the_quality_is_said_on_the_command_line(site: Path, c
 def test_variance_components_that_nothing_determines_are_refused(site: Path, capsys) -> None:
     assert adjust("--variance-components") == 2
     assert "the variance component" in capsys.readouterr().err
+
+
+def test_a_result_on_standard_output_is_alone_there(site: Path, capsys) -> None:
+    for name in ("-", "/dev/stdout"):
+        assert adjust("--json", name) == 0
+        out, err = capsys.readouterr()
+        assert json.loads(out)["format"] == "obseq-adjustment"
+        assert "Written: /dev/stdout" in err
+    assert adjust("--json", "-", "--text", "-") == 2
+    assert "two results cannot be written" in capsys.readouterr().err
+    assert names_in(site) == ["site.cor", "site.obs"]
+
+
+def test_messages_name_what_to_write(site: Path, capsys) -> None:
+    (site / "site.cor").write_bytes(POINTS.encode().replace(b"PtA", b"Pt\xe9"))
+    assert adjust() == 2
+    assert "--encoding latin-1 on the command line" in capsys.readouterr().err
+    (site / "a.dat").write_text("C A 0 0 0 ! ! !\nC B 100 0 0 ! ! !\nD A-P 50.0\n", encoding="utf-8")
+    assert main(["adjust", "a.dat"]) == 2
+    assert "--sigmas distance=2mm (sigmas=['distance=2mm'] in Python)" in capsys.readouterr().err
+    assert main(["adjust", "a.dat", "--sigmas", "direction=3"]) == 2
+    said = capsys.readouterr().err
+    assert "a number with its unit (sec, arcsec, cc, mgon, gon, deg, rad) is needed" in said
+    assert main(["adjust", "--sigmas", "distance=2mm", "a.dat"]) == 2
+    assert "give a project (before options that take several values)" in capsys.readouterr().err

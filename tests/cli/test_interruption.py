@@ -52,3 +52,22 @@ def test_sigterm_ends_a_command_as_the_keyboard_does_and_is_given_back(monkeypat
     assert main(["versions"]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+LOADING = """\
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from obseq.cli import start
+class Loading:
+    def find_spec(self, name, path=None, target=None):
+        if name == "obseq.cli.main":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Loading())
+sys.exit(start.main())
+"""
+
+
+def test_a_command_that_is_interrupted_while_it_loads() -> None:
+    done = subprocess.run([sys.executable, "-c", LOADING], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "\nobseq: interrupted; no file is half-written.\n"

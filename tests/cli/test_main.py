@@ -77,7 +77,7 @@ def test_wrong_arguments_are_exit_code_2(arguments, capsys) -> None:
 
 def test_a_command_without_files_says_what_it_needs(capsys) -> None:
     assert main(["adjust"]) == 2
-    assert "give a project, or observation files" in capsys.readouterr().err
+    assert "or observation files (--obs) and point files (--cor)" in capsys.readouterr().err
 
 
 def test_every_command_explains_itself(capsys) -> None:
@@ -116,3 +116,12 @@ def test_a_full_disk_behind_standard_output_is_said() -> None:
         )
     assert done.returncode == 2
     assert re.match(r"obseq: .*No space left on device", done.stderr)
+
+
+def test_positional_arguments_may_follow_options() -> None:
+    parsed = command.parser().parse_args(["bundle-adjust", "A", "B", "C", "X=1", "--json", "r.json", "Y=2"])
+    assert parsed.options == ["X=1", "Y=2"]
+    parsed = command.parser().parse_args(["bundle-adjust", "A", "--json", "r.json", "B", "C", "Y=2"])
+    assert (parsed.options, parsed.json) == (["Y=2"], Path("r.json"))
+    parsed = command.parser().parse_args(["adjust", "--strict", "a.stn", "--a-priori", "a.msr"])
+    assert parsed.project == [Path("a.stn"), Path("a.msr")]

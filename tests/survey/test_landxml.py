@@ -79,7 +79,7 @@ def test_points_of_a_numbered_system_are_on_the_earth(tmp_path):
 
 
 WRONG = {
-    "give --sigmas height=": SIGHTS.replace('horizDistance="1" unused="true"', 'vertDistance="5"'),
+    "--sigmas height=": SIGHTS.replace('horizDistance="1" unused="true"', 'vertDistance="5"'),
     "is no InstrumentSetup": SIGHTS.replace('setupID="s1"', 'setupID="s2"'),
     "has no TargetPoint": SIGHTS.replace('<TargetPoint pntRef="B"/>', "", 1),
     "is observed from itself": SIGHTS.replace('<TargetPoint pntRef="B"/>', '<TargetPoint pntRef="A"/>', 1),

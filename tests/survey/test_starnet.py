@@ -185,7 +185,7 @@ def test_files_from_outside_the_folder_are_told(tmp_path):
 
 
 WRONG = {
-    "D A-P 50": "give --sigmas distance=",
+    "D A-P 50": "for all of its kind with --sigmas distance=",
     "D A-P-Q 50 1": "is not From-To",
     "D A-A 50 1": "names a point twice",
     "D A-P 50 1 2": "fields after the values",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
-from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
+from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
 from obseq.cli.progress import Progress, described
 from obseq.cli.results import INCOMPLETE
 from obseq.writing import check_writable, write_all
@@ -58,7 +58,7 @@ def register(commands: Commands) -> None:
     names = ", ".join(name for name, _ in FILES.values())
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
     for option, (_, purpose) in FILES.items():
-        results.add_argument(f"--{option}", type=Path, metavar="FILE", help=purpose)
+        results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
     results.add_argument("--colmap-out", type=Path, metavar="DIR", help="a sparse model of COLMAP, as text")
     results.add_argument("--opk-out", type=Path, metavar="FILE", help="poses: omega, phi, kappa")
     results.add_argument(
@@ -119,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
         texts = {"json": record.to_json, "text": lambda: shown, **_writers(solution, record)}
         files = {path: texts[option]() for option, path in outputs.items()}
         write_all({**files, **_other_files(arguments, solution)})
-    print(shown, end="")
+    say(shown, outputs.values())
     return 0 if record.is_complete else INCOMPLETE
 
 

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from obseq.cli.parsing import Commands, add_command
+from obseq.cli.parsing import Commands, add_command, output_file, say
 from obseq.cli.progress import Progress, described
 from obseq.cli.results import INCOMPLETE
 from obseq.writing import check_writable, write_all
@@ -42,9 +42,9 @@ def register(commands: Commands) -> None:
         "--project", type=Path, default=Path(), metavar="DIR", help="that holds MMVII-PhgrProj (here)"
     )
     command.add_argument("--json-files", action="store_true", help="write JSON instead of XML")
-    command.add_argument("--json", type=Path, metavar="FILE", help="every result at full precision")
-    command.add_argument("--html", type=Path, metavar="FILE", help="a page with drawings of the block")
-    command.add_argument("--ply", type=Path, metavar="FILE", help="points and cameras for a viewer")
+    command.add_argument("--json", type=output_file, metavar="FILE", help="every result at full precision")
+    command.add_argument("--html", type=output_file, metavar="FILE", help="a page with drawings of the block")
+    command.add_argument("--ply", type=output_file, metavar="FILE", help="points and cameras for a viewer")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -80,5 +80,5 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(files)
         write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]
-    print(summary(record, [str(path) for path in written]), end="")
+    say(summary(record, [str(path) for path in written]), reports)
     return 0 if record.is_complete else INCOMPLETE

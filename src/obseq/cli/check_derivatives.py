@@ -2,10 +2,9 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.parsing import Commands, add_command, positive_integer
+from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, say
 from obseq.cli.progress import Progress
 from obseq.plain import finite
 from obseq.writing import check_writable, write_all
@@ -29,7 +28,7 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("names", nargs="*", metavar="NAME", help="formulas to check (all of them)")
     command.add_argument("--samples", type=positive_integer, metavar="N", help="random inputs per formula")
-    command.add_argument("--json", type=Path, metavar="FILE", help="also write the table as JSON")
+    command.add_argument("--json", type=output_file, metavar="FILE", help="also write the table as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -42,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         checks = derivatives.check(arguments.names or None, progress=progress, **options)
         write_all({path: to_json(checks) for path in outputs})
-    print(to_text(checks))
+    say(f"{to_text(checks)}\n", outputs)
     return 0 if all(check.passed for check in checks) else CHECK_FAILED
 
 

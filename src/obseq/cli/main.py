@@ -27,6 +27,7 @@ from obseq.cli import (
     versions,
 )
 from obseq.cli.guard import guarded
+from obseq.cli.parsing import CommandParser
 
 DESCRIPTION = """\
 Least squares adjustment of survey observations.
@@ -45,7 +46,9 @@ def parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    commands = top.add_subparsers(
+        title="commands", metavar="COMMAND", required=True, parser_class=CommandParser
+    )
     for module in (
         demo,
         adjust,

@@ -65,7 +65,7 @@ def _add_files(command: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="PROJECT",
         help="files of another program: Comp3D (.comp), GNU Gama (.gkf), DynAdjust (.stn .msr .xml), "
-        "STAR*NET (.dat), LandXML (.xml)",
+        "STAR*NET (.dat), LandXML (.xml), SINEX (.snx); or tables of points and observations (.csv)",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
     files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
@@ -136,7 +136,7 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
         "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
-        "height-per-km=1mm (sec, cc, mgon, gon, deg; mm, cm, m)",
+        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m)",
     )
     computation.add_argument(
         "--ignore",
@@ -170,7 +170,10 @@ def source_of(arguments: argparse.Namespace) -> Source:
     if arguments.project:
         return Source([], [], _project_options(arguments, reading), arguments.project)
     if not arguments.obs or not arguments.cor:
-        raise InputError("give a project, or observation files (--obs) and point files (--cor)")
+        raise InputError(
+            "give a project (before options that take several values), or observation files (--obs) and "
+            "point files (--cor)"
+        )
     if "sigmas" in reading:
         raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
     return Source(arguments.obs, arguments.cor, reading)

@@ -2,8 +2,12 @@
 
 import argparse
 import math
-from collections.abc import Callable
-from typing import TypeAlias
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from obseq.writing import STANDARD_OUTPUT
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Run = Callable[[argparse.Namespace], int]
@@ -31,6 +35,37 @@ def add_command(
     )
     command.set_defaults(run=run)
     return command
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser of a subcommand that takes positional arguments and options in any order.
+
+    argparse gives all positional arguments that may be absent their values at the first of them, and refuses
+    those that come after an option.
+    """
+
+    _is_intermixed = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Parse options first, then what is left."""
+        if self._is_intermixed:
+            return super().parse_known_args(args, namespace)
+        self._is_intermixed = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._is_intermixed = False
+
+
+def output_file(text: str) -> Path:
+    """A file to write; `-` is standard output."""
+    return STANDARD_OUTPUT if text == "-" else Path(text)
+
+
+def say(text: str, outputs: Iterable[Path]) -> None:
+    """Print what a command found, where no result is printed: that may be read by a program."""
+    stream = sys.stderr if STANDARD_OUTPUT in outputs else sys.stdout
+    print(text, end="", file=stream)
 
 
 def positive_number(text: str) -> float:

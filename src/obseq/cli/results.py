@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from obseq.cli.parsing import output_file, say
 from obseq.record import AdjustmentRecord
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import summary
@@ -24,7 +25,7 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
     names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
     for form in FORMATS:
-        results.add_argument(f"--{form.name}", type=Path, metavar="FILE", help=form.purpose)
+        results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
 
 
 def outputs_of(arguments: argparse.Namespace) -> Outputs:
@@ -41,7 +42,8 @@ def outputs_in(folder: Path) -> Outputs:
 
 def show(record: AdjustmentRecord, outputs: Outputs) -> None:
     """Print the summary, and what was written."""
-    print(summary(record, [str(path) for path, _ in outputs]), end="")
+    paths = [path for path, _ in outputs]
+    say(summary(record, [str(path) for path in paths]), paths)
 
 
 def write(record: AdjustmentRecord, outputs: Outputs) -> None:

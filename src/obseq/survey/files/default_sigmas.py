@@ -15,7 +15,16 @@ if TYPE_CHECKING:
 SECOND = math.pi / 648_000.0
 GON = math.pi / 200.0
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-ANGLES = {"sec": SECOND, "cc": GON * 1e-4, "mgon": GON * 1e-3, "gon": GON, "deg": math.pi / 180.0}
+ANGLES = {
+    "sec": SECOND,
+    "arcsec": SECOND,
+    "cc": GON * 1e-4,
+    "mgon": GON * 1e-3,
+    "gon": GON,
+    "deg": math.pi / 180.0,
+    "rad": 1.0,
+}
+"""Units of angles, as options and tables name them."""
 PARTS = {"ppm": 1e-6}
 NAMES = {
     "distance": LENGTHS,
@@ -28,7 +37,16 @@ NAMES = {
     "height-per-km": LENGTHS,
 }
 """What a standard deviation is of, and its units; heights per root of the kilometre of a line."""
-HELP = "NAME=VALUE with its unit: distance=2mm distance-ppm=2ppm direction=3sec angle=10cc zenith=1mgon"
+EXAMPLES = {
+    "distance": "distance=2mm",
+    "distance-ppm": "distance-ppm=2ppm",
+    "direction": "direction=3sec",
+    "angle": "angle=3sec",
+    "azimuth": "azimuth=10sec",
+    "zenith": "zenith=5sec",
+    "height": "height=1mm",
+    "height-per-km": "height-per-km=1mm",
+}
 _VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+)", re.ASCII)
 
 
@@ -45,10 +63,15 @@ def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:
     for text in texts:
         name, _, value = text.partition("=")
         if name not in NAMES:
-            raise InputError(f"--sigmas {text}: {name!r} is none of {', '.join(NAMES)}")
+            raise InputError(
+                f"--sigmas {text}: {name!r} is none of {', '.join(NAMES)} (files go before --sigmas)"
+            )
         parts = _VALUE.fullmatch(value)
         if parts is None or parts[2] not in NAMES[name]:
-            raise InputError(f"--sigmas {text}: a number and one of {', '.join(NAMES[name])} is needed")
+            units = ", ".join(NAMES[name])
+            raise InputError(
+                f"--sigmas {text}: a number with its unit ({units}) is needed, such as {EXAMPLES[name]}"
+            )
         try:
             number = parse_number(parts[1]) * NAMES[name][parts[2]]
         except ValueError as error:
@@ -63,5 +86,7 @@ def lacking(name: str, given: Mapping[str, float]) -> str | None:
     """What to do when there is no standard deviation of a name; None when there is one."""
     if name in given:
         return None
-    unit = next(iter(NAMES[name]))
-    return f"it has no standard deviation: write one, or give --sigmas {name}=...{unit}"
+    return (
+        "it has no standard deviation: write one after the value where the file has room for it, or give one "
+        f"for all of its kind with --sigmas {EXAMPLES[name]} (sigmas=['{EXAMPLES[name]}'] in Python)"
+    )

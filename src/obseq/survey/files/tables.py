@@ -11,6 +11,7 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.printable import printable
 from obseq.survey.files.columns import Columns, Measure
+from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.project import Project
 from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted, read_text
 from obseq.survey.kinds.directions import ANGLE, AZIM
@@ -36,13 +37,6 @@ MORE_OF_OBSERVATIONS = (
 )
 OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", "active", "remark")
 OWN_OF_FORMULAS = (*OF_FORMULAS, *MORE_OF_FORMULAS)
-ANGLES = {
-    "rad": 1.0,
-    "gon": math.pi / 200.0,
-    "deg": math.pi / 180.0,
-    "mgon": math.pi / 2e5,
-    "arcsec": math.pi / 648e3,
-}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "km": 1e3}
 DEFAULT_UNITS = {True: "gon", False: "m"}
 ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD)

@@ -50,7 +50,7 @@ class TextFile:
             raise self.error(
                 index,
                 f"the name {quoted(name)} is not written in {self.encoding}; save the file as UTF-8, or give "
-                "its encoding (for instance encoding='latin-1')",
+                "its encoding (--encoding latin-1 on the command line, encoding='latin-1' in Python)",
             )
 
 

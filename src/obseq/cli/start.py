@@ -1,0 +1,36 @@
+"""Where the `obseq` command starts: Ctrl-C ends it with one line, while it loads as well.
+
+This module loads nothing that takes time, so that its handler stands before anything slow begins.
+"""
+
+import os
+import signal
+import sys
+from typing import NoReturn
+
+INTERRUPTED = 130
+
+
+def main() -> int:
+    """Load the command, run it and return its exit code."""
+    is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_ours:
+        signal.signal(signal.SIGINT, _leave)
+    try:
+        from obseq.cli.main import main as run
+
+        if is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        return run()
+    except KeyboardInterrupt:
+        _leave()
+
+
+def _leave(*_: object) -> NoReturn:
+    """End the process at once: while modules are loaded there is nothing to clean up."""
+    os.write(2, b"\nobseq: interrupted; no file is half-written.\n")
+    os._exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
