@@ -18,6 +18,7 @@ FILES = (
     "arrays",
     "comparison_record",
     "errors",
+    "lazy",
     "packages",
     "plain",
     "plan_record",

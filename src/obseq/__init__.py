@@ -3,8 +3,7 @@
 Names are loaded when they are first used: `import obseq` itself imports next to nothing.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import (
     ContradictoryConstraintsError,
@@ -21,6 +20,7 @@ from obseq.errors import (
     SolverUnavailableError,
     StepError,
 )
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq import crs, images, survey
@@ -52,21 +52,11 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Calculator": "obseq.kernels",
-    "calculator": "obseq.kernels",
-    "formula_names": "obseq.kernels",
-    "LeastSquares": "obseq.leastsquares",
+    "crs": (),
+    "images": (),
+    "kernels": ("Calculator", "calculator", "formula_names"),
+    "leastsquares": ("LeastSquares",),
+    "survey": (),
 }
-_ROOMS = ("crs", "images", "survey")
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    if name in _ROOMS:
-        return importlib.import_module(f"obseq.{name}")
-    raise AttributeError(f"module 'obseq' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

@@ -4,8 +4,9 @@ Every public name is here; each is loaded when it is first used. Pixels for imag
 unit for the world; radians.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.geometry import Pose
@@ -31,42 +32,27 @@ if TYPE_CHECKING:
     from obseq.images.weighting import Weighting
 
 _HOMES = {
-    "BlunderSearch": "images.adjustment.quality",
-    "Block": "images.block",
-    "BundleAdjustment": "images.bundle",
-    "BundleSolution": "images.adjustment.solution",
-    "Camera": "images.camera",
-    "CameraModel": "images.model",
-    "Clinometer": "images.clinometers",
-    "ControlPoints": "images.control",
-    "Distribution": "images.initial.distribution",
-    "Exposures": "images.rigid",
-    "Growth": "images.initial.growth",
-    "ImagePoints": "images.measures",
-    "Intersection": "images.initial.intersection",
-    "PairStatistics": "images.rigid",
-    "PlaneResection": "images.initial.planes",
-    "Pose": "geometry",
-    "Poses": "images.poses",
-    "RelativeOrientation": "images.initial.relative",
-    "Resection": "images.initial.resection",
-    "ResectionOptions": "images.initial.resection",
-    "RigidBlock": "images.rigid",
-    "UncalibratedResection": "images.initial.eleven",
-    "Weighting": "images.weighting",
-    "check_distribution": "images.initial.distribution",
-    "initial_block": "images.rigid",
-    "intersect": "images.initial.intersection",
-    "median_camera": "images.camera",
-    "pair_statistics": "images.rigid",
-    "place_images": "images.initial.growth",
-    "poses_of_triplets": "images.initial.three_points",
-    "refine_poses": "images.initial.resection",
-    "relative_orientation": "images.initial.relative",
-    "resect": "images.initial.resection",
-    "resect_on_plane": "images.initial.planes",
-    "resect_uncalibrated": "images.initial.eleven",
-    "similarity": "images.initial.growth",
+    ".geometry": ("Pose",),
+    "adjustment.quality": ("BlunderSearch",),
+    "adjustment.solution": ("BundleSolution",),
+    "block": ("Block",),
+    "bundle": ("BundleAdjustment",),
+    "camera": ("Camera", "median_camera"),
+    "clinometers": ("Clinometer",),
+    "control": ("ControlPoints",),
+    "initial.distribution": ("Distribution", "check_distribution"),
+    "initial.eleven": ("UncalibratedResection", "resect_uncalibrated"),
+    "initial.growth": ("Growth", "place_images", "similarity"),
+    "initial.intersection": ("Intersection", "intersect"),
+    "initial.planes": ("PlaneResection", "resect_on_plane"),
+    "initial.relative": ("RelativeOrientation", "relative_orientation"),
+    "initial.resection": ("Resection", "ResectionOptions", "refine_poses", "resect"),
+    "initial.three_points": ("poses_of_triplets",),
+    "measures": ("ImagePoints",),
+    "model": ("CameraModel",),
+    "poses": ("Poses",),
+    "rigid": ("Exposures", "PairStatistics", "RigidBlock", "initial_block", "pair_statistics"),
+    "weighting": ("Weighting",),
 }
 
 __all__ = [
@@ -108,12 +94,4 @@ __all__ = [
     "similarity",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'obseq.images' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"obseq.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

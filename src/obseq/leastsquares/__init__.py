@@ -3,8 +3,7 @@
 Every public name is here; each is loaded when it is first used.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import (
     ContradictoryConstraintsError,
@@ -15,6 +14,7 @@ from obseq.errors import (
     SolverUnavailableError,
     StepError,
 )
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.leastsquares.iterations.graduated import graduated
@@ -84,65 +84,45 @@ if TYPE_CHECKING:
     from obseq.leastsquares.system import LeastSquares
 
 _HOMES = {
-    "Attenuated": "problem.losses",
-    "Batch": "problem.batches",
-    "Calibration": "problem.objects",
-    "Cauchy": "problem.losses",
-    "Component": "statistics.component_equations",
-    "Controlled": "iterations.strategies",
-    "Curved": "problem.manifolds",
-    "Direction": "problem.objects",
-    "Dogleg": "iterations.strategies",
-    "ErrorEllipses": "statistics.ellipses",
-    "ErrorEllipsoids": "statistics.ellipses",
-    "GaussNewton": "iterations.strategies",
-    "GemanMcClure": "problem.losses",
-    "GlobalTest": "statistics.hypothesis_tests",
-    "Huber": "problem.losses",
-    "IGG3": "problem.losses",
-    "Iteration": "solution.result",
-    "L1": "problem.losses",
-    "LeastSquares": "system",
-    "LeastSquaresResult": "solution.result",
-    "LeftOut": "statistics.reliability",
-    "LevenbergMarquardt": "iterations.strategies",
-    "Loss": "problem.losses",
-    "Manifold": "problem.manifolds",
-    "Method": "statistics.variance_components",
-    "ObservationReliability": "statistics.reliability",
-    "Point": "problem.objects",
-    "Pose": "problem.objects",
-    "Prior": "problem.priors",
-    "Rejection": "statistics.snooping",
-    "RelativePrecision": "statistics.ellipses",
-    "Reliability": "statistics.reliability",
-    "Rotation": "problem.objects",
-    "SOLVER_NAMES": "solvers",
-    "Scalar": "problem.objects",
-    "Snooping": "statistics.snooping",
-    "SnoopingEnd": "statistics.snooping",
-    "Solver": "solvers",
-    "SolverStatistics": "solvers",
-    "Statistic": "statistics.snooping",
-    "StopReason": "solution.result",
-    "Strategy": "iterations.strategies",
-    "SymmetricPattern": "solvers",
-    "Tukey": "problem.losses",
-    "UnknownObject": "problem.objects",
-    "VarianceComponents": "statistics.variance_components",
-    "Vector": "problem.objects",
-    "choose_solver": "solvers",
-    "condition_number": "statistics.conditioning",
-    "confidence_factor": "statistics.ellipses",
-    "error_ellipses": "statistics.ellipses",
-    "error_ellipsoids": "statistics.ellipses",
-    "global_test": "statistics.hypothesis_tests",
-    "graduated": "iterations.graduated",
-    "group_components": "statistics.variance_components",
-    "relative_precision": "statistics.ellipses",
-    "reliability": "statistics.reliability",
-    "snoop": "statistics.snooping",
-    "variance_components": "statistics.variance_components",
+    "iterations.graduated": ("graduated",),
+    "iterations.strategies": ("Controlled", "Dogleg", "GaussNewton", "LevenbergMarquardt", "Strategy"),
+    "problem.batches": ("Batch",),
+    "problem.losses": ("Attenuated", "Cauchy", "GemanMcClure", "Huber", "IGG3", "L1", "Loss", "Tukey"),
+    "problem.manifolds": ("Curved", "Manifold"),
+    "problem.objects": (
+        "Calibration",
+        "Direction",
+        "Point",
+        "Pose",
+        "Rotation",
+        "Scalar",
+        "UnknownObject",
+        "Vector",
+    ),
+    "problem.priors": ("Prior",),
+    "solution.result": ("Iteration", "LeastSquaresResult", "StopReason"),
+    "solvers": ("SOLVER_NAMES", "Solver", "SolverStatistics", "SymmetricPattern", "choose_solver"),
+    "statistics.component_equations": ("Component",),
+    "statistics.conditioning": ("condition_number",),
+    "statistics.ellipses": (
+        "ErrorEllipses",
+        "ErrorEllipsoids",
+        "RelativePrecision",
+        "confidence_factor",
+        "error_ellipses",
+        "error_ellipsoids",
+        "relative_precision",
+    ),
+    "statistics.hypothesis_tests": ("GlobalTest", "global_test"),
+    "statistics.reliability": ("LeftOut", "ObservationReliability", "Reliability", "reliability"),
+    "statistics.snooping": ("Rejection", "Snooping", "SnoopingEnd", "Statistic", "snoop"),
+    "statistics.variance_components": (
+        "Method",
+        "VarianceComponents",
+        "group_components",
+        "variance_components",
+    ),
+    "system": ("LeastSquares",),
 }
 
 __all__ = [
@@ -214,12 +194,4 @@ __all__ = [
     "variance_components",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'obseq.leastsquares' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"obseq.leastsquares.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

@@ -1,7 +1,8 @@
 """Project trees of MMVII (`MMVII-PhgrProj`) and MicMac's files, as objects of `obseq.images` and back."""
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.project.assembly import assembled
@@ -59,7 +60,6 @@ _HOMES = {
     "topo": ("read_topo", "topo_text"),
     "tree": ("read_tree", "tree_text"),
 }
-_MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "BlockFile",
@@ -99,12 +99,4 @@ __all__ = [
     "write_orientation",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'obseq.project' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"obseq.project.{_MODULES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

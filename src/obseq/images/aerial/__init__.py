@@ -3,8 +3,9 @@
 Image axes: columns to the right, lines downwards, pixels. Map coordinates and z in metres.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.images.aerial.angles import angles_from_matrices, matrices_from_angles
@@ -68,7 +69,6 @@ _HOMES = {
     "surfaces": ("ConstantHeight", "Surface", "Terrain", "read_terrain"),
     "worksite": ("Worksite",),
 }
-_MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "ApproximateFrames",
@@ -112,12 +112,4 @@ __all__ = [
     "shots_text",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'obseq.images.aerial' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"obseq.images.aerial.{_MODULES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

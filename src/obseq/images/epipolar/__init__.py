@@ -1,7 +1,8 @@
 """Epipolar residuals: whether two orientations agree, from points that both images see."""
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.images.epipolar.clouds import fit_cloud, percentile_text, reduced, residual_cloud
@@ -27,7 +28,6 @@ _HOMES = {
     "residual": ("EpipolarResiduals", "epipolar_residuals"),
     "sensors": ("OrientedCamera", "Pinhole", "Sensor"),
 }
-_MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CorrectedSensor",
@@ -51,12 +51,4 @@ __all__ = [
     "robust_weights",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'obseq.images.epipolar' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"obseq.images.epipolar.{_MODULES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)

@@ -1,0 +1,27 @@
+"""Names that are loaded when they are first used, so that importing a package imports next to nothing."""
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+
+def lazy_names(
+    package: str, homes: Mapping[str, Sequence[str]], public: Sequence[str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """The `__getattr__` and the `__dir__` of a package.
+
+    Args:
+        package: its name.
+        homes: the names that each module has, modules relative to the package; a module without names is
+            itself the name.
+        public: all public names.
+    """
+    modules = {name: module for module, names in homes.items() for name in names or (module,)}
+
+    def find(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module = importlib.import_module(f".{modules[name]}", package)
+        return getattr(module, name) if homes[modules[name]] else module
+
+    return find, lambda: sorted(public)
