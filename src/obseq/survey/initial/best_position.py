@@ -16,13 +16,13 @@ from obseq.survey.initial.candidates import (
 )
 from obseq.survey.initial.known import minus, plus, times, transposed_times
 from obseq.survey.initial.refinement import Refined, agreeing, contradictions, refine
-from obseq.survey.initial.relations import Constraint, disagreement
+from obseq.survey.initial.relations import Relation, disagreement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import State
+    from obseq.survey.initial.known import Known
 
 _MARGIN = 0.3
 """Disagreement by which a position must be worse than another to be set aside."""
@@ -36,7 +36,7 @@ _SAME = 0.02
 
 @dataclass(frozen=True)
 class Fit:
-    """A candidate made to fit its constraints, and how much all constraints speak against it."""
+    """A candidate made to fit its relations, and how much all relations speak against it."""
 
     candidate: Candidate
     refined: Refined
@@ -44,11 +44,11 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """The position that the constraints agree on, or none.
+class BestPosition:
+    """The position that the relations agree on, or none.
 
     `alternatives` holds the positions that fit equally well when there are several; `strength` is that of the
-    best geometry seen (0: the constraints determine no position).
+    best geometry seen (0: the relations determine no position).
     """
 
     fit: Fit | None
@@ -56,44 +56,44 @@ class Choice:
     alternatives: tuple[Space, ...] = ()
 
 
-def choose(
-    state: State,
-    constraints: list[Constraint],
+def best_position(
+    known: Known,
+    relations: list[Relation],
     sigmas: Sequence[float],
     least_strength: float,
     hint: Space | None = None,
-) -> Choice:
-    """The position that the constraints agree on.
+) -> BestPosition:
+    """The position that the relations agree on.
 
     Args:
-        state: known points.
-        constraints: of the point.
+        known: known points.
+        relations: of the point.
         sigmas: of all observations (m, rad).
-        least_strength: geometries weaker than this are not used (see `constraints.Refined`).
+        least_strength: geometries weaker than this are not used (see `relations.Refined`).
         hint: an approximate position that decides between two solutions.
     """
-    around = survey_surroundings(state, thinned(state, constraints))
+    around = survey_surroundings(known, thinned(known, relations))
     if around is None:
-        return Choice(None, 0.0)
+        return BestPosition(None, 0.0)
     strongest = 0.0
     for generate in (unique_positions, paired_positions):
         found = list(generate(around))
         complete = [candidate for candidate in found if candidate.has_height] or found
         fits, strength = _fits(around, complete, sigmas, least_strength)
-        choice = _decide(around, fits, max(strength, strongest), hint, sigmas)
-        if choice.fit is not None or choice.alternatives:
-            return choice
-        strongest = choice.strength
-    return Choice(None, strongest)
+        best = _decide(around, fits, max(strength, strongest), hint, sigmas)
+        if best.fit is not None or best.alternatives:
+            return best
+        strongest = best.strength
+    return BestPosition(None, strongest)
 
 
-def thinned(state: State, constraints: list[Constraint]) -> list[Constraint]:
-    """The constraints with the `_MOST_NEIGHBOURS` points that are known best."""
-    others = dict.fromkeys(c.other for c in constraints)
+def thinned(known: Known, relations: list[Relation]) -> list[Relation]:
+    """The relations with the `_MOST_NEIGHBOURS` points that are known best."""
+    others = dict.fromkeys(c.other for c in relations)
     if len(others) <= _MOST_NEIGHBOURS:
-        return constraints
-    kept = set(sorted(others, key=lambda other: state.spreads[other])[:_MOST_NEIGHBOURS])
-    return [c for c in constraints if c.other in kept]
+        return relations
+    kept = set(sorted(others, key=lambda other: known.point_sigmas[other])[:_MOST_NEIGHBOURS])
+    return [c for c in relations if c.other in kept]
 
 
 def _fits(
@@ -110,7 +110,7 @@ def _fits(
         if any(_is_same(around, candidate, fit.candidate) for fit in fits):
             continue
         axes = (0, 1, 2) if candidate.has_height else (0, 1)
-        refined = refine(around.state, candidate.used, candidate.position, sigmas, axes)
+        refined = refine(around.known, candidate.used, candidate.position, sigmas, axes)
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
             fits.append(_fit(around, candidate, refined))
@@ -125,7 +125,7 @@ def _fit(around: Surroundings, candidate: Candidate, refined: Refined) -> Fit:
 
 
 def _disagreement(around: Surroundings, candidate: Candidate) -> float:
-    return disagreement(around.state, around.constraints, candidate.position, around.vertical)
+    return disagreement(around.known, around.relations, candidate.position, around.vertical)
 
 
 def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
@@ -139,15 +139,15 @@ def _decide(
     strongest: float,
     hint: Space | None,
     sigmas: Sequence[float],
-) -> Choice:
+) -> BestPosition:
     """The least contradicted position, unless another fits as well."""
     if not fits:
-        return Choice(None, strongest)
+        return BestPosition(None, strongest)
     rivals = _rivals(around, fits, [fit.disagreement for fit in fits])
     if len(rivals) > 1:
-        counts = [contradictions(around.state, around.constraints, fit.refined, sigmas) for fit in rivals]
+        counts = [contradictions(around.known, around.relations, fit.refined, sigmas) for fit in rivals]
         rivals = _rivals(around, rivals, counts)
-    return _by_hint(rivals, strongest, hint) if len(rivals) > 1 else Choice(rivals[0], strongest)
+    return _by_hint(rivals, strongest, hint) if len(rivals) > 1 else BestPosition(rivals[0], strongest)
 
 
 def _rivals(around: Surroundings, fits: list[Fit], counts: list[float]) -> list[Fit]:
@@ -162,63 +162,63 @@ def _rivals(around: Surroundings, fits: list[Fit], counts: list[float]) -> list[
     ]
 
 
-def averaged(state: State, constraints: list[Constraint], sigmas: Sequence[float], fit: Fit) -> Fit:
-    """The fit made to all constraints that agree with it, weighted; itself when no further one does."""
+def averaged(known: Known, relations: list[Relation], sigmas: Sequence[float], fit: Fit) -> Fit:
+    """The fit made to all relations that agree with it, weighted; itself when no further one does."""
     candidate = fit.candidate
-    chosen = agreeing(state, thinned(state, constraints), candidate.used, fit.refined, sigmas)
+    chosen = agreeing(known, thinned(known, relations), candidate.used, fit.refined, sigmas)
     if len(chosen) == len(candidate.used) or not candidate.has_height:
         return fit
-    refined = refine(state, chosen, candidate.position, sigmas, weighted=True)
+    refined = refine(known, chosen, candidate.position, sigmas, weighted=True)
     moved = math.hypot(*minus(refined.position, candidate.position))
-    if not (refined.spread <= fit.refined.spread and moved <= _FARTHEST * fit.refined.spread):
+    if not (refined.point_sigma <= fit.refined.point_sigma and moved <= _FARTHEST * fit.refined.point_sigma):
         return fit
     better = Candidate(refined.position, candidate.method, tuple(chosen))
     return Fit(better, refined, fit.disagreement)
 
 
-def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> Choice:
+def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> BestPosition:
     """The position clearly nearest to the hint; without one, the alternatives."""
     positions = tuple(fit.candidate.position for fit in fits)
     if hint is not None:
         distances = [math.hypot(*minus(position, hint)) for position in positions]
         nearest, second = sorted(distances)[:2]
         if nearest < 0.5 * second:
-            return Choice(fits[distances.index(nearest)], strongest)
-    return Choice(None, strongest, positions)
+            return BestPosition(fits[distances.index(nearest)], strongest)
+    return BestPosition(None, strongest, positions)
 
 
-def choose_height(
-    state: State,
-    constraints: list[Constraint],
+def best_height(
+    known: Known,
+    relations: list[Relation],
     sigmas: Sequence[float],
     least_strength: float,
     position: Space,
-) -> Choice:
+) -> BestPosition:
     """The height of a point whose plumb line is known; two heights that fit equally well are left open.
 
     Args:
-        state: known points.
-        constraints: of the point.
+        known: known points.
+        relations: of the point.
         sigmas: of all observations (m, rad).
         least_strength: geometries weaker than this are not used.
         position: the point at a provisional height.
     """
-    around = survey_surroundings(state, thinned(state, constraints))
+    around = survey_surroundings(known, thinned(known, relations))
     if around is None:
-        return Choice(None, 0.0)
+        return BestPosition(None, 0.0)
     east, north, _ = times(around.vertical, minus(position, around.origin))
     fits, strongest = [], 0.0
-    for height, constraint in heights_at(around, (east, north)):
-        start = _along_plumb_line(state, position, around.to_frame((east, north, height)))
-        refined = refine(state, (constraint,), start, sigmas, axes=(2,))
+    for height, relation in heights_at(around, (east, north)):
+        start = _along_plumb_line(known, position, around.to_frame((east, north, height)))
+        refined = refine(known, (relation,), start, sigmas, axes=(2,))
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
-            fits.append(_fit(around, Candidate(start, "height", (constraint,)), refined))
+            fits.append(_fit(around, Candidate(start, "height", (relation,)), refined))
     return _decide(around, fits, strongest, None, sigmas)
 
 
-def _along_plumb_line(state: State, position: Space, other: Space) -> Space:
+def _along_plumb_line(known: Known, position: Space, other: Space) -> Space:
     """The point of the plumb line of `position` at the height of `other`."""
-    vertical = state.vertical_at(position)
+    vertical = known.vertical_at(position)
     rise = times(vertical, minus(other, position))[2]
     return plus(position, transposed_times(vertical, (0.0, 0.0, rise)))

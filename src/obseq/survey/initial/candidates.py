@@ -1,7 +1,7 @@
-"""Candidate positions of one point: every way in which few of its constraints determine it.
+"""Candidate positions of one point: every way in which few of its relations determine it.
 
 The computation is done in the local east, north, up frame of one known neighbour, with parallel plumb lines;
-`constraints.refine` removes what this neglects.
+`relations.refine` removes what this neglects.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from obseq.survey.initial import closed_forms as forms
-from obseq.survey.initial.known import Matrix, State, minus, plus, times, transposed_times
-from obseq.survey.initial.relations import Constraint, Kind
+from obseq.survey.initial.known import Known, Matrix, minus, plus, times, transposed_times
+from obseq.survey.initial.relations import Measured, Relation
 from obseq.survey.initial.sights import direction
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ _MOST = 5
 
 @dataclass(frozen=True)
 class Candidate:
-    """A possible position (frame), its method, and the constraints that determine it."""
+    """A possible position (frame), its method, and the relations that determine it."""
 
     position: Space
     method: str
-    used: tuple[Constraint, ...]
+    used: tuple[Relation, ...]
     has_height: bool = True
 
 
@@ -42,7 +42,7 @@ class _Ray:
     start: Plane
     azimuth: float
     other: int
-    used: tuple[Constraint, ...]
+    used: tuple[Relation, ...]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class _Circle:
     centre: Plane
     radius: float
     other: int
-    used: tuple[Constraint, ...]
+    used: tuple[Relation, ...]
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class _Reading:
     target: Plane
     angle: float
     other: int
-    used: tuple[Constraint, ...]
+    used: tuple[Relation, ...]
     length: float | None
-    length_used: tuple[Constraint, ...]
+    length_used: tuple[Relation, ...]
 
 
 @dataclass(frozen=True)
@@ -69,15 +69,15 @@ class _Flat:
 
     position: Plane
     method: str
-    used: tuple[Constraint, ...]
+    used: tuple[Relation, ...]
 
 
 @dataclass
 class Surroundings:
-    """The constraints of one point, sorted by shape, in the local frame of a known neighbour."""
+    """The relations of one point, sorted by shape, in the local frame of a known neighbour."""
 
-    state: State
-    constraints: list[Constraint]
+    known: Known
+    relations: list[Relation]
     origin: Space
     vertical: Matrix
     origin_height: float
@@ -91,35 +91,35 @@ class Surroundings:
         return plus(self.origin, transposed_times(self.vertical, position))
 
 
-def survey_surroundings(state: State, constraints: list[Constraint]) -> Surroundings | None:
-    """Sorts the constraints; None when no neighbour has a position."""
-    located = [c.other for c in constraints if state.verticals[c.other] is not None]
+def survey_surroundings(known: Known, relations: list[Relation]) -> Surroundings | None:
+    """Sorts the relations; None when no neighbour has a position."""
+    located = [c.other for c in relations if known.verticals[c.other] is not None]
     if not located:
         return None
-    placed = [other for other in located if state.is_placed(other)]
+    placed = [other for other in located if known.is_placed(other)]
     reference = (placed or located)[0]
-    origin, vertical = state.known(reference), state.vertical_of(reference)
-    around = Surroundings(state, constraints, origin, vertical, state.height_of(origin, vertical))
+    origin, vertical = known.position_of(reference), known.vertical_of(reference)
+    around = Surroundings(known, relations, origin, vertical, known.height_of(origin, vertical))
     for other in located:
-        around.local[other] = times(vertical, minus(state.known(other), origin))
+        around.local[other] = times(vertical, minus(known.position_of(other), origin))
     _find_circles(around)
     _find_readings(around)
     _find_rays(around)
     return around
 
 
-def _of_kind(around: Surroundings, *kinds: Kind) -> list[Constraint]:
-    return [c for c in around.constraints if c.kind in kinds]
+def _of_kind(around: Surroundings, *kinds: Measured) -> list[Relation]:
+    return [c for c in around.relations if c.kind in kinds]
 
 
 def _find_circles(around: Surroundings) -> None:
     """Horizontal distances: measured, or reduced by a zenith angle or by known heights."""
-    for c in _of_kind(around, Kind.HORIZONTAL, Kind.HORIZONTAL_AT):
+    for c in _of_kind(around, Measured.HORIZONTAL, Measured.HORIZONTAL_AT):
         around.circles.append(_Circle(around.local[c.other][:2], c.value, c.other, (c,)))
-    zeniths = {c.other: c for c in reversed(_of_kind(around, Kind.ZENITH_AT, Kind.ZENITH))}
-    rises = {c.other: c for c in reversed(_of_kind(around, Kind.RISE_AT, Kind.RISE))}
-    levels = _of_kind(around, Kind.LEVEL)
-    for c in _of_kind(around, Kind.DISTANCE):
+    zeniths = {c.other: c for c in reversed(_of_kind(around, Measured.ZENITH_AT, Measured.ZENITH))}
+    rises = {c.other: c for c in reversed(_of_kind(around, Measured.RISE_AT, Measured.RISE))}
+    levels = _of_kind(around, Measured.LEVEL)
+    for c in _of_kind(around, Measured.DISTANCE):
         centre = around.local[c.other]
         if c.other in zeniths:
             radius = c.value * math.sin(zeniths[c.other].value)
@@ -139,7 +139,7 @@ def _find_circles(around: Surroundings) -> None:
 def _find_readings(around: Surroundings) -> None:
     """Readings made at the point with an unknown G0, by station, with the horizontal distance if known."""
     circles = {circle.other: circle for circle in reversed(around.circles)}
-    for c in _of_kind(around, Kind.READING_AT):
+    for c in _of_kind(around, Measured.READING_AT):
         if c.g0 is None:
             circle = circles.get(c.other)
             length, used = (circle.radius, circle.used) if circle else (None, ())
@@ -149,9 +149,9 @@ def _find_readings(around: Surroundings) -> None:
 
 def _find_rays(around: Surroundings) -> None:
     """Azimuths from known points, and back from an instrument whose zero is known at the point."""
-    for c in _of_kind(around, Kind.AZIMUTH):
+    for c in _of_kind(around, Measured.AZIMUTH):
         around.rays.append(_Ray(around.local[c.other][:2], c.value, c.other, (c,)))
-    for c in _of_kind(around, Kind.READING_AT):
+    for c in _of_kind(around, Measured.READING_AT):
         if c.g0 is not None:
             start = around.local[c.other][:2]
             around.rays.append(_Ray(start, c.value + c.g0 + math.pi, c.other, (c,)))
@@ -196,8 +196,8 @@ def _thinned(items: list[Item]) -> list[Item]:
 
 def _by_centring(around: Surroundings) -> Iterator[_Flat]:
     """The plan of a point plumb above or below."""
-    norths = {c.other: c for c in reversed(_of_kind(around, Kind.NORTH))}
-    for east in _of_kind(around, Kind.EAST):
+    norths = {c.other: c for c in reversed(_of_kind(around, Measured.NORTH))}
+    for east in _of_kind(around, Measured.EAST):
         position = around.local[east.other][:2]
         yield _Flat(position, "centring", (east, norths[east.other]))
 
@@ -272,10 +272,10 @@ def _by_ray_and_arc(around: Surroundings) -> Iterator[_Flat]:
 
 
 def _with_heights(around: Surroundings, flat: _Flat) -> Iterator[Candidate]:
-    """The horizontal position at the heights that its constraints allow; without height if there is none."""
+    """The horizontal position at the heights that its relations allow; without height if there is none."""
     heights = list(heights_at(around, flat.position, flat.used))
-    for height, constraint in heights:
-        used = flat.used if constraint in flat.used else (*flat.used, constraint)
+    for height, relation in heights:
+        used = flat.used if relation in flat.used else (*flat.used, relation)
         yield Candidate(around.to_frame((*flat.position, height)), flat.method, used)
     if not heights:
         others = [around.local[c.other][2] for c in flat.used if c.other in around.local]
@@ -284,51 +284,57 @@ def _with_heights(around: Surroundings, flat: _Flat) -> Iterator[Candidate]:
 
 
 def heights_at(
-    around: Surroundings, position: Plane, preferred: tuple[Constraint, ...] = ()
-) -> Iterator[tuple[float, Constraint]]:
-    """Local heights at a horizontal position: one if some constraint gives it, else both of a distance."""
+    around: Surroundings, position: Plane, preferred: tuple[Relation, ...] = ()
+) -> Iterator[tuple[float, Relation]]:
+    """Local heights at a horizontal position: one if some relation gives it, else both of a distance."""
 
-    def rank(c: Constraint) -> tuple[bool, bool, float]:
-        is_angle = c.kind in (Kind.ZENITH, Kind.ZENITH_AT)
+    def rank(c: Relation) -> tuple[bool, bool, float]:
+        is_angle = c.kind in (Measured.ZENITH, Measured.ZENITH_AT)
         return c not in preferred, is_angle, _flat_distance(around, c, position)
 
-    direct = (Kind.LEVEL, Kind.RISE, Kind.RISE_AT, Kind.ZENITH, Kind.ZENITH_AT)
+    direct = (
+        Measured.LEVEL,
+        Measured.RISE,
+        Measured.RISE_AT,
+        Measured.ZENITH,
+        Measured.ZENITH_AT,
+    )
     for c in sorted(_of_kind(around, *direct), key=rank):
         height = _height_from(around, c, _flat_distance(around, c, position))
         if height is not None:
             yield height, c
             return
-    for c in sorted(_of_kind(around, Kind.DISTANCE), key=rank)[:1]:
+    for c in sorted(_of_kind(around, Measured.DISTANCE), key=rank)[:1]:
         half = math.sqrt(max(c.value**2 - _flat_distance(around, c, position) ** 2, 0.0))
         for side in sorted({-half, half}):
             yield around.local[c.other][2] + side, c
 
 
-def _flat_distance(around: Surroundings, c: Constraint, position: Plane) -> float:
+def _flat_distance(around: Surroundings, c: Relation, position: Plane) -> float:
     other = around.local.get(c.other)
     return 0.0 if other is None else math.hypot(position[0] - other[0], position[1] - other[1])
 
 
-def _height_from(around: Surroundings, c: Constraint, flat_distance: float) -> float | None:
-    if c.kind == Kind.LEVEL:
+def _height_from(around: Surroundings, c: Relation, flat_distance: float) -> float | None:
+    if c.kind == Measured.LEVEL:
         return c.value - around.origin_height
     base = around.local[c.other][2]
-    if c.kind in (Kind.RISE, Kind.RISE_AT):
-        return base + (c.value if c.kind == Kind.RISE else -c.value)
+    if c.kind in (Measured.RISE, Measured.RISE_AT):
+        return base + (c.value if c.kind == Measured.RISE else -c.value)
     if math.sin(c.value) < 1e-6:
         return None
     rise = flat_distance / math.tan(c.value)
-    return base + (rise if c.kind == Kind.ZENITH else -rise)
+    return base + (rise if c.kind == Measured.ZENITH else -rise)
 
 
-def _space_rays(around: Surroundings) -> list[tuple[Space, Space, tuple[Constraint, ...], int]]:
+def _space_rays(around: Surroundings) -> list[tuple[Space, Space, tuple[Relation, ...], int]]:
     """Half-lines in space: an azimuth and a zenith angle with the same known point."""
-    zeniths = {c.other: c for c in reversed(_of_kind(around, Kind.ZENITH_AT, Kind.ZENITH))}
+    zeniths = {c.other: c for c in reversed(_of_kind(around, Measured.ZENITH_AT, Measured.ZENITH))}
     rays = []
     for ray in around.rays:
         zenith = zeniths.get(ray.other)
         if zenith is not None:
-            angle = zenith.value if zenith.kind == Kind.ZENITH else math.pi - zenith.value
+            angle = zenith.value if zenith.kind == Measured.ZENITH else math.pi - zenith.value
             start = around.local[ray.other]
             rays.append((start, direction(ray.azimuth, angle), (*ray.used, zenith), ray.other))
     return _thinned(rays)
@@ -340,7 +346,7 @@ def _by_rays_in_space(around: Surroundings) -> Iterator[Candidate]:
     for a, b in itertools.combinations(rays, 2):
         for position in forms.nearest_of_two_rays(a[0], a[1], b[0], b[1]):
             yield Candidate(around.to_frame(position), "intersection in space", a[2] + b[2])
-    levels = _of_kind(around, Kind.LEVEL)
+    levels = _of_kind(around, Measured.LEVEL)
     for start, way, used, _ in rays:
         for level in levels[:1]:
             height = level.value - around.origin_height - start[2]
@@ -351,7 +357,7 @@ def _by_rays_in_space(around: Surroundings) -> Iterator[Candidate]:
 
 
 def _by_spheres(around: Surroundings) -> Iterator[Candidate]:
-    distances = [c for c in _of_kind(around, Kind.DISTANCE) if c.other in around.local]
+    distances = [c for c in _of_kind(around, Measured.DISTANCE) if c.other in around.local]
     spheres = _thinned(distances)
     for start, way, used, other in _space_rays(around):
         for c in spheres:

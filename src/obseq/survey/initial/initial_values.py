@@ -22,11 +22,11 @@ import numpy as np
 from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
-from obseq.survey.initial.known import State, Step, Vertical
+from obseq.survey.initial.known import Known, Step, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
-from obseq.survey.initial.placement import GOOD, REST, Engine
-from obseq.survey.initial.sights import Graph, build_graph
+from obseq.survey.initial.placement import GOOD, REST, Placement
+from obseq.survey.initial.sights import SightGraph, build_graph
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _GIVEN = Step("given")
 _MOST_LISTED = 20
-_SPREAD_OF_APPROXIMATE = 10.0
+_SIGMA_OF_APPROXIMATE = 10.0
 """Expected error (m) of a coordinate that is given and not constrained."""
 
 
@@ -123,7 +123,9 @@ def _is_level(points: Points) -> bool:
     return len(points) > 0 and bool(points.is_held[:, 2].all() and (heights == heights[0]).all())
 
 
-def _checked(points: Points, graph: Graph, approximations: Approximations, free: BoolArray) -> InitialValues:
+def _checked(
+    points: Points, graph: SightGraph, approximations: Approximations, free: BoolArray
+) -> InitialValues:
     """Initial values that start from the approximate coordinates, but for those that are far off."""
     book, vertical, given = approximations.book, approximations.vertical, points.coordinates
     before = approximations.contradictions(given, free)
@@ -144,17 +146,19 @@ def _checked(points: Points, graph: Graph, approximations: Approximations, free:
 
 
 def _computed(
-    points: Points, book: FieldBook, graph: Graph, vertical: Vertical | None, hidden: BoolArray
+    points: Points, book: FieldBook, graph: SightGraph, vertical: Vertical | None, hidden: BoolArray
 ) -> InitialValues:
     """Initial values without the coordinates of hidden points, as far as the observations place these."""
-    state = State(points.names, len(graph.origins), vertical)
-    hints = _take_given(state, points, hidden)
-    _take_parts(state, points)
-    state.origins = graph.origins
-    engine = Engine(state, graph, hints)
-    _work(engine, state, graph)
-    reasons = explain_points(state, graph, engine.choices, book) + explain_stations(state, graph, book)
-    return _result(state, graph, len(book.stations), tuple(reasons))
+    known = Known(points.names, len(graph.origins), vertical)
+    hints = _take_given(known, points, hidden)
+    _take_parts(known, points)
+    known.origins = graph.origins
+    placement = Placement(known, graph, hints)
+    _work(placement, known, graph)
+    reasons = explain_points(known, graph, placement.best_positions, book) + explain_stations(
+        known, graph, book
+    )
+    return _result(known, graph, len(book.stations), tuple(reasons))
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -167,76 +171,78 @@ def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int],
         )
 
 
-def _take_given(state: State, points: Points, hidden: BoolArray) -> dict[int, Space]:
-    """Puts coordinates of the files in the state; returns the hidden ones, which are only hints."""
+def _take_given(known: Known, points: Points, hidden: BoolArray) -> dict[int, Space]:
+    """Takes coordinates of the files as known; returns the hidden ones, which are only hints."""
     hints: dict[int, Space] = {}
-    spreads = np.where(points.is_free, _SPREAD_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0)
+    point_sigmas = np.where(points.is_free, _SIGMA_OF_APPROXIMATE, points.sigmas).max(axis=1, initial=0.0)
     rows = np.flatnonzero(points.has_coordinates)
-    columns = (rows, points.coordinates[rows], hidden[rows], spreads[rows])
-    for row, xyz, is_hidden, spread in zip(*(column.tolist() for column in columns), strict=True):
+    columns = (rows, points.coordinates[rows], hidden[rows], point_sigmas[rows])
+    for row, xyz, is_hidden, point_sigma in zip(*(column.tolist() for column in columns), strict=True):
         position = (xyz[0], xyz[1], xyz[2])
         if is_hidden:
             hints[row] = position
         else:
-            _take(state, row, position, spread)
+            _take(known, row, position, point_sigma)
     return hints
 
 
-def _take_parts(state: State, points: Points) -> None:
+def _take_parts(known: Known, points: Points) -> None:
     """Points of which the file gives the plan or the height only."""
     given, heights = points.coordinates, points.coordinates[:, 2]
     has_plan = np.isfinite(given[:, :2]).all(axis=1)
     middle = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
     for row in np.flatnonzero(has_plan & np.isnan(heights)).tolist():
         x, y = given[row, :2].tolist()
-        state.positions[row], state.point_steps[row] = (x, y, middle), _GIVEN
+        known.positions[row], known.point_steps[row] = (x, y, middle), _GIVEN
     rows = np.flatnonzero(~has_plan & np.isfinite(heights)).tolist()
-    state.given_heights = {row: float(heights[row]) for row in rows}
+    known.given_heights = {row: float(heights[row]) for row in rows}
 
 
-def _take(state: State, row: int, position: Space, spread: float) -> None:
-    state.positions[row], state.has_height[row], state.point_steps[row] = position, 1, _GIVEN
-    state.spreads[row] = spread
+def _take(known: Known, row: int, position: Space, point_sigma: float) -> None:
+    known.positions[row], known.has_height[row], known.point_steps[row] = position, 1, _GIVEN
+    known.point_sigmas[row] = point_sigma
 
 
-def _work(engine: Engine, state: State, graph: Graph) -> None:
+def _work(placement: Placement, known: Known, graph: SightGraph) -> None:
     """Everything that the observations place, then hints where they place nothing, and so on."""
-    located = [point for point, position in enumerate(state.positions) if position is not None]
-    engine.start(sorted(located, key=lambda point: not state.has_height[point]))
-    frames = LocalFrames(state, graph)
-    _place_all(engine, frames)
-    left = [p for p in engine.hints if state.positions[p] is None and not engine.is_ambiguous(p)]
+    located = [point for point, position in enumerate(known.positions) if position is not None]
+    placement.start(sorted(located, key=lambda point: not known.has_height[point]))
+    frames = LocalFrames(known, graph)
+    _place_all(placement, frames)
+    left = [p for p in placement.hints if known.positions[p] is None and not placement.is_ambiguous(p)]
     if left:
         for point in left:
-            _take(state, point, engine.hints[point], _SPREAD_OF_APPROXIMATE)
-        engine.start(left)
-        _place_all(engine, frames)
-    reconcile(state, graph)
+            _take(known, point, placement.hints[point], _SIGMA_OF_APPROXIMATE)
+        placement.start(left)
+        _place_all(placement, frames)
+    reconcile(known, graph)
 
 
-def _place_all(engine: Engine, frames: LocalFrames) -> None:
+def _place_all(placement: Placement, frames: LocalFrames) -> None:
     """Good positions, then local frames, then the rest; again while something is placed."""
     while True:
-        engine.run(GOOD)
+        placement.run(GOOD)
         tied = frames.place()
-        engine.start(tied)
-        if not tied and not engine.run(REST):
+        placement.start(tied)
+        if not tied and not placement.run(REST):
             break
 
 
-def _result(state: State, graph: Graph, n_stations: int, unplaced: tuple[Unplaced, ...]) -> InitialValues:
-    n, m = len(state.names), n_stations
+def _result(
+    known: Known, graph: SightGraph, n_stations: int, unplaced: tuple[Unplaced, ...]
+) -> InitialValues:
+    n, m = len(known.names), n_stations
     coordinates, rotations, g0 = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan), np.full(m, np.nan)
     for point in range(n):
-        if state.is_placed(point):
-            coordinates[point] = state.known(point)
-    plumb = [s for s in range(m) if state.g0[s] is not None]
+        if known.is_placed(point):
+            coordinates[point] = known.position_of(point)
+    plumb = [s for s in range(m) if known.g0[s] is not None]
     if plumb:
-        g0[plumb] = [state.g0[s] for s in plumb]
-        vertical = np.array([state.vertical_of(graph.origins[s]) for s in plumb])
+        g0[plumb] = [known.g0[s] for s in plumb]
+        vertical = np.array([known.vertical_of(graph.origins[s]) for s in plumb])
         rotations[plumb] = plumb_rotation(vertical, g0[plumb])
-    for station, rotation in enumerate(state.rotations[:m]):
-        origin = state.verticals[graph.origins[station]]
+    for station, rotation in enumerate(known.rotations[:m]):
+        origin = known.verticals[graph.origins[station]]
         if rotation is not None and origin is not None:
             rotations[station], g0[station] = rotation, g0_of(rotation, origin)
     return InitialValues(
@@ -244,8 +250,8 @@ def _result(state: State, graph: Graph, n_stations: int, unplaced: tuple[Unplace
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),
-        tuple(step if state.is_placed(p) else None for p, step in enumerate(state.point_steps)),
-        tuple(state.station_steps[:m]),
+        tuple(step if known.is_placed(p) else None for p, step in enumerate(known.point_steps)),
+        tuple(known.station_steps[:m]),
         unplaced,
-        np.array(state.spreads, np.float64),
+        np.array(known.point_sigmas, np.float64),
     )

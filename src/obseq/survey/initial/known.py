@@ -67,11 +67,12 @@ def as_matrix(array: FloatArray) -> Matrix:
     return tuple(first), tuple(second), tuple(third)
 
 
-class State:
+class Known:
     """Known coordinates and orientations; a point can be known in the horizontal, in height, or both.
 
-    Expected errors decide what is used first: `spreads[p]` of a position (m), `noises[p]` of a position
-    relative to the station `parents[p]` that placed it, `azimuth_spreads[k]` of the zero of a station (rad).
+    Expected errors decide what is used first: `point_sigmas[p]` of a position (m), `relative_sigmas[p]` of a
+    position relative to the station `parents[p]` that placed it, `azimuth_sigmas[k]` of the zero of a station
+    (rad).
 
     `given_heights[p]` is the height that the file gives of a point without horizontal position.
 
@@ -93,10 +94,10 @@ class State:
         self.point_steps: list[Step | None] = [None] * n
         self.station_steps: list[Step | None] = [None] * n_stations
         self.reference: int | None = None
-        self.spreads: list[float] = [0.0] * n
-        self.noises: list[float] = [0.0] * n
+        self.point_sigmas: list[float] = [0.0] * n
+        self.relative_sigmas: list[float] = [0.0] * n
         self.parents: list[int | None] = [None] * n
-        self.azimuth_spreads: list[float] = [0.0] * n_stations
+        self.azimuth_sigmas: list[float] = [0.0] * n_stations
         self.origins: Sequence[int] = ()
         self.given_heights: dict[int, float] = {}
 
@@ -126,13 +127,13 @@ class State:
             self.verticals[point] = matrix
         for point in points:
             if self.has_height[point]:
-                self.heights[point] = self.height_of(self.known(point), self.vertical_of(point))
+                self.heights[point] = self.height_of(self.position_of(point), self.vertical_of(point))
 
     def _matrices(self, points: Sequence[int]) -> list[Matrix]:
         if self.vertical is None:
             return [IDENTITY] * len(points)
         if isinstance(self.vertical, Normals) and len(points) < _FEW:
-            return [self.vertical.at(self.known(point)) for point in points]
+            return [self.vertical.at(self.position_of(point)) for point in points]
         rotations = np.asarray(self.vertical(np.array([self.positions[point] for point in points])))
         for point, is_finite in zip(points, np.asarray(np.isfinite(rotations).all(axis=(1, 2))), strict=True):
             if not is_finite:
@@ -142,7 +143,7 @@ class State:
                 )
         return [as_matrix(rotation) for rotation in rotations]
 
-    def known(self, point: int) -> Space:
+    def position_of(self, point: int) -> Space:
         """Position of a point that has one."""
         position = self.positions[point]
         assert position is not None
@@ -159,21 +160,21 @@ class State:
         if self.reference is None:
             return 0.0
         up, other = vertical[2], self.vertical_of(self.reference)[2]
-        offset = minus(position, self.known(self.reference))
+        offset = minus(position, self.position_of(self.reference))
         return sum((u + v) / 2.0 * d for u, v, d in zip(up, other, offset, strict=True))
 
     @property
     def reference_height(self) -> float:
         """Height (z) of the reference point, of a plane."""
-        return 0.0 if self.reference is None else self.known(self.reference)[2]
+        return 0.0 if self.reference is None else self.position_of(self.reference)[2]
 
-    def relative_spread(self, a: int, b: int, distance: float) -> float:
+    def relative_sigma(self, a: int, b: int, distance: float) -> float:
         """Expected error (m) of b relative to a; small when one station placed both."""
         station = self._common_station(a, b)
         if station is None:
-            return math.hypot(self.spreads[a], self.spreads[b])
-        noises = [self.noises[p] for p in (a, b) if self.parents[p] == station]
-        return math.hypot(distance * self.azimuth_spreads[station], *noises)
+            return math.hypot(self.point_sigmas[a], self.point_sigmas[b])
+        relative_sigmas = [self.relative_sigmas[p] for p in (a, b) if self.parents[p] == station]
+        return math.hypot(distance * self.azimuth_sigmas[station], *relative_sigmas)
 
     def _common_station(self, a: int, b: int) -> int | None:
         """The station that placed both points, or that stands on one and placed the other."""

@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.known import State, Step, minus, plus, times, transposed_times
-from obseq.survey.initial.placement import Engine, Level
+from obseq.survey.initial.known import Known, Step, minus, plus, times, transposed_times
+from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.initial.sights import Sight, SightGraph
 
 _LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
 _FLAT_LEVELS = (Level(math.inf, math.inf, uses_hints=True),)
@@ -38,10 +38,10 @@ class _Tie:
     local_centre: tuple[float, float]
     centre: tuple[float, float]
     rise: float | None
-    spread: float
+    point_sigma: float
     scale: float = 1.0
 
-    def move(self, state: State, position: Space) -> Space:
+    def move(self, known: Known, position: Space) -> Space:
         """A position of the local frame, in the frame of the computation."""
         east, north = position[0] - self.local_centre[0], position[1] - self.local_centre[1]
         cosine, sine = self.scale * math.cos(self.angle), self.scale * math.sin(self.angle)
@@ -50,19 +50,19 @@ class _Tie:
             self.centre[1] - east * sine + north * cosine,
             position[2] + (self.rise or 0.0),
         )
-        return plus(state.known(self.origin), transposed_times(state.vertical_of(self.origin), turned))
+        return plus(known.position_of(self.origin), transposed_times(known.vertical_of(self.origin), turned))
 
 
 class LocalFrames:
     """Tries each group of stations once, until something else has been placed."""
 
-    def __init__(self, state: State, graph: Graph) -> None:
-        self.state, self.graph = state, graph
-        self.scratch = State(state.names, len(graph.origins), None)
+    def __init__(self, known: Known, graph: SightGraph) -> None:
+        self.known, self.graph = known, graph
+        self.scratch = Known(known.names, len(graph.origins), None)
         self.scratch.origins = graph.origins
 
     def place(self) -> list[int]:
-        """Points that local frames have placed in the state; they remain to be settled."""
+        """Points that local frames have placed; they remain to be settled."""
         allowed = [s for s in range(len(self.graph.origins)) if self._is_usable(s)]
         groups = self._groups_with_ties(allowed)
         tried: set[int] = set()
@@ -78,7 +78,7 @@ class LocalFrames:
 
     def _is_usable(self, station: int) -> bool:
         """Not oriented, and not bound to the real north."""
-        if self.state.station_steps[station] is not None:
+        if self.known.station_steps[station] is not None:
             return False
         if self.graph.orientations[station] != Orientation.FIX:
             return True
@@ -128,86 +128,89 @@ class LocalFrames:
                 parent[root(sight.target)] = root(sight.origin)
         ties: dict[int, int] = {}
         for point in parent:
-            if self.state.verticals[point] is not None:
+            if self.known.verticals[point] is not None:
                 ties[root(point)] = ties.get(root(point), 0) + 1
         return {s for s in allowed if ties.get(root(self.graph.origins[s]), 0) >= 2}
 
     def _try_from(self, station: int, allowed: frozenset[int], tried: set[int]) -> list[int]:
         """Computes the group of one station in its own frame and moves it to its place."""
         local, origin = self.scratch, self.graph.origins[station]
-        engine = Engine(local, self.graph, {}, allowed)
+        placement = Placement(local, self.graph, {}, allowed)
         local.positions[origin], local.has_height[origin] = (0.0, 0.0, 0.0), 1
         local.point_steps[origin] = Step("origin")
         local.g0[station], local.station_steps[station] = 0.0, Step("local frame")
-        engine.start([origin])
-        engine.start_station(station)
-        engine.run(_LEVELS)
-        tried.update(engine.oriented)
-        return self._tied(station, engine)
+        placement.start([origin])
+        placement.start_station(station)
+        placement.run(_LEVELS)
+        tried.update(placement.oriented)
+        return self._tied(station, placement)
 
     def _try_between(
         self, station: int, other: int, there: float, back: float, allowed: frozenset[int], tried: set[int]
     ) -> list[int]:
         """Computes a group without lengths from two stations that see each other, in the horizontal."""
         local, ends = self.scratch, [self.graph.origins[k] for k in (station, other)]
-        engine = Engine(local, self.graph, {}, allowed)
+        placement = Placement(local, self.graph, {}, allowed)
         places = (0.0, 0.0, 0.0), (_BASE * math.sin(there), _BASE * math.cos(there), 0.0)
         for point, place in zip(ends, places, strict=True):
             local.positions[point], local.point_steps[point] = place, Step("origin")
         for oriented, g0 in ((station, 0.0), (other, there + math.pi - back)):
             local.g0[oriented], local.station_steps[oriented] = g0, Step("local frame")
-        engine.start(ends)
+        placement.start(ends)
         for oriented in (station, other):
-            engine.start_station(oriented)
-        engine.run(_FLAT_LEVELS)
-        tried.update(engine.oriented)
-        return self._tied(station, engine, is_scaled=True)
+            placement.start_station(oriented)
+        placement.run(_FLAT_LEVELS)
+        tried.update(placement.oriented)
+        return self._tied(station, placement, is_scaled=True)
 
-    def _tied(self, station: int, engine: Engine, *, is_scaled: bool = False) -> list[int]:
-        """Moves what the engine has located in the scratch state into the state, and empties the scratch."""
-        touched = dict.fromkeys(engine.touched_points)
+    def _tied(self, station: int, placement: Placement, *, is_scaled: bool = False) -> list[int]:
+        """Moves what was placed in the scratch to what is known, and empties the scratch."""
+        touched = dict.fromkeys(placement.touched_points)
         located = [point for point in touched if self.scratch.verticals[point] is not None]
         placed = self._tie(station, located, is_scaled=is_scaled)
-        self._forget(engine)
+        self._forget(placement)
         return placed
 
-    def _forget(self, engine: Engine) -> None:
-        """Empties the scratch state for the next group."""
+    def _forget(self, placement: Placement) -> None:
+        """Empties the scratch for the next group."""
         local = self.scratch
-        for point in engine.touched_points:
+        for point in placement.touched_points:
             local.positions[point] = local.heights[point] = local.verticals[point] = None
             local.point_steps[point], local.has_height[point] = None, 0
-            local.spreads[point], local.parents[point] = 0.0, None
-        for station in engine.oriented:
+            local.point_sigmas[point], local.parents[point] = 0.0, None
+        for station in placement.oriented:
             local.rotations[station] = local.g0[station] = local.station_steps[station] = None
-            local.azimuth_spreads[station] = 0.0
+            local.azimuth_sigmas[station] = 0.0
         local.reference = None
 
     def _tie(self, station: int, located: list[int], *, is_scaled: bool) -> list[int]:
-        """Moves the located points of the scratch state that are new into the state."""
-        common = [point for point in located if self.state.verticals[point] is not None]
+        """Moves the located points of the scratch that are new to what is known."""
+        common = [point for point in located if self.known.verticals[point] is not None]
         tie = self._solve(common, located, is_scaled=is_scaled) if len(common) >= 2 else None
         if tie is None:
             return []
-        name = self.state.names[self.graph.origins[station]]
-        anchors = ", ".join(self.state.names[point] for point in common[:3])
+        name = self.known.names[self.graph.origins[station]]
+        anchors = ", ".join(self.known.names[point] for point in common[:3])
         placed = []
         for point in located:
-            if self.state.verticals[point] is None and self.state.positions[point] is None:
+            if self.known.verticals[point] is None and self.known.positions[point] is None:
                 step = self.scratch.point_steps[point] or Step("")
                 method = f"local frame of station {name} tied to {anchors}"
-                self.state.positions[point] = tie.move(self.state, self.scratch.known(point))
-                self.state.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])
-                self.state.point_steps[point] = Step(method, step.observations)
-                self._take_spread(point, tie)
+                self.known.positions[point] = tie.move(self.known, self.scratch.position_of(point))
+                self.known.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])
+                self.known.point_steps[point] = Step(method, step.observations)
+                self._take_point_sigma(point, tie)
                 placed.append(point)
         return placed
 
-    def _take_spread(self, point: int, tie: _Tie) -> None:
+    def _take_point_sigma(self, point: int, tie: _Tie) -> None:
         """The errors of the local frame and of the tie; the local relations remain those of the group."""
-        state, local = self.state, self.scratch
-        state.spreads[point] = math.hypot(local.spreads[point], tie.spread)
-        state.noises[point], state.parents[point] = local.noises[point], local.parents[point]
+        known, local = self.known, self.scratch
+        known.point_sigmas[point] = math.hypot(local.point_sigmas[point], tie.point_sigma)
+        known.relative_sigmas[point], known.parents[point] = (
+            local.relative_sigmas[point],
+            local.parents[point],
+        )
 
     def _solve(self, common: list[int], located: list[int], *, is_scaled: bool) -> _Tie | None:
         """Least-squares rotation about the vertical and translation; None when the base is too short.
@@ -215,13 +218,13 @@ class LocalFrames:
         With scale, if it `is_scaled`; heights have no part in that.
         """
         origin = common[0]
-        vertical, start = self.state.vertical_of(origin), self.state.known(origin)
-        weights = [1.0 / (self._common_spread(point) ** 2 + 1e-12) for point in common]
-        real = [times(vertical, minus(self.state.known(point), start)) for point in common]
-        local = [self.scratch.known(point) for point in common]
+        vertical, start = self.known.vertical_of(origin), self.known.position_of(origin)
+        weights = [1.0 / (self._common_point_sigma(point) ** 2 + 1e-12) for point in common]
+        real = [times(vertical, minus(self.known.position_of(point), start)) for point in common]
+        local = [self.scratch.position_of(point) for point in common]
         local_centre, centre = _centre(local, weights), _centre(real, weights)
         base = max(math.dist(position[:2], local_centre) for position in local)
-        size = max(math.dist(self.scratch.known(point)[:2], local_centre) for point in located)
+        size = max(math.dist(self.scratch.position_of(point)[:2], local_centre) for point in located)
         if base <= max(_LEAST_BASE * size, 1e-3):
             return None
         cross = dot = square = 0.0
@@ -230,20 +233,20 @@ class LocalFrames:
             cross += weight * (b[0] * a[1] - b[1] * a[0])
             dot += weight * (a[0] * b[0] + a[1] * b[1])
             square += weight * (a[0] * a[0] + a[1] * a[1])
-        spread = max(self.state.spreads[point] for point in common)
+        point_sigma = max(self.known.point_sigmas[point] for point in common)
         scale = math.hypot(cross, dot) / square if is_scaled else 1.0
         rise = None if is_scaled else self._rise(common, local, real)
-        return _Tie(origin, math.atan2(cross, dot), local_centre, centre, rise, spread, scale)
+        return _Tie(origin, math.atan2(cross, dot), local_centre, centre, rise, point_sigma, scale)
 
-    def _common_spread(self, point: int) -> float:
-        return math.hypot(self.state.spreads[point], self.scratch.spreads[point])
+    def _common_point_sigma(self, point: int) -> float:
+        return math.hypot(self.known.point_sigmas[point], self.scratch.point_sigmas[point])
 
     def _rise(self, common: list[int], local: list[Space], real: list[Space]) -> float | None:
         """Mean height of the real points above the local ones."""
         rises = [
             q[2] - p[2]
             for point, p, q in zip(common, local, real, strict=True)
-            if self.state.is_placed(point) and self.scratch.has_height[point]
+            if self.known.is_placed(point) and self.scratch.has_height[point]
         ]
         return sum(rises) / len(rises) if rises else None
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.initial.known import Matrix, State, Step, as_matrix
+from obseq.survey.initial.known import Known, Matrix, Step, as_matrix
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import Graph
+    from obseq.survey.initial.sights import SightGraph
 
 _SAMPLE = 9
 """Sights of a station that are compared with each other."""
@@ -23,53 +23,53 @@ _LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""
 
 
-def orient(state: State, graph: Graph, station: int) -> bool:
+def orient(known: Known, graph: SightGraph, station: int) -> bool:
     """Orients a #FIX or #BASC station, if what is known allows it; a #BASC station may place its origin too.
 
     Returns:
         True when the station has just been oriented.
     """
     orientation, origin = graph.orientations[station], graph.origins[station]
-    if state.station_steps[station] is not None or orientation == Orientation.VERT:
+    if known.station_steps[station] is not None or orientation == Orientation.VERT:
         return False
     if orientation == Orientation.BASC:
-        return _orient_free(state, graph, station)
-    if state.verticals[origin] is None:
+        return _orient_free(known, graph, station)
+    if known.verticals[origin] is None:
         return False
-    state.g0[station], state.station_steps[station] = 0.0, Step("local axes")
+    known.g0[station], known.station_steps[station] = 0.0, Step("local axes")
     return True
 
 
-def reconcile(state: State, graph: Graph) -> None:
+def reconcile(known: Known, graph: SightGraph) -> None:
     """Sets G0 of plumb stations to the value that most of their sights agree on, once all points are known.
 
     With one or two sights it is that of the first, as in MMVII.
     """
-    stations, angles = _g0s_of_sights(state, graph)
+    stations, angles = _g0s_of_sights(known, graph)
     if not len(stations):
         return
     starts = np.flatnonzero(np.diff(stations, prepend=-1))
     for station, g0 in zip(stations[starts].tolist(), _central_angles(angles, starts), strict=True):
-        state.g0[station] = g0
+        known.g0[station] = g0
 
 
-def _g0s_of_sights(state: State, graph: Graph) -> tuple[IntArray, FloatArray]:
+def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArray]:
     """(k,) station and G0 of each sight of oriented plumb stations to placed targets, in their order."""
     plumb = [
         k
         for k, orientation in enumerate(graph.orientations)
-        if orientation == Orientation.VERT and state.station_steps[k] is not None
+        if orientation == Orientation.VERT and known.station_steps[k] is not None
     ]
     sights = [graph.sights[number] for k in plumb for number in graph.sights_from[k]]
-    known = [(s, reading[0]) for s in sights if state.is_placed(s.target) and (reading := s.reading())]
-    if not known:
+    sighted = [(s, reading[0]) for s in sights if known.is_placed(s.target) and (reading := s.reading())]
+    if not sighted:
         return np.zeros(0, np.int64), np.zeros(0)
-    ends = np.array([(state.known(s.origin), state.known(s.target)) for s, _ in known])
-    verticals = np.array([state.vertical_of(s.origin) for s, _ in known])
+    ends = np.array([(known.position_of(s.origin), known.position_of(s.target)) for s, _ in sighted])
+    verticals = np.array([known.vertical_of(s.origin) for s, _ in sighted])
     east, north, up = np.einsum("nij,nj->in", verticals, ends[:, 1] - ends[:, 0])
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
-    angles = np.arctan2(east, north) - np.array([reading for _, reading in known])
-    stations = np.array([s.station for s, _ in known])
+    angles = np.arctan2(east, north) - np.array([reading for _, reading in sighted])
+    stations = np.array([s.station for s, _ in sighted])
     return stations[is_usable], _wrapped(angles[is_usable])
 
 
@@ -99,27 +99,27 @@ class _Pairs:
     points: tuple[int, ...]
 
 
-def _orient_free(state: State, graph: Graph, station: int) -> bool:
+def _orient_free(known: Known, graph: SightGraph, station: int) -> bool:
     """Rotation (and position) from three vectors, or from two directions when the origin is known."""
-    vectors = _pairs(state, graph, station, complete=True)
+    vectors = _pairs(known, graph, station, complete=True)
     origin = graph.origins[station]
-    if len(vectors.ground) >= 3 and _fit_isometry(state, station, origin, vectors):
+    if len(vectors.ground) >= 3 and _fit_isometry(known, station, origin, vectors):
         return True
-    if not state.is_placed(origin):
+    if not known.is_placed(origin):
         return False
-    directions = _pairs(state, graph, station, complete=False)
-    offsets = directions.ground - np.array(state.known(origin))
+    directions = _pairs(known, graph, station, complete=False)
+    offsets = directions.ground - np.array(known.position_of(origin))
     lengths = np.linalg.norm(offsets, axis=1)
     kept = lengths > 0.0
     if np.count_nonzero(kept) < 2:
         return False
     rotation = best_rotation(directions.seen[kept], offsets[kept] / lengths[kept, None])
     return rotation is not None and _take_rotation(
-        state, station, rotation, Step("known directions", directions.rows)
+        known, station, rotation, Step("known directions", directions.rows)
     )
 
 
-def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pairs:
+def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> _Pairs:
     """Pairs with placed targets: vectors with their length, or all directions as unit vectors."""
     ground: list[Space] = []
     seen: list[Space] = []
@@ -127,10 +127,10 @@ def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pair
     points: list[int] = []
     for number in graph.sights_from[station]:
         sight = graph.sights[number]
-        found = free_direction(sight) if state.is_placed(sight.target) else None
+        found = free_direction(sight) if known.is_placed(sight.target) else None
         if found is None or (complete and not found[1]):
             continue
-        ground.append(state.known(sight.target))
+        ground.append(known.position_of(sight.target))
         seen.append(found[0][0])
         points.append(sight.target)
         rows.extend(found[0][1])
@@ -140,19 +140,19 @@ def _pairs(state: State, graph: Graph, station: int, *, complete: bool) -> _Pair
     return _Pairs(np.array(ground, np.float64).reshape(-1, 3), vectors, tuple(rows), tuple(points))
 
 
-def _fit_isometry(state: State, station: int, origin: int, pairs: _Pairs) -> bool:
+def _fit_isometry(known: Known, station: int, origin: int, pairs: _Pairs) -> bool:
     """Least-squares isometry instrument -> frame; gives the position of the origin if it has none."""
     ground_centre, seen_centre = pairs.ground.mean(axis=0), pairs.seen.mean(axis=0)
     rotation = best_rotation(pairs.seen - seen_centre, pairs.ground - ground_centre)
     if rotation is None:
         return False
     step = Step("isometry on three or more points", pairs.rows)
-    if not state.is_placed(origin):
+    if not known.is_placed(origin):
         position = ground_centre - rotation @ seen_centre
-        state.positions[origin] = (float(position[0]), float(position[1]), float(position[2]))
-        state.has_height[origin], state.point_steps[origin] = 1, step
-        state.spreads[origin] = min(state.spreads[point] for point in pairs.points)
-    return _take_rotation(state, station, rotation, step)
+        known.positions[origin] = (float(position[0]), float(position[1]), float(position[2]))
+        known.has_height[origin], known.point_steps[origin] = 1, step
+        known.point_sigmas[origin] = min(known.point_sigmas[point] for point in pairs.points)
+    return _take_rotation(known, station, rotation, step)
 
 
 def best_rotation(local: FloatArray, world: FloatArray) -> FloatArray | None:
@@ -169,9 +169,9 @@ def best_rotation(local: FloatArray, world: FloatArray) -> FloatArray | None:
     return np.asarray(left @ np.diag([1.0, 1.0, sign]) @ right, dtype=np.float64)
 
 
-def _take_rotation(state: State, station: int, rotation: FloatArray, step: Step) -> bool:
-    state.rotations[station] = as_matrix(rotation)
-    state.station_steps[station] = step
+def _take_rotation(known: Known, station: int, rotation: FloatArray, step: Step) -> bool:
+    known.rotations[station] = as_matrix(rotation)
+    known.station_steps[station] = step
     return True
 
 

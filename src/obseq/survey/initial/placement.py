@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.best_position import Choice, Fit, averaged, choose, choose_height
+from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
 from obseq.survey.initial.known import Step, plus, transposed_times
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.relations import collect, station_g0s
@@ -21,7 +21,7 @@ from obseq.survey.initial.traverse import (
     link_rise,
     polar_vector,
     turned,
-    vector_noise,
+    vector_sigma,
 )
 from obseq.survey.model import Orientation
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import State
-    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.initial.known import Known
+    from obseq.survey.initial.sights import Sight, SightGraph
 
 SOUND = 0.02
 WEAK = 0.002
-"""Least strengths of the geometry (see `constraints.Refined`): an intersection at about 2, and at 0.2 gon."""
-_LARGEST_SPREAD = 1e6
+"""Least strengths of the geometry (see `relations.Refined`): an intersection at about 2, and at 0.2 gon."""
+_LARGEST_SIGMA = 1e6
 _ALIKE = 2.0
 """Points whose expected errors differ by less than this factor are placed at the same time."""
 
@@ -45,14 +45,14 @@ class Level:
     """What may be used at one stage.
 
     Attributes:
-        spread: greatest expected error of a point (m).
-        azimuth_spread: greatest expected error of G0 (rad).
+        point_sigma: greatest expected error of a point (m).
+        azimuth_sigma: greatest expected error of G0 (rad).
         strength: least strength of the geometry.
         uses_hints: whether approximate positions may decide between two solutions.
     """
 
-    spread: float
-    azimuth_spread: float
+    point_sigma: float
+    azimuth_sigma: float
     strength: float = SOUND
     uses_hints: bool = False
 
@@ -72,29 +72,29 @@ class _Polar:
     sight: Sight
     offset: Space
     rows: tuple[int, ...]
-    noise: float
-    spread: float
+    relative_sigma: float
+    point_sigma: float
 
 
-class Engine:
-    """Works on a state until nothing more can be placed.
+class Placement:
+    """Works on what is known until nothing more can be placed.
 
     Args:
-        state: what is known at the start; it is completed.
+        known: what is known at the start; it is completed.
         graph: the observations.
         hints: approximate positions, used only to decide between two solutions.
         stations: the stations that may be used; all when left out.
     """
 
     def __init__(
-        self, state: State, graph: Graph, hints: dict[int, Space], stations: Iterable[int] | None = None
+        self, known: Known, graph: SightGraph, hints: dict[int, Space], stations: Iterable[int] | None = None
     ) -> None:
-        self.state, self.graph, self.hints = state, graph, hints
+        self.known, self.graph, self.hints = known, graph, hints
         self.allowed = None if stations is None else frozenset(stations)
-        self.traverse = Traverse(state, graph, self.allowed)
+        self.traverse = Traverse(known, graph, self.allowed)
         self.dirty_polar: set[int] = set()
         self.dirty_geometry: set[int] = set()
-        self.choices: dict[int, tuple[tuple[float, bool], Choice]] = {}
+        self.best_positions: dict[int, tuple[tuple[float, bool], BestPosition]] = {}
         self.touched_points: list[int] = []
         self.oriented: list[int] = []
 
@@ -104,7 +104,7 @@ class Engine:
 
     def is_ambiguous(self, point: int) -> bool:
         """Whether several positions of a point fit its observations equally well."""
-        cached = self.choices.get(point)
+        cached = self.best_positions.get(point)
         return cached is not None and bool(cached[1].alternatives)
 
     def start_station(self, station: int) -> None:
@@ -115,51 +115,52 @@ class Engine:
         """Places what these levels allow, in their order; true when something was placed or oriented."""
         done = False
         for level in levels:
-            self.dirty_geometry.update(self.choices)
+            self.dirty_geometry.update(self.best_positions)
             while self._place_polar() or self._orient_next(level) or self._place_by_geometry(level):
                 done = True
         return done
 
     def _orient_next(self, level: Level) -> bool:
         """Takes the surest link of the traverse."""
-        found = self.traverse.next(level.azimuth_spread)
+        found = self.traverse.next(level.azimuth_sigma)
         if found is None:
             return False
         station, link = found
         origin = self.graph.origins[station]
-        if self.state.verticals[origin] is None:
+        if self.known.verticals[origin] is None:
             self._place_by_link(station, origin, link)
-        self.state.g0[station] = link_g0(self.state, self.graph, station, link)
-        self.state.azimuth_spreads[station] = link.spread
-        self.state.station_steps[station] = Step(link.method, link.rows)
+        self.known.g0[station] = link_g0(self.known, self.graph, station, link)
+        self.known.azimuth_sigmas[station] = link.azimuth_sigma
+        self.known.station_steps[station] = Step(link.method, link.rows)
         self._spread_orientation(station)
         return True
 
     def _place_by_link(self, station: int, origin: int, link: Link) -> None:
         """Places the origin of a station where its link puts it."""
-        state = self.state
-        state.positions[origin], state.has_height[origin] = link.origin, 1
-        state.point_steps[origin] = Step(link.method, link.rows)
-        state.noises[origin], state.parents[origin] = link.noise, link.parent
+        known = self.known
+        known.positions[origin], known.has_height[origin] = link.origin, 1
+        known.point_steps[origin] = Step(link.method, link.rows)
+        known.relative_sigmas[origin], known.parents[origin] = link.relative_sigma, link.parent
         if link.parent is not None:
             base = self.graph.origins[link.parent]
-            distance = math.dist(state.known(base), state.known(origin))
-            state.spreads[origin] = math.hypot(
-                state.spreads[base] + distance * state.azimuth_spreads[link.parent], link.noise
+            distance = math.dist(known.position_of(base), known.position_of(origin))
+            known.point_sigmas[origin] = math.hypot(
+                known.point_sigmas[base] + distance * known.azimuth_sigmas[link.parent],
+                link.relative_sigma,
             )
         self._settle([origin])
         if link.method == "free station":
-            up = state.vertical_of(origin)[2]
-            rise = link_rise(state, self.graph, station, link)
-            x, y, z = state.known(origin)
-            state.positions[origin] = (x + rise * up[0], y + rise * up[1], z + rise * up[2])
+            up = known.vertical_of(origin)[2]
+            rise = link_rise(known, self.graph, station, link)
+            x, y, z = known.position_of(origin)
+            known.positions[origin] = (x + rise * up[0], y + rise * up[1], z + rise * up[2])
 
     def _place_polar(self) -> bool:
         """Places points at the end of complete vectors from oriented stations."""
         candidates, self.dirty_polar = sorted(self.dirty_polar), set()
         located = []
         for point in candidates:
-            polar = None if self.state.is_placed(point) else self._best_polar(point)
+            polar = None if self.known.is_placed(point) else self._best_polar(point)
             if polar is not None:
                 self._take_polar(point, polar)
                 located.append(point)
@@ -171,14 +172,18 @@ class Engine:
         candidates, self.dirty_geometry = sorted(self.dirty_geometry), set()
         found: list[tuple[int, Fit, float]] = []
         for point in candidates:
-            if not self.state.is_placed(point):
-                fit = self._choice(point, level).fit
-                if fit is not None and self._spread_of(fit) <= level.spread and self._is_ripe(fit, level):
-                    found.append((point, fit, self._spread_of(fit)))
-        least = min((spread for _, _, spread in found), default=0.0)
+            if not self.known.is_placed(point):
+                fit = self._best_position(point, level).fit
+                if (
+                    fit is not None
+                    and self._point_sigma_of(fit) <= level.point_sigma
+                    and self._is_ripe(fit, level)
+                ):
+                    found.append((point, fit, self._point_sigma_of(fit)))
+        least = min((point_sigma for _, _, point_sigma in found), default=0.0)
         located = []
-        for point, fit, spread in found:
-            if spread <= _ALIKE * least:
+        for point, fit, point_sigma in found:
+            if point_sigma <= _ALIKE * least:
                 self._take_fit(point, self._averaged(point, fit))
                 located.append(point)
             else:
@@ -186,9 +191,9 @@ class Engine:
         self._settle(located)
         return bool(located)
 
-    def _spread_of(self, fit: Fit) -> float:
-        base = min(self.state.spreads[constraint.other] for constraint in fit.candidate.used)
-        return min(math.hypot(base, fit.refined.spread), _LARGEST_SPREAD)
+    def _point_sigma_of(self, fit: Fit) -> float:
+        base = min(self.known.point_sigmas[relation.other] for relation in fit.candidate.used)
+        return min(math.hypot(base, fit.refined.point_sigma), _LARGEST_SIGMA)
 
     def _is_ripe(self, fit: Fit, level: Level) -> bool:
         """A horizontal position alone is taken only when nothing better comes."""
@@ -197,7 +202,7 @@ class Engine:
     def _settle(self, located: list[int]) -> None:
         """Verticals of new points, then orientations, until no orientation places a further point."""
         while located:
-            self.state.settle(located)
+            self.known.settle(located)
             self.touched_points.extend(located)
             for point in located:
                 self._spread_height(point)
@@ -210,13 +215,13 @@ class Engine:
         new = set(located)
         for station in self._stations_around(located):
             origin = self.graph.origins[station]
-            was_placed = self.state.is_placed(origin)
+            was_placed = self.known.is_placed(origin)
             if self.graph.orientations[station] == Orientation.VERT:
                 self.traverse.add_azimuths(station, self._targets_of(station) if origin in new else new)
-            elif orient(self.state, self.graph, station):
-                if not was_placed and self.state.has_height[origin] and not self.state.is_placed(origin):
+            elif orient(self.known, self.graph, station):
+                if not was_placed and self.known.has_height[origin] and not self.known.is_placed(origin):
                     placed.append(origin)
-                    self.state.settle([origin])
+                    self.known.settle([origin])
                 self._spread_orientation(station)
         return sorted(set(placed))
 
@@ -229,7 +234,7 @@ class Engine:
         for point in located:
             found.update(self.graph.stations_at[point])
             found.update(self.graph.sights[number].station for number in self.graph.sights_to[point])
-        return sorted(s for s in found if self._may_use(s) and self.state.station_steps[s] is None)
+        return sorted(s for s in found if self._may_use(s) and self.known.station_steps[s] is None)
 
     def _may_use(self, station: int) -> bool:
         return self.allowed is None or station in self.allowed
@@ -239,14 +244,14 @@ class Engine:
         self.oriented.append(station)
         for target in self._targets_of(station):
             self._touch(target)
-        if self.state.is_placed(self.graph.origins[station]):
+        if self.known.is_placed(self.graph.origins[station]):
             self.traverse.add_neighbours(station)
 
     def _touch(self, point: int) -> None:
-        if not self.state.is_placed(point):
+        if not self.known.is_placed(point):
             self.dirty_polar.add(point)
             self.dirty_geometry.add(point)
-            self.choices.pop(point, None)
+            self.best_positions.pop(point, None)
 
     def _touch_neighbours(self, point: int) -> None:
         graph = self.graph
@@ -263,15 +268,15 @@ class Engine:
         """Carries heights along height differences, also to points without horizontal position."""
         waiting = [point]
         while waiting:
-            known = waiting.pop()
-            height = self.state.heights[known]
+            start = waiting.pop()
+            height = self.known.heights[start]
             if height is None:
                 continue
-            for other, above, _ in self.graph.height_differences[known]:
+            for other, above, _ in self.graph.height_differences[start]:
                 self._touch(other)
-                if self.state.heights[other] is None:
-                    self.state.heights[other] = height - above
-                    self.state.spreads[other] = self.state.spreads[known]
+                if self.known.heights[other] is None:
+                    self.known.heights[other] = height - above
+                    self.known.point_sigmas[other] = self.known.point_sigmas[start]
                     self.touched_points.append(other)
                     waiting.append(other)
 
@@ -280,33 +285,33 @@ class Engine:
         best: _Polar | None = None
         for number in self.graph.sights_to[point]:
             sight = self.graph.sights[number]
-            is_oriented = self.state.station_steps[sight.station] is not None
-            if is_oriented and self._may_use(sight.station) and self.state.is_placed(sight.origin):
+            is_oriented = self.known.station_steps[sight.station] is not None
+            if is_oriented and self._may_use(sight.station) and self.known.is_placed(sight.origin):
                 polar = self._polar(sight)
-                if polar is not None and (best is None or polar.spread < best.spread):
+                if polar is not None and (best is None or polar.point_sigma < best.point_sigma):
                     best = polar
         return best
 
     def _polar(self, sight: Sight) -> _Polar | None:
         """Vector of one sight; a plumb station may borrow the zenith angle of another on the same point."""
         vector = sight.vector()
-        found = polar_vector(self.state, self.graph, sight)
+        found = polar_vector(self.known, self.graph, sight)
         if found is not None and vector is not None:
             return self._expected(sight, found[0], vector[1], found[1])
-        g0, reading, lengths = self.state.g0[sight.station], sight.reading(), self._lengths(sight)
+        g0, reading, lengths = self.known.g0[sight.station], sight.reading(), self._lengths(sight)
         if g0 is None or reading is None or lengths is None:
             return None
         (flat, rise), rows = lengths
         local = turned((flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise), g0)
         every = tuple(dict.fromkeys(reading[1] + rows))
-        offset = transposed_times(self.state.vertical_of(sight.origin), local)
-        return self._expected(sight, offset, every, vector_noise(self.graph, local, every))
+        offset = transposed_times(self.known.vertical_of(sight.origin), local)
+        return self._expected(sight, offset, every, vector_sigma(self.graph, local, every))
 
-    def _expected(self, sight: Sight, offset: Space, rows: tuple[int, ...], noise: float) -> _Polar:
+    def _expected(self, sight: Sight, offset: Space, rows: tuple[int, ...], relative_sigma: float) -> _Polar:
         """A vector with the expected error that orientation and origin add."""
-        moved = math.hypot(*offset) * self.state.azimuth_spreads[sight.station]
-        spread = math.hypot(self.state.spreads[sight.origin] + moved, noise)
-        return _Polar(sight, offset, rows, noise, min(spread, _LARGEST_SPREAD))
+        moved = math.hypot(*offset) * self.known.azimuth_sigmas[sight.station]
+        point_sigma = math.hypot(self.known.point_sigmas[sight.origin] + moved, relative_sigma)
+        return _Polar(sight, offset, rows, relative_sigma, min(point_sigma, _LARGEST_SIGMA))
 
     def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
@@ -321,68 +326,71 @@ class Engine:
 
     def _levelled_lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise from the slope distance and a levelled height of the target."""
-        start, end = self.state.heights[sight.origin], self.state.heights[sight.target]
+        start, end = self.known.heights[sight.origin], self.known.heights[sight.target]
         if sight.distance is None or start is None or end is None or abs(end - start) >= sight.distance[0]:
             return None
         (distance, row), rise = sight.distance, end - start
         levelled = (
             line
             for other, _, line in self.graph.height_differences[sight.target]
-            if self.state.heights[other] is not None
+            if self.known.heights[other] is not None
         )
         return (math.sqrt(distance**2 - rise**2), rise), (row, *list(levelled)[:1])
 
     def _take_polar(self, point: int, polar: _Polar) -> None:
-        state, sight = self.state, polar.sight
-        state.positions[point] = plus(state.known(sight.origin), polar.offset)
-        state.has_height[point] = 1
-        state.point_steps[point] = Step("azimuth and distance", polar.rows)
-        state.parents[point], state.noises[point] = sight.station, polar.noise
-        state.spreads[point] = polar.spread
+        known, sight = self.known, polar.sight
+        known.positions[point] = plus(known.position_of(sight.origin), polar.offset)
+        known.has_height[point] = 1
+        known.point_steps[point] = Step("azimuth and distance", polar.rows)
+        known.parents[point], known.relative_sigmas[point] = sight.station, polar.relative_sigma
+        known.point_sigmas[point] = polar.point_sigma
 
-    def _choice(self, point: int, level: Level) -> Choice:
-        """What the constraints of a point say, computed anew only when something has changed around it."""
+    def _best_position(self, point: int, level: Level) -> BestPosition:
+        """What the relations of a point say, computed anew only when something has changed around it."""
         key = (level.strength, level.uses_hints)
-        cached = self.choices.get(point)
+        cached = self.best_positions.get(point)
         if cached is not None and cached[0] == key:
             return cached[1]
-        constraints = collect(self.state, self.graph, point, self.allowed)
-        position, sigmas = self.state.positions[point], self.graph.sigmas
+        relations = collect(self.known, self.graph, point, self.allowed)
+        position, sigmas = self.known.positions[point], self.graph.sigmas
         if position is not None:
-            choice = choose_height(self.state, constraints, sigmas, level.strength, position)
+            best = best_height(self.known, relations, sigmas, level.strength, position)
         else:
             hint = self.hints.get(point) if level.uses_hints else None
-            choice = choose(self.state, constraints, sigmas, level.strength, hint)
-        self.choices[point] = (key, choice)
-        return choice
+            best = best_position(self.known, relations, sigmas, level.strength, hint)
+        self.best_positions[point] = (key, best)
+        return best
 
     def _averaged(self, point: int, fit: Fit) -> Fit:
         """The fit to everything that agrees with it; a height alone stays as it is."""
-        if self.state.positions[point] is not None:
+        if self.known.positions[point] is not None:
             return fit
-        constraints = collect(self.state, self.graph, point, self.allowed)
-        return averaged(self.state, constraints, self.graph.sigmas, fit)
+        relations = collect(self.known, self.graph, point, self.allowed)
+        return averaged(self.known, relations, self.graph.sigmas, fit)
 
     def _take_fit(self, point: int, fit: Fit) -> None:
-        state, candidate, spread = self.state, fit.candidate, self._spread_of(fit)
-        earlier = state.point_steps[point]
-        rows = tuple(dict.fromkeys(row for constraint in candidate.used for row in constraint.rows))
+        known, candidate, point_sigma = self.known, fit.candidate, self._point_sigma_of(fit)
+        earlier = known.point_steps[point]
+        rows = tuple(dict.fromkeys(row for relation in candidate.used for row in relation.rows))
         step = Step(candidate.method, rows)
         if earlier is not None:
             step = Step(f"{earlier.method}, then {candidate.method}", (*earlier.observations, *rows))
-        state.positions[point], state.has_height[point] = candidate.position, candidate.has_height
-        state.point_steps[point] = step
-        state.spreads[point], state.noises[point] = spread, fit.refined.spread
-        if fit.refined.azimuth_spreads:
+        known.positions[point], known.has_height[point] = candidate.position, candidate.has_height
+        known.point_steps[point] = step
+        known.point_sigmas[point], known.relative_sigmas[point] = (
+            point_sigma,
+            fit.refined.point_sigma,
+        )
+        if fit.refined.azimuth_sigmas:
             self._take_g0s(point, fit)
 
     def _take_g0s(self, point: int, fit: Fit) -> None:
         """Orients the stations whose readings have just placed them."""
         position = fit.candidate.position
-        self.state.settle([point])
-        g0s = station_g0s(self.state, fit.candidate.used, position, self.state.vertical_of(point))
-        for station, azimuth_spread in fit.refined.azimuth_spreads.items():
-            self.state.g0[station] = g0s[station]
-            self.state.azimuth_spreads[station] = min(azimuth_spread, math.pi)
-            self.state.station_steps[station] = Step("together with its position")
+        self.known.settle([point])
+        g0s = station_g0s(self.known, fit.candidate.used, position, self.known.vertical_of(point))
+        for station, azimuth_sigma in fit.refined.azimuth_sigmas.items():
+            self.known.g0[station] = g0s[station]
+            self.known.azimuth_sigmas[station] = min(azimuth_sigma, math.pi)
+            self.known.station_steps[station] = Step("together with its position")
             self._spread_orientation(station)

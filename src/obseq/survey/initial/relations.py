@@ -8,24 +8,24 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from obseq.survey.initial.closed_forms import Space, wrap
-from obseq.survey.initial.known import Matrix, State, minus, times
+from obseq.survey.initial.known import Known, Matrix, minus, times
 from obseq.survey.initial.sights import direction
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.initial.sights import Sight, SightGraph
 
 _LOSS_SCALE = 0.005
-"""Relative misfit (rad, or metres per metre) beyond which a constraint speaks against a position."""
+"""Relative misfit (rad, or metres per metre) beyond which a relation speaks against a position."""
 
 
 _SIGMA_OF_GIVEN = 1e-4
 """Sigma (m) of a height that the file gives."""
 
 
-class Kind(enum.IntEnum):
+class Measured(enum.IntEnum):
     """What is constrained; `..._AT` was measured at the point, the others at the known point."""
 
     AZIMUTH = 0
@@ -43,22 +43,22 @@ class Kind(enum.IntEnum):
 
 
 # sets made once: `misfit` is the innermost function of all this
-_AT = frozenset((Kind.READING_AT, Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT))
-_ZENITHS = frozenset((Kind.ZENITH, Kind.ZENITH_AT))
-_PLUMB = frozenset((Kind.EAST, Kind.NORTH))
-_RISES = frozenset((Kind.RISE, Kind.RISE_AT))
-ANGLES = frozenset((Kind.AZIMUTH, Kind.ZENITH, Kind.READING_AT, Kind.ZENITH_AT))
+_AT = frozenset((Measured.READING_AT, Measured.ZENITH_AT, Measured.HORIZONTAL_AT, Measured.RISE_AT))
+_ZENITHS = frozenset((Measured.ZENITH, Measured.ZENITH_AT))
+_PLUMB = frozenset((Measured.EAST, Measured.NORTH))
+_RISES = frozenset((Measured.RISE, Measured.RISE_AT))
+ANGLES = frozenset((Measured.AZIMUTH, Measured.ZENITH, Measured.READING_AT, Measured.ZENITH_AT))
 
 
 @dataclass(slots=True)
-class Constraint:
-    """One constraint between the point looked for and a known point `other`.
+class Relation:
+    """One relation between the point looked for and a known point `other`.
 
     `value` is in metres or radians; for LEVEL it is the height of the point. Readings (READING_AT) of one
     `station` share one unknown G0, unless `g0` is known. A height that the file gives has no `rows`.
     """
 
-    kind: Kind
+    kind: Measured
     other: int
     value: float
     rows: tuple[int, ...]
@@ -71,92 +71,104 @@ class Constraint:
 
 
 def collect(
-    state: State, graph: Graph, point: int, stations: frozenset[int] | None = None
-) -> list[Constraint]:
-    """All constraints that known points put on a point, in a fixed order.
+    known: Known, graph: SightGraph, point: int, stations: frozenset[int] | None = None
+) -> list[Relation]:
+    """All relations that known points put on a point, in a fixed order.
 
     Args:
-        state: known points and oriented stations.
+        known: known points and oriented stations.
         graph: the observations.
         point: the point looked for.
         stations: the only stations that may be used; all when left out.
     """
-    found: list[Constraint] = []
+    found: list[Relation] = []
     for number in graph.sights_to[point]:
         sight = graph.sights[number]
-        if state.verticals[sight.origin] is not None and (stations is None or sight.station in stations):
-            _add_sight_to(state, graph, sight, found)
+        if known.verticals[sight.origin] is not None and (stations is None or sight.station in stations):
+            _add_sight_to(known, graph, sight, found)
     for station in graph.stations_at[point]:
         if graph.orientations[station] == Orientation.BASC or (stations and station not in stations):
             continue
         for number in graph.sights_from[station]:
             sight = graph.sights[number]
-            if state.verticals[sight.target] is not None:
-                _add_sight_at(state, graph, sight, found)
+            if known.verticals[sight.target] is not None:
+                _add_sight_at(known, graph, sight, found)
     for other, distance, row in graph.distances[point]:
-        if state.is_placed(other):
-            found.append(Constraint(Kind.DISTANCE, other, distance, (row,)))
+        if known.is_placed(other):
+            found.append(Relation(Measured.DISTANCE, other, distance, (row,)))
     for other, distance, row in graph.flats[point]:
-        if state.verticals[other] is not None:
-            found.append(Constraint(Kind.HORIZONTAL, other, distance, (row,)))
-    known = state.given_heights.get(point)
-    if known is not None and state.reference is not None:
-        found.append(Constraint(Kind.LEVEL, state.reference, known - state.reference_height, ()))
+        if known.verticals[other] is not None:
+            found.append(Relation(Measured.HORIZONTAL, other, distance, (row,)))
+    given = known.given_heights.get(point)
+    if given is not None and known.reference is not None:
+        found.append(Relation(Measured.LEVEL, known.reference, given - known.reference_height, ()))
     for other, difference, row in graph.height_differences[point]:
-        height = state.heights[other]
+        height = known.heights[other]
         if height is not None:
-            found.append(Constraint(Kind.LEVEL, other, height + difference, (row,)))
+            found.append(Relation(Measured.LEVEL, other, height + difference, (row,)))
     return found
 
 
-def _add_sight_to(state: State, graph: Graph, sight: Sight, found: list[Constraint]) -> None:
+def _add_sight_to(known: Known, graph: SightGraph, sight: Sight, found: list[Relation]) -> None:
     """Measures made at a known point."""
     if graph.orientations[sight.station] == Orientation.BASC:
-        _add_free_sight(state, sight, found)
+        _add_free_sight(known, sight, found)
         return
-    g0, reading = state.g0[sight.station], sight.reading()
+    g0, reading = known.g0[sight.station], sight.reading()
     if g0 is not None and reading is not None:
-        found.append(Constraint(Kind.AZIMUTH, sight.origin, wrap(g0 + reading[0]), reading[1]))
-    _add_lengths(state, sight, sight.origin, (Kind.ZENITH, Kind.HORIZONTAL, Kind.RISE), found)
+        found.append(Relation(Measured.AZIMUTH, sight.origin, wrap(g0 + reading[0]), reading[1]))
+    _add_lengths(known, sight, sight.origin, (Measured.ZENITH, Measured.HORIZONTAL, Measured.RISE), found)
 
 
-def _add_sight_at(state: State, graph: Graph, sight: Sight, found: list[Constraint]) -> None:
+def _add_sight_at(known: Known, graph: SightGraph, sight: Sight, found: list[Relation]) -> None:
     """Measures made at the point itself."""
     reading = sight.reading()
     if reading is not None:
         g0 = 0.0 if graph.orientations[sight.station] == Orientation.FIX else None
-        found.append(Constraint(Kind.READING_AT, sight.target, *reading, sight.station, g0))
-    _add_lengths(state, sight, sight.target, (Kind.ZENITH_AT, Kind.HORIZONTAL_AT, Kind.RISE_AT), found)
+        found.append(Relation(Measured.READING_AT, sight.target, *reading, sight.station, g0))
+    _add_lengths(
+        known,
+        sight,
+        sight.target,
+        (Measured.ZENITH_AT, Measured.HORIZONTAL_AT, Measured.RISE_AT),
+        found,
+    )
 
 
 def _add_lengths(
-    state: State, sight: Sight, other: int, kinds: tuple[Kind, Kind, Kind], found: list[Constraint]
+    known: Known,
+    sight: Sight,
+    other: int,
+    kinds: tuple[Measured, Measured, Measured],
+    found: list[Relation],
 ) -> None:
     """Zenith angle, DX with DY, and DZ of a plumb instrument."""
-    if sight.zenith is not None and state.is_placed(other):
-        found.append(Constraint(kinds[0], other, sight.zenith[0], (sight.zenith[1],)))
+    if sight.zenith is not None and known.is_placed(other):
+        found.append(Relation(kinds[0], other, sight.zenith[0], (sight.zenith[1],)))
     if sight.dx is not None and sight.dy is not None:
         length, rows = math.hypot(sight.dx[0], sight.dy[0]), (sight.dx[1], sight.dy[1])
-        plumb = (Kind.EAST, Kind.NORTH) if length == 0.0 else (kinds[1],)  # a circle of no radius is a point
-        found.extend(Constraint(kind, other, length, rows) for kind in plumb)
-    if sight.dz is not None and state.is_placed(other):
-        found.append(Constraint(kinds[2], other, sight.dz[0], (sight.dz[1],)))
+        plumb = (
+            (Measured.EAST, Measured.NORTH) if length == 0.0 else (kinds[1],)
+        )  # a circle of no radius is a point
+        found.extend(Relation(kind, other, length, rows) for kind in plumb)
+    if sight.dz is not None and known.is_placed(other):
+        found.append(Relation(kinds[2], other, sight.dz[0], (sight.dz[1],)))
 
 
-def _add_free_sight(state: State, sight: Sight, found: list[Constraint]) -> None:
+def _add_free_sight(known: Known, sight: Sight, found: list[Relation]) -> None:
     """Measures of an oriented #BASC station, turned into azimuth, zenith angle and lengths at its origin."""
-    rotation, vector = state.rotations[sight.station], free_direction(sight)
-    if rotation is None or vector is None or not state.is_placed(sight.origin):
+    rotation, vector = known.rotations[sight.station], free_direction(sight)
+    if rotation is None or vector is None or not known.is_placed(sight.origin):
         return
     (local, rows), is_complete = vector
-    east, north, up = times(state.vertical_of(sight.origin), times(rotation, local))
+    east, north, up = times(known.vertical_of(sight.origin), times(rotation, local))
     flat = math.hypot(east, north)
-    found.append(Constraint(Kind.AZIMUTH, sight.origin, math.atan2(east, north), rows))
+    found.append(Relation(Measured.AZIMUTH, sight.origin, math.atan2(east, north), rows))
     if is_complete:
-        found.append(Constraint(Kind.HORIZONTAL, sight.origin, flat, rows))
-        found.append(Constraint(Kind.RISE, sight.origin, up, rows))
+        found.append(Relation(Measured.HORIZONTAL, sight.origin, flat, rows))
+        found.append(Relation(Measured.RISE, sight.origin, up, rows))
     else:
-        found.append(Constraint(Kind.ZENITH, sight.origin, math.atan2(flat, up), rows))
+        found.append(Relation(Measured.ZENITH, sight.origin, math.atan2(flat, up), rows))
 
 
 def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] | None:
@@ -169,57 +181,55 @@ def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] |
     return (direction(sight.hz[0], sight.zenith[0]), (sight.hz[1], sight.zenith[1])), False
 
 
-def misfit(state: State, constraint: Constraint, position: Space, vertical: Matrix, g0: float) -> float:
-    """Computed - observed (rad or m) of one constraint; `vertical` and `g0` are those at the position."""
-    kind, other, value = constraint.kind, constraint.other, constraint.value
-    if kind == Kind.LEVEL:
-        return state.height_of(position, vertical) - value
-    offset = minus(position, state.known(other))
-    if kind == Kind.DISTANCE:
+def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, g0: float) -> float:
+    """Computed - observed (rad or m) of one relation; `vertical` and `g0` are those at the position."""
+    kind, other, value = relation.kind, relation.other, relation.value
+    if kind == Measured.LEVEL:
+        return known.height_of(position, vertical) - value
+    offset = minus(position, known.position_of(other))
+    if kind == Measured.DISTANCE:
         return math.hypot(*offset) - value
     if kind in _AT:
         east, north, up = times(vertical, (-offset[0], -offset[1], -offset[2]))
     else:
-        east, north, up = times(state.vertical_of(other), offset)
-    if kind == Kind.AZIMUTH:
+        east, north, up = times(known.vertical_of(other), offset)
+    if kind == Measured.AZIMUTH:
         return wrap(math.atan2(east, north) - value)
-    if kind == Kind.READING_AT:
+    if kind == Measured.READING_AT:
         return wrap(math.atan2(east, north) - g0 - value)
     if kind in _ZENITHS:
         return math.atan2(math.hypot(east, north), up) - value
     if kind in _PLUMB:
-        return (east if kind == Kind.EAST else north) - value
+        return (east if kind == Measured.EAST else north) - value
     return (up if kind in _RISES else math.hypot(east, north)) - value
 
 
-def scaled_misfit(
-    state: State, constraint: Constraint, position: Space, vertical: Matrix, g0: float
-) -> float:
+def scaled_misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, g0: float) -> float:
     """The misfit as an angle: lengths are divided by the distance to the known point."""
-    size = misfit(state, constraint, position, vertical, g0)
-    if constraint.kind in ANGLES:
+    size = misfit(known, relation, position, vertical, g0)
+    if relation.kind in ANGLES:
         return size
-    return size / distance_to(state, constraint, position)
+    return size / distance_to(known, relation, position)
 
 
-def distance_to(state: State, constraint: Constraint, position: Space) -> float:
+def distance_to(known: Known, relation: Relation, position: Space) -> float:
     """Distance to the known point; to the reference point when only the height of that point is known."""
-    other = state.positions[constraint.other]
+    other = known.positions[relation.other]
     if other is None:
-        other = state.known(state.reference or 0)
+        other = known.position_of(known.reference or 0)
     return max(math.hypot(*minus(position, other)), 1e-3)
 
 
 def station_g0s(
-    state: State, constraints: Sequence[Constraint], position: Space, vertical: Matrix
+    known: Known, relations: Sequence[Relation], position: Space, vertical: Matrix
 ) -> dict[int, float]:
     """G0 of each station at the position: known, or from the first reading that no other contradicts."""
     differences: dict[int, list[float]] = {}
-    for constraint in constraints:
-        if constraint.kind == Kind.READING_AT:
-            angle = misfit(state, constraint, position, vertical, 0.0)
-            known = constraint.g0
-            differences.setdefault(constraint.station, []).append(angle if known is None else known)
+    for relation in relations:
+        if relation.kind == Measured.READING_AT:
+            angle = misfit(known, relation, position, vertical, 0.0)
+            given = relation.g0
+            differences.setdefault(relation.station, []).append(angle if given is None else given)
     return {station: central_angle(angles) for station, angles in differences.items()}
 
 
@@ -231,12 +241,12 @@ def central_angle(angles: list[float]) -> float:
     return min(sample, key=lambda angle: sum(abs(wrap(other - angle)) for other in sample))
 
 
-def disagreement(state: State, constraints: Sequence[Constraint], position: Space, vertical: Matrix) -> float:
-    """How many constraints speak against a position, counted softly; 0 for a perfect fit."""
-    g0s = station_g0s(state, constraints, position, vertical)
+def disagreement(known: Known, relations: Sequence[Relation], position: Space, vertical: Matrix) -> float:
+    """How many relations speak against a position, counted softly; 0 for a perfect fit."""
+    g0s = station_g0s(known, relations, position, vertical)
     total = 0.0
-    for constraint in constraints:
-        g0 = g0s.get(constraint.station, 0.0)
-        size = abs(scaled_misfit(state, constraint, position, vertical, g0))
+    for relation in relations:
+        g0 = g0s.get(relation.station, 0.0)
+        size = abs(scaled_misfit(known, relation, position, vertical, g0))
         total += size / (size + _LOSS_SCALE)
     return total

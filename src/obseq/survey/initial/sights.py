@@ -39,8 +39,8 @@ class Sight:
     """Measures of one station to one target, in the frame of the instrument.
 
     `distance` is the slope distance between the two points, whoever measured it. `lift` is how much higher
-    the target is above its ground than the instrument above its own. `noise` is the expected error of the
-    vector.
+    the target is above its ground than the instrument above its own. `vector_sigma` is the expected error of
+    the vector.
     """
 
     station: int
@@ -53,21 +53,21 @@ class Sight:
     dz: Measure | None = None
     distance: Measure | None = None
     lift: float = 0.0
-    noise: float = 0.0
+    vector_sigma: float = 0.0
     _vector: Vector | None = None
 
     def complete(self, sigmas: Sequence[float]) -> None:
-        """Makes the vector and its noise from the measures, once they are all there."""
+        """Makes the vector and its sigma from the measures, once they are all there."""
         if self.dx is not None and self.dy is not None and self.dz is not None:
             rows = (self.dx[1], self.dy[1], self.dz[1])
             self._vector = (self.dx[0], self.dy[0], self.dz[0]), rows
-            self.noise = math.hypot(*(sigmas[row] for row in rows))
+            self.vector_sigma = math.hypot(*(sigmas[row] for row in rows))
         elif self.hz is not None and self.zenith is not None and self.distance is not None:
             length, rows = self.distance[0], (self.hz[1], self.zenith[1], self.distance[1])
             x, y, z = direction(self.hz[0], self.zenith[0], length)
             self._vector = (x, y, z - self.lift), rows
             angles = math.hypot(sigmas[rows[0]], sigmas[rows[1]])
-            self.noise = math.hypot(angles * length, sigmas[rows[2]])
+            self.vector_sigma = math.hypot(angles * length, sigmas[rows[2]])
 
     def reading(self) -> tuple[float, tuple[int, ...]] | None:
         """Reading of the horizontal circle and its observations; from DX and DY when there is no Hz."""
@@ -98,7 +98,7 @@ def direction(azimuth: float, zenith: float, length: float = 1.0) -> tuple[float
 
 
 @dataclass
-class Graph:
+class SightGraph:
     """The field book as a graph: for each point and station, its sights, distances and height differences.
 
     Attributes:
@@ -132,7 +132,7 @@ class Graph:
 
 def build_graph(
     book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8], *, is_level: bool = False
-) -> Graph:
+) -> SightGraph:
     """The graph of a field book whose rows are rows of `n_points` points.
 
     The angles at a point from one backsight become a plumb station with the reading 0 there; such stations
@@ -144,7 +144,7 @@ def build_graph(
         orientations: of its stations.
         is_level: whether all points have the same height: every sight is level then.
     """
-    graph = Graph(
+    graph = SightGraph(
         orientations=[Orientation(value) for value in orientations.tolist()],
         origins=book.stations.origins.tolist(),
         sigmas=book.observations.sigmas.tolist(),
@@ -166,7 +166,7 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _collect(graph: Graph, book: FieldBook, *, is_level: bool) -> None:
+def _collect(graph: SightGraph, book: FieldBook, *, is_level: bool) -> None:
     """Fills the graph from the columns, kind by kind."""
     observations = book.observations
     usable = np.flatnonzero(observations.active)
@@ -213,7 +213,7 @@ def _start_values(book: FieldBook, kind: ObservationKind, rows: Rows) -> list[tu
     ]
 
 
-def _add_sights(graph: Graph, book: FieldBook, rows: Rows) -> None:
+def _add_sights(graph: SightGraph, book: FieldBook, rows: Rows) -> None:
     """One sight for each station and target, in reading order."""
     observations = book.observations
     columns = (observations.stations[rows], observations.to_points[rows], observations.from_points[rows])
@@ -223,7 +223,7 @@ def _add_sights(graph: Graph, book: FieldBook, rows: Rows) -> None:
 
 
 def _add_measures(
-    graph: Graph, book: FieldBook, kind: ObservationKind, measured: list[tuple[int, int, int, float]]
+    graph: SightGraph, book: FieldBook, kind: ObservationKind, measured: list[tuple[int, int, int, float]]
 ) -> None:
     """Gives each sight the first of its measures of a kind."""
     slot, is_zenith = kind.start.value, kind.start is Start.ZENITH
@@ -240,7 +240,7 @@ def _add_measures(
 
 
 def _add_distances(
-    graph: Graph,
+    graph: SightGraph,
     measured: list[tuple[int, int, int, float]],
     first: dict[tuple[int, int], Measure],
     of_points: list[list[tuple[int, float, int]]],
@@ -253,7 +253,9 @@ def _add_distances(
             of_points[target].append((origin, value, row))
 
 
-def _add_angles(graph: Graph, measured: list[tuple[int, int, int, float]], backsights: list[int]) -> None:
+def _add_angles(
+    graph: SightGraph, measured: list[tuple[int, int, int, float]], backsights: list[int]
+) -> None:
     """Stations of their own: the backsight reads 0, the others their angles."""
     stations: dict[tuple[int, int], int] = {}
     for (row, origin, target, value), backsight in zip(measured, backsights, strict=True):
@@ -269,14 +271,14 @@ def _add_angles(graph: Graph, measured: list[tuple[int, int, int, float]], backs
             _add_sight(graph, station, target=target, origin=origin, hz=(value, row))
 
 
-def _add_sight(graph: Graph, station: int, target: int, origin: int, hz: Measure | None = None) -> None:
+def _add_sight(graph: SightGraph, station: int, target: int, origin: int, hz: Measure | None = None) -> None:
     number = graph.sight_of[station, target] = len(graph.sights)
     graph.sights.append(Sight(station, origin, target, hz))
     graph.sights_from[station].append(number)
     graph.sights_to[target].append(number)
 
 
-def _add_rises(graph: Graph, measured: list[tuple[int, int, int, float]]) -> None:
+def _add_rises(graph: SightGraph, measured: list[tuple[int, int, int, float]]) -> None:
     for row, origin, target, value in measured:
         graph.height_differences[origin].append((target, -value, row))
         graph.height_differences[target].append((origin, value, row))

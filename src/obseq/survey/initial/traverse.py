@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import State
-    from obseq.survey.initial.sights import Graph, Sight
+    from obseq.survey.initial.known import Known
+    from obseq.survey.initial.sights import Sight, SightGraph
 
 _MOST_STATIONS = 50
 """Stations that are linked through one common target."""
@@ -42,8 +42,8 @@ class Link:
 
     origin: Space | None
     targets: tuple[tuple[int, Space], ...]
-    spread: float
-    noise: float
+    azimuth_sigma: float
+    relative_sigma: float
     parent: int | None
     method: str
     rows: tuple[int, ...]
@@ -55,7 +55,7 @@ class _Shared:
 
     point: int
     seen: Space
-    noise: float
+    relative_sigma: float
     sight: Sight
 
 
@@ -64,23 +64,23 @@ class _Way:
     """How an oriented station sees another: where (local east, north, up), and what gives its azimuth."""
 
     position: Space
-    noise: float
+    relative_sigma: float
     shared: list[_Shared]
-    spread: float
+    azimuth_sigma: float
     method: str
 
 
-def polar_vector(state: State, graph: Graph, sight: Sight) -> tuple[Space, float] | None:
-    """Vector (frame) of a sight of an oriented station and its noise (m); None when it is incomplete."""
+def polar_vector(known: Known, graph: SightGraph, sight: Sight) -> tuple[Space, float] | None:
+    """Vector (frame) of a sight of an oriented station and its sigma (m); None when it is incomplete."""
     vector = sight.vector()
-    rotation, g0 = state.rotations[sight.station], state.g0[sight.station]
-    vertical = state.verticals[sight.origin]
+    rotation, g0 = known.rotations[sight.station], known.g0[sight.station]
+    vertical = known.verticals[sight.origin]
     if vector is None or vertical is None or (rotation is None and g0 is None):
         return None
-    noise = sight.noise
+    relative_sigma = sight.vector_sigma
     if rotation is not None:
-        return times(rotation, vector[0]), noise
-    return transposed_times(vertical, turned(vector[0], g0 or 0.0)), noise
+        return times(rotation, vector[0]), relative_sigma
+    return transposed_times(vertical, turned(vector[0], g0 or 0.0)), relative_sigma
 
 
 def turned(vector: Space, g0: float) -> Space:
@@ -89,7 +89,7 @@ def turned(vector: Space, g0: float) -> Space:
     return x * cosine + y * sine, y * cosine - x * sine, z
 
 
-def vector_noise(graph: Graph, vector: Space, rows: tuple[int, ...]) -> float:
+def vector_sigma(graph: SightGraph, vector: Space, rows: tuple[int, ...]) -> float:
     """Expected error (m) of a vector from the sigmas of its observations."""
     length = math.hypot(*vector)
     return math.hypot(*(graph.sigmas[row] * (length if graph.is_angle[row] else 1.0) for row in rows))
@@ -99,13 +99,13 @@ class Traverse:
     """The queue of links; the surest comes out first.
 
     Args:
-        state: what is known; it is not changed here.
+        known: what is known; it is not changed here.
         graph: the observations.
         stations: the stations that may be used; all when None.
     """
 
-    def __init__(self, state: State, graph: Graph, stations: frozenset[int] | None) -> None:
-        self.state, self.graph, self.stations = state, graph, stations
+    def __init__(self, known: Known, graph: SightGraph, stations: frozenset[int] | None) -> None:
+        self.known, self.graph, self.stations = known, graph, stations
         self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
 
@@ -113,64 +113,71 @@ class Traverse:
         """The surest link to a station that is not oriented; None when none is as sure as the limit (rad)."""
         while self.queue and self.queue[0][0] <= limit:
             _, station, _, make = heapq.heappop(self.queue)
-            if self.state.station_steps[station] is None:
+            if self.known.station_steps[station] is None:
                 return station, make()
         return None
 
-    def _push(self, station: int, spread: float, make: Callable[[], Link]) -> None:
+    def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
         """Links are made only when it is their turn: most never are."""
-        heapq.heappush(self.queue, (spread, station, next(self.count), make))
+        heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
 
     def _is_open(self, station: int) -> bool:
         return (
             self.graph.orientations[station] == Orientation.VERT
-            and self.state.station_steps[station] is None
+            and self.known.station_steps[station] is None
             and (self.stations is None or station in self.stations)
         )
 
     def add_azimuths(self, station: int, targets: set[int]) -> None:
         """Links of a station on a located point by the azimuths of some located targets."""
         origin = self.graph.origins[station]
-        if self.state.verticals[origin] is None or not self._is_open(station):
+        if self.known.verticals[origin] is None or not self._is_open(station):
             return
         for number in self.graph.sights_from[station]:
             sight = self.graph.sights[number]
-            if sight.target in targets and self.state.verticals[sight.target] is not None:
+            if sight.target in targets and self.known.verticals[sight.target] is not None:
                 self._add_azimuth(sight)
 
     def _add_azimuth(self, sight: Sight) -> None:
-        state, reading = self.state, sight.reading()
-        target = state.known(sight.target)
-        distance = _flat_distance(state, sight.origin, target)
+        known, reading = self.known, sight.reading()
+        target = known.position_of(sight.target)
+        distance = _flat_distance(known, sight.origin, target)
         if reading is None or distance == 0.0:
             return
-        moved = math.hypot(_honest_spread(state, sight.origin), _honest_spread(state, sight.target))
-        spread = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
+        moved = math.hypot(_honest_sigma(known, sight.origin), _honest_sigma(known, sight.target))
+        azimuth_sigma = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
         link = partial(
-            Link, None, ((sight.target, target),), spread, 0.0, None, "azimuth of a known point", reading[1]
+            Link,
+            None,
+            ((sight.target, target),),
+            azimuth_sigma,
+            0.0,
+            None,
+            "azimuth of a known point",
+            reading[1],
         )
-        self._push(sight.station, spread, link)
+        self._push(sight.station, azimuth_sigma, link)
 
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
         seen = self._seen_from(station)
         found: dict[int, list[_Shared]] = {}
-        for point, (vector, noise) in seen.items():
+        for point, (vector, relative_sigma) in seen.items():
             for number in self.graph.sights_to[point][:_MOST_STATIONS]:
                 sight = self.graph.sights[number]
                 if sight.station != station and self._is_open(sight.station):
-                    found.setdefault(sight.station, []).append(_Shared(point, vector, noise, sight))
+                    found.setdefault(sight.station, []).append(_Shared(point, vector, relative_sigma, sight))
         for other, shared in found.items():
             self._add_link(station, other, seen, shared)
 
     def _seen_from(self, station: int) -> dict[int, tuple[Space, float]]:
-        """Local east, north, up of the origin and of the targets with a complete vector, with their noise."""
+        """Local east, north, up of the origin and of the targets with a complete vector, with their sigma."""
         origin = self.graph.origins[station]
-        vertical = self.state.vertical_of(origin)
+        vertical = self.known.vertical_of(origin)
         seen: dict[int, tuple[Space, float]] = {origin: ((0.0, 0.0, 0.0), 0.0)}
         for number in self.graph.sights_from[station]:
             sight = self.graph.sights[number]
-            vector = polar_vector(self.state, self.graph, sight)
+            vector = polar_vector(self.known, self.graph, sight)
             if vector is not None:
                 seen[sight.target] = (times(vertical, vector[0]), vector[1])
         return seen
@@ -182,23 +189,23 @@ class Traverse:
         found = self._by_sight(seen[origin], shared) if origin in seen else None
         found = found or self._by_two_targets(shared)
         if found is not None:
-            total = math.hypot(self.state.azimuth_spreads[station], found.spread)
+            total = math.hypot(self.known.azimuth_sigmas[station], found.azimuth_sigma)
             self._push(other, total, partial(self._link, station, found, total))
 
     def _by_sight(self, origin: tuple[Space, float], shared: list[_Shared]) -> _Way | None:
         """The oriented station sees the other; a common target, or the sight back, gives the azimuth."""
-        position, noise = origin
+        position, relative_sigma = origin
         best: tuple[float, _Shared] | None = None
         for item in shared:
             distance = math.dist(position[:2], item.seen[:2])
             if distance > 0.0 and item.sight.reading() is not None:
                 sigma = reading_sigma(self.graph, item.sight, distance)
-                spread = math.hypot(math.hypot(noise, item.noise) / distance, sigma)
-                if best is None or spread < best[0]:
-                    best = (spread, item)
+                azimuth_sigma = math.hypot(math.hypot(relative_sigma, item.relative_sigma) / distance, sigma)
+                if best is None or azimuth_sigma < best[0]:
+                    best = (azimuth_sigma, item)
         if best is None:
             return None
-        return _Way(position, noise, [best[1]], best[0], "azimuth and distance")
+        return _Way(position, relative_sigma, [best[1]], best[0], "azimuth and distance")
 
     def _by_two_targets(self, shared: list[_Shared]) -> _Way | None:
         """Free station on two common targets that are far apart."""
@@ -209,21 +216,29 @@ class Traverse:
         a = max(complete, key=lambda item: math.dist(b.seen[:2], item.seen[:2]))
         own = [vector for item in (a, b) if (vector := item.sight.vector())]
         base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own[0][0][:2], own[1][0][:2])
-        noise = math.hypot(a.noise, b.noise, a.sight.noise, b.sight.noise)
-        if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * noise:
+        relative_sigma = math.hypot(
+            a.relative_sigma, b.relative_sigma, a.sight.vector_sigma, b.sight.vector_sigma
+        )
+        if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * relative_sigma:
             return None
         g0 = _azimuth(a.seen, b.seen) - _azimuth(own[0][0], own[1][0])
         ends = [minus(item.seen, turned(vector[0], g0)) for item, vector in zip((a, b), own, strict=True)]
         middle = tuple((p + q) / 2.0 for p, q in zip(ends[0], ends[1], strict=True))
         position = (middle[0], middle[1], middle[2])
-        spread = noise / base
+        azimuth_sigma = relative_sigma / base
         away = math.dist(position[:2], ((a.seen[0] + b.seen[0]) / 2.0, (a.seen[1] + b.seen[1]) / 2.0))
-        return _Way(position, math.hypot(noise, spread * away), [a, b], spread, "free station")
+        return _Way(
+            position,
+            math.hypot(relative_sigma, azimuth_sigma * away),
+            [a, b],
+            azimuth_sigma,
+            "free station",
+        )
 
     def _link(self, station: int, way: _Way, total: float) -> Link:
         """A link whose local positions are put in the frame."""
-        start = self.state.known(self.graph.origins[station])
-        vertical = self.state.vertical_of(self.graph.origins[station])
+        start = self.known.position_of(self.graph.origins[station])
+        vertical = self.known.vertical_of(self.graph.origins[station])
         targets = tuple(
             (item.point, plus(start, transposed_times(vertical, item.seen))) for item in way.shared
         )
@@ -235,35 +250,37 @@ class Traverse:
             for sight in both:
                 rows.extend((sight.vector() or sight.reading() or ((), ()))[1])
         origin = plus(start, transposed_times(vertical, way.position))
-        return Link(origin, targets, total, way.noise, station, way.method, tuple(dict.fromkeys(rows)))
+        return Link(
+            origin, targets, total, way.relative_sigma, station, way.method, tuple(dict.fromkeys(rows))
+        )
 
 
-def link_g0(state: State, graph: Graph, station: int, link: Link) -> float:
+def link_g0(known: Known, graph: SightGraph, station: int, link: Link) -> float:
     """G0 of a station by a link, once the vertical of its origin is known."""
     origin = graph.origins[station]
-    start = state.known(origin) if link.origin is None else link.origin
+    start = known.position_of(origin) if link.origin is None else link.origin
     angles = []
     for point, position in link.targets:
         reading = graph.sights[graph.sight_of[station, point]].reading()
         if reading is not None:
-            east, north, _ = times(state.vertical_of(origin), minus(position, start))
+            east, north, _ = times(known.vertical_of(origin), minus(position, start))
             angles.append(math.atan2(east, north) - reading[0])
     return wrap(angles[0] + sum(wrap(angle - angles[0]) for angle in angles) / len(angles))
 
 
-def link_rise(state: State, graph: Graph, station: int, link: Link) -> float:
+def link_rise(known: Known, graph: SightGraph, station: int, link: Link) -> float:
     """How much too low a free station is, from its own rises to the common targets and its own vertical."""
     origin = graph.origins[station]
     rises = []
     for point, position in link.targets:
         vector = graph.sights[graph.sight_of[station, point]].vector()
         if vector is not None:
-            computed = times(state.vertical_of(origin), minus(position, state.known(origin)))[2]
+            computed = times(known.vertical_of(origin), minus(position, known.position_of(origin)))[2]
             rises.append(computed - vector[0][2])
     return sum(rises) / len(rises)
 
 
-def reading_sigma(graph: Graph, sight: Sight, distance: float) -> float:
+def reading_sigma(graph: SightGraph, sight: Sight, distance: float) -> float:
     """Sigma of a reading (rad), also of one made from DX and DY."""
     if sight.hz is not None:
         return graph.sigmas[sight.hz[1]]
@@ -274,14 +291,14 @@ def _azimuth(a: Space, b: Space) -> float:
     return math.atan2(b[0] - a[0], b[1] - a[1])
 
 
-def _flat_distance(state: State, origin: int, target: Space) -> float:
+def _flat_distance(known: Known, origin: int, target: Space) -> float:
     """Horizontal distance to a target, 0 when it is on the vertical."""
-    east, north, up = times(state.vertical_of(origin), minus(target, state.known(origin)))
+    east, north, up = times(known.vertical_of(origin), minus(target, known.position_of(origin)))
     distance = math.hypot(east, north)
     return distance if distance > 1e-6 * abs(up) + 1e-9 else 0.0
 
 
-def _honest_spread(state: State, point: int) -> float:
-    step: Step | None = state.point_steps[point]
+def _honest_sigma(known: Known, point: int) -> float:
+    step: Step | None = known.point_steps[point]
     is_given = step is not None and step.method == "given"
-    return state.spreads[point] * (1.0 if is_given else _DRIFT)
+    return known.point_sigmas[point] * (1.0 if is_given else _DRIFT)

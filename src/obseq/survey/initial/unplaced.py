@@ -6,30 +6,30 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.relations import Constraint, Kind, collect
+from obseq.survey.initial.relations import Measured, Relation, collect
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from obseq.survey.initial.best_position import Choice
-    from obseq.survey.initial.known import State
-    from obseq.survey.initial.sights import Graph
+    from obseq.survey.initial.best_position import BestPosition
+    from obseq.survey.initial.known import Known
+    from obseq.survey.initial.sights import SightGraph
     from obseq.survey.model import FieldBook
 
 _WORDS = {
-    Kind.AZIMUTH: ("direction from", "directions from"),
-    Kind.ZENITH: ("zenith angle from", "zenith angles from"),
-    Kind.DISTANCE: ("distance to", "distances to"),
-    Kind.LEVEL: ("height difference to", "height differences to"),
-    Kind.READING_AT: ("reading to", "readings to"),
-    Kind.ZENITH_AT: ("zenith angle to", "zenith angles to"),
-    Kind.HORIZONTAL: ("DX, DY from", "DX, DY from"),
-    Kind.HORIZONTAL_AT: ("DX, DY to", "DX, DY to"),
-    Kind.RISE: ("DZ from", "DZ from"),
-    Kind.RISE_AT: ("DZ to", "DZ to"),
-    Kind.EAST: ("DX of zero with", "DX of zero with"),
-    Kind.NORTH: ("DY of zero with", "DY of zero with"),
+    Measured.AZIMUTH: ("direction from", "directions from"),
+    Measured.ZENITH: ("zenith angle from", "zenith angles from"),
+    Measured.DISTANCE: ("distance to", "distances to"),
+    Measured.LEVEL: ("height difference to", "height differences to"),
+    Measured.READING_AT: ("reading to", "readings to"),
+    Measured.ZENITH_AT: ("zenith angle to", "zenith angles to"),
+    Measured.HORIZONTAL: ("DX, DY from", "DX, DY from"),
+    Measured.HORIZONTAL_AT: ("DX, DY to", "DX, DY to"),
+    Measured.RISE: ("DZ from", "DZ from"),
+    Measured.RISE_AT: ("DZ to", "DZ to"),
+    Measured.EAST: ("DX of zero with", "DX of zero with"),
+    Measured.NORTH: ("DY of zero with", "DY of zero with"),
 }
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 _MOST_NAMES = 4
@@ -55,26 +55,29 @@ class Unplaced:
 
 
 def explain_points(
-    state: State, graph: Graph, choices: Mapping[int, tuple[object, Choice]], book: FieldBook
+    known: Known,
+    graph: SightGraph,
+    best_positions: Mapping[int, tuple[object, BestPosition]],
+    book: FieldBook,
 ) -> list[Unplaced]:
     """The points without position, in the order of the table."""
-    missing = [point for point in range(len(state.names)) if not state.is_placed(point)]
+    missing = [point for point in range(len(known.names)) if not known.is_placed(point)]
     if not missing:
         return []
-    linked = _linked_to_known(state, graph)
+    linked = _linked_to_known(known, graph)
     return [
         Unplaced(
-            f"point {state.names[p]}",
-            _reason(state, graph, choices[p][1] if p in choices else None, linked, p),
+            f"point {known.names[p]}",
+            _reason(known, graph, best_positions[p][1] if p in best_positions else None, linked, p),
             p,
         )
         for p in missing
     ]
 
 
-def _linked_to_known(state: State, graph: Graph) -> set[int]:
+def _linked_to_known(known: Known, graph: SightGraph) -> set[int]:
     """Points that a chain of observations links to a located point."""
-    reached = {point for point, vertical in enumerate(state.verticals) if vertical is not None}
+    reached = {point for point, vertical in enumerate(known.verticals) if vertical is not None}
     waiting = deque(reached)
     while waiting:
         for other in _neighbours(graph, waiting.popleft()):
@@ -84,7 +87,7 @@ def _linked_to_known(state: State, graph: Graph) -> set[int]:
     return reached
 
 
-def _neighbours(graph: Graph, point: int) -> Iterable[int]:
+def _neighbours(graph: SightGraph, point: int) -> Iterable[int]:
     for station in graph.stations_at[point]:
         for number in graph.sights_from[station]:
             yield graph.sights[number].target
@@ -98,46 +101,46 @@ def _neighbours(graph: Graph, point: int) -> Iterable[int]:
         yield other
 
 
-def _reason(state: State, graph: Graph, choice: Choice | None, linked: set[int], point: int) -> str:
+def _reason(known: Known, graph: SightGraph, best: BestPosition | None, linked: set[int], point: int) -> str:
     neighbours = list(dict.fromkeys(_neighbours(graph, point)))
     if not neighbours:
         return "no active observation names it, and it has no coordinates"
     if point not in linked:
         return "not connected to any known point by a chain of observations"
-    if choice is not None and choice.alternatives:
-        places = " or ".join(f"({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in choice.alternatives[:3])
+    if best is not None and best.alternatives:
+        places = " or ".join(f"({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in best.alternatives[:3])
         return f"its observations fit several positions equally well: {places}; one more observation decides"
-    constraints = collect(state, graph, point)
-    if not constraints:
-        return _unhelpful_neighbours(state, graph, point, neighbours)
-    has = listed(state, constraints)
-    if state.positions[point] is not None:
+    relations = collect(known, graph, point)
+    if not relations:
+        return _unhelpful_neighbours(known, graph, point, neighbours)
+    has = listed(known, relations)
+    if known.positions[point] is not None:
         return (
             f"its horizontal position is found, not its height (it has {has}); a zenith angle, a height "
             "difference or a distance is needed"
         )
-    if (choice is not None and choice.strength > 0.0) or _are_enough(constraints):
+    if (best is not None and best.strength > 0.0) or _are_enough(relations):
         return (
             f"the geometry is too weak (it has {has}): sights nearly parallel, or a point near the circle "
             "through the targets; an observation in another direction is needed"
         )
-    return f"it has only {has}; {_advice(constraints)}"
+    return f"it has only {has}; {_advice(relations)}"
 
 
-def _are_enough(constraints: list[Constraint]) -> bool:
+def _are_enough(relations: list[Relation]) -> bool:
     """Enough observations for a position, in number."""
-    readings = Counter(c.station for c in constraints if c.kind == Kind.READING_AT)
-    rays = {c.other for c in constraints if c.kind == Kind.AZIMUTH}
-    spheres = {c.other for c in constraints if c.kind == Kind.DISTANCE}
+    readings = Counter(c.station for c in relations if c.kind == Measured.READING_AT)
+    rays = {c.other for c in relations if c.kind == Measured.AZIMUTH}
+    spheres = {c.other for c in relations if c.kind == Measured.DISTANCE}
     return max(readings.values(), default=0) >= 3 or len(rays) >= 2 or len(spheres) >= 3
 
 
-def _unhelpful_neighbours(state: State, graph: Graph, point: int, neighbours: list[int]) -> str:
-    unplaced = [state.names[other] for other in neighbours if not state.is_placed(other)]
+def _unhelpful_neighbours(known: Known, graph: SightGraph, point: int, neighbours: list[int]) -> str:
+    unplaced = [known.names[other] for other in neighbours if not known.is_placed(other)]
     if len(unplaced) == len(neighbours):
         return f"observed only with points that have no position either: {_names(unplaced)}"
-    known = [state.names[other] for other in neighbours if state.is_placed(other)]
-    return f"its observations with {_names(known)} cannot be used: the orientation of the station is unknown"
+    placed = [known.names[other] for other in neighbours if known.is_placed(other)]
+    return f"its observations with {_names(placed)} cannot be used: the orientation of the station is unknown"
 
 
 def _names(names: list[str]) -> str:
@@ -145,11 +148,11 @@ def _names(names: list[str]) -> str:
     return shown if len(names) <= _MOST_NAMES else f"{shown} and {len(names) - _MOST_NAMES} more"
 
 
-def listed(state: State, constraints: list[Constraint]) -> str:
-    """The constraints in words: `one direction and one zenith angle from S1`."""
-    others: dict[Kind, list[str]] = {}
-    for constraint in constraints:
-        others.setdefault(constraint.kind, []).append(state.names[constraint.other])
+def listed(known: Known, relations: list[Relation]) -> str:
+    """The relations in words: `one direction and one zenith angle from S1`."""
+    others: dict[Measured, list[str]] = {}
+    for relation in relations:
+        others.setdefault(relation.kind, []).append(known.names[relation.other])
     parts = []
     for kind, names in others.items():
         number = _NUMBERS[len(names)] if len(names) < len(_NUMBERS) else str(len(names))
@@ -157,33 +160,39 @@ def listed(state: State, constraints: list[Constraint]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _advice(constraints: list[Constraint]) -> str:
-    kinds = {constraint.kind for constraint in constraints}
-    if kinds <= {Kind.LEVEL, Kind.ZENITH, Kind.ZENITH_AT, Kind.RISE, Kind.RISE_AT}:
+def _advice(relations: list[Relation]) -> str:
+    kinds = {relation.kind for relation in relations}
+    if kinds <= {
+        Measured.LEVEL,
+        Measured.ZENITH,
+        Measured.ZENITH_AT,
+        Measured.RISE,
+        Measured.RISE_AT,
+    }:
         return "nothing gives its horizontal position"
-    if Kind.AZIMUTH in kinds and not kinds & {Kind.DISTANCE, Kind.HORIZONTAL}:
+    if Measured.AZIMUTH in kinds and not kinds & {Measured.DISTANCE, Measured.HORIZONTAL}:
         return "a distance, or a direction from another point, is needed"
-    if kinds <= {Kind.READING_AT, Kind.ZENITH_AT}:
+    if kinds <= {Measured.READING_AT, Measured.ZENITH_AT}:
         return "a resection needs directions to three known points"
     return "more observations from known points are needed"
 
 
-def explain_stations(state: State, graph: Graph, book: FieldBook) -> list[Unplaced]:
+def explain_stations(known: Known, graph: SightGraph, book: FieldBook) -> list[Unplaced]:
     """The stations without orientation, except those whose origin is already listed."""
     found = []
     for station, origin in enumerate(graph.origins[: len(book.stations)]):
-        if state.station_steps[station] is None and state.is_placed(origin):
+        if known.station_steps[station] is None and known.is_placed(origin):
             place = book.place(int(book.stations.observations(station)[0]))
-            what = f"station {state.names[origin]} ({place})"
-            found.append(Unplaced(what, _station_reason(state, graph, station), origin, station))
+            what = f"station {known.names[origin]} ({place})"
+            found.append(Unplaced(what, _station_reason(known, graph, station), origin, station))
     return found
 
 
-def _station_reason(state: State, graph: Graph, station: int) -> str:
+def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
     if graph.orientations[station] == Orientation.BASC:
         return "a #BASC station is oriented by two directions to placed points, or placed by three vectors"
     targets = [graph.sights[number].target for number in graph.sights_from[station]]
-    known = [state.names[target] for target in targets if state.is_placed(target)]
-    if known:
-        return f"the placed points that it sees ({_names(known)}) are on its vertical, or have no reading"
+    placed = [known.names[target] for target in targets if known.is_placed(target)]
+    if placed:
+        return f"the placed points that it sees ({_names(placed)}) are on its vertical, or have no reading"
     return "none of its targets has a position, so nothing gives the azimuth of its zero"
