@@ -7,7 +7,7 @@ import sympy
 
 from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, jacobians
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.products import share_products
 from obseq.codegen.signs import share_signs
 from obseq.codegen.terms import collect_terms
@@ -45,7 +45,7 @@ class Translated:
     """
 
     formula: Formula
-    graph: Graph
+    graph: ExpressionGraph
     residuals: list[int]
 
     @property
@@ -79,7 +79,7 @@ class Derived:
     """
 
     formula: Formula
-    graph: Graph
+    graph: ExpressionGraph
     residuals: list[int]
     jacobian: Jacobian
     digest: str

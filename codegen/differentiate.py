@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from obseq.codegen.elimination import Elimination
-from obseq.codegen.graph import INPUT, Graph
+from obseq.codegen.expression_graph import INPUT, ExpressionGraph
 from obseq.codegen.operators import OPERATORS
 from obseq.errors import FormulaError
 
@@ -12,8 +12,8 @@ Jacobian = list[list[int]]
 
 
 def jacobians(
-    graph: Graph, residuals: list[int], unknowns: tuple[str, ...], formula: str
-) -> list[tuple[Graph, Jacobian]]:
+    graph: ExpressionGraph, residuals: list[int], unknowns: tuple[str, ...], formula: str
+) -> list[tuple[ExpressionGraph, Jacobian]]:
     """The derivatives of the residuals with respect to the unknowns, worked out in several orders.
 
     All are the same mathematics, each in a graph of its own; the caller keeps the cheapest.
@@ -36,8 +36,8 @@ def jacobians(
 
 
 def directional(
-    graph: Graph, residuals: list[int], directions: dict[str, str], formula: str
-) -> tuple[Graph, list[int]]:
+    graph: ExpressionGraph, residuals: list[int], directions: dict[str, str], formula: str
+) -> tuple[ExpressionGraph, list[int]]:
     """The derivatives of the residuals along a direction: one pass, whatever the number of unknowns.
 
     Args:
@@ -64,7 +64,7 @@ def directional(
 class _Derivatives:
     """The partial derivatives of every operation that depends on an unknown, computed once."""
 
-    def __init__(self, graph: Graph, formula: str, inputs: list[int]) -> None:
+    def __init__(self, graph: ExpressionGraph, formula: str, inputs: list[int]) -> None:
         self.graph = graph
         self.formula = formula
         self.inputs = inputs

@@ -9,7 +9,7 @@ Evaluating Derivatives, 2008, chapter 9).
 import heapq
 from collections.abc import Callable
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 Edges = Callable[[int], list[tuple[int, int]]]
 """The local derivatives of a node: (operand, derivative) for each operand that depends on an unknown."""
@@ -18,7 +18,7 @@ Edges = Callable[[int], list[tuple[int, int]]]
 class Elimination:
     """The labelled graph from the unknowns to the residuals, and what is left of it."""
 
-    def __init__(self, graph: Graph, edges: Edges, inputs: list[int], residuals: list[int]) -> None:
+    def __init__(self, graph: ExpressionGraph, edges: Edges, inputs: list[int], residuals: list[int]) -> None:
         """Labels the edges that lead to the residuals; each residual is a vertex too, numbered -1, -2...
 
         Args:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from obseq.codegen.compiler import Derived
 from obseq.codegen.differentiate import directional
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.loop_fission import spilled
 from obseq.codegen.printing import Printer, Store, row_place
 from obseq.formulas.base import Formula
@@ -152,7 +152,7 @@ class _Rows(dict[str, int]):
 
 
 def _kernel(
-    name: str, rows_name: str, rows: _Rows, graph: Graph, scalars: list[str], outputs: list[Output]
+    name: str, rows_name: str, rows: _Rows, graph: ExpressionGraph, scalars: list[str], outputs: list[Output]
 ) -> KernelText:
     """The text of a kernel: one loop, or two where that is faster."""
     printer = Printer(graph, {scalar: row_place(row) for row, scalar in enumerate(scalars)})

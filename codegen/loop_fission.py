@@ -7,7 +7,7 @@ the second loop needs are spilled in the rows of results that are not written ye
 
 from collections.abc import Sequence
 
-from obseq.codegen.graph import CONSTANT, INPUT, Graph
+from obseq.codegen.expression_graph import CONSTANT, INPUT, ExpressionGraph
 from obseq.codegen.operators import OPERATORS
 
 MOST_SPILLED = 8
@@ -23,7 +23,7 @@ LEAST_RATIO = 2.5
 """Operations of the second loop for one of the first, below which the cut gains nothing."""
 
 
-def spilled(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
+def spilled(graph: ExpressionGraph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
     """The nodes that a first loop should compute, and the rows where it leaves them; empty for one loop.
 
     Args:
@@ -42,7 +42,7 @@ def spilled(graph: Graph, outputs: Sequence[tuple[int, int]]) -> dict[int, int]:
     return _rows(sorted(live), outputs)
 
 
-def _is_operation(graph: Graph, node: int) -> bool:
+def _is_operation(graph: ExpressionGraph, node: int) -> bool:
     return graph.nodes[node].operator not in (CONSTANT, INPUT)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from obseq.codegen.graph import COMMUTATIVE, CONSTANT, INPUT, Graph
+from obseq.codegen.expression_graph import COMMUTATIVE, CONSTANT, INPUT, ExpressionGraph
 from obseq.codegen.operators import OPERATORS
 
 NOTHING: Mapping[int, str] = MappingProxyType({})
@@ -64,7 +64,7 @@ class Printer:
         functions: The functions called so far.
     """
 
-    graph: Graph
+    graph: ExpressionGraph
     places: dict[str, str]
     dialect: Dialect = PYTHON
     functions: set[str] = field(default_factory=set)

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import combinations
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 Pair = tuple[int, int]
 
@@ -22,7 +22,7 @@ PREFERENCES: tuple[Callable[[Pair], tuple[int, ...]], ...] = (
 """Which pair is shared first among those that as many products contain; none is always the best."""
 
 
-def share_products(graph: Graph, outputs: list[int]) -> list[list[int]]:
+def share_products(graph: ExpressionGraph, outputs: list[int]) -> list[list[int]]:
     """The same outputs, as nodes of the same graph, their products written by greedy sharing of pairs.
 
     Returns:
@@ -38,7 +38,7 @@ class _Sharing:
     """
 
     def __init__(
-        self, graph: Graph, outputs: list[int], preference: Callable[[Pair], tuple[int, ...]]
+        self, graph: ExpressionGraph, outputs: list[int], preference: Callable[[Pair], tuple[int, ...]]
     ) -> None:
         self.graph = graph
         self.wanted = outputs

@@ -3,10 +3,10 @@
 from collections import Counter
 
 from obseq.codegen.differentiate import Jacobian
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 
-def share_signs(graph: Graph, residuals: list[int], jacobian: Jacobian) -> Jacobian:
+def share_signs(graph: ExpressionGraph, residuals: list[int], jacobian: Jacobian) -> Jacobian:
     """The same Jacobian with entries `-(a b)`, `-(a c)`, ... written `(-a) b`, `(-a) c`: one sign for all.
 
     The factor that most entries share comes first. An entry whose product serves elsewhere stays as it is.
@@ -31,7 +31,7 @@ def share_signs(graph: Graph, residuals: list[int], jacobian: Jacobian) -> Jacob
     return [[rewritten.get(node, node) for node in row] for row in jacobian]
 
 
-def _opposite_products(graph: Graph, outputs: list[int]) -> dict[int, tuple[int, int]]:
+def _opposite_products(graph: ExpressionGraph, outputs: list[int]) -> dict[int, tuple[int, int]]:
     """The outputs that are opposites of a product that nothing else uses: output to factors."""
     uses = Counter(operand for node in graph.reachable(outputs) for operand in graph.nodes[node].operands)
     uses.update(set(outputs))

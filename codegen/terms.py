@@ -4,10 +4,10 @@ Products of powers, once differentiated, are such sums. Without this stage a bas
 operations than sympy's own sharing; a test on `EqDist_Dist_Base_Rad3_Dec1_XY5` holds that none does.
 """
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 
-def collect_terms(graph: Graph, outputs: list[int]) -> list[int]:
+def collect_terms(graph: ExpressionGraph, outputs: list[int]) -> list[int]:
     """The same outputs, as nodes of the same graph, with repeated terms collected where it costs nothing."""
     reachable = graph.reachable(outputs)
     known = set(reachable)
@@ -22,7 +22,7 @@ def collect_terms(graph: Graph, outputs: list[int]) -> list[int]:
     return [rebuilt[node] for node in outputs]
 
 
-def _collected(graph: Graph, operands: tuple[int, ...], known: set[int]) -> tuple[int, int] | None:
+def _collected(graph: ExpressionGraph, operands: tuple[int, ...], known: set[int]) -> tuple[int, int] | None:
     """(q, (c + 1) p) of the operands (p + q, c p) of a sum, when the multiple is among the known nodes."""
     for total, multiple in (operands, operands[::-1]):
         scaled = graph.scaled(multiple)

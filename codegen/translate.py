@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 
 import sympy
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.operators import SYMBOLIC
 from obseq.errors import FormulaError
 from obseq.formulas import functions
 
 
-def graph_of(formula: str, expressions: Sequence[sympy.Expr]) -> tuple[Graph, list[int]]:
+def graph_of(formula: str, expressions: Sequence[sympy.Expr]) -> tuple[ExpressionGraph, list[int]]:
     """The graph of some expressions and the node of each.
 
     Args:
@@ -20,14 +20,16 @@ def graph_of(formula: str, expressions: Sequence[sympy.Expr]) -> tuple[Graph, li
     Raises:
         FormulaError: An expression has no counterpart in the kernels.
     """
-    translator = _Translator(formula, Graph(), {})
+    translator = _Translator(formula, ExpressionGraph(), {})
     return translator.graph, [translator.visit(expression) for expression in expressions]
 
 
 class _Translator:
     """Translates each expression once; `memory` is keyed by identity, since sympy's equality walks trees."""
 
-    def __init__(self, formula: str, graph: Graph, memory: dict[int, tuple[sympy.Basic, int]]) -> None:
+    def __init__(
+        self, formula: str, graph: ExpressionGraph, memory: dict[int, tuple[sympy.Basic, int]]
+    ) -> None:
         self.formula = formula
         self.graph = graph
         self.memory = memory

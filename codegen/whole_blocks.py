@@ -13,7 +13,7 @@ from typing import NamedTuple
 import sympy
 
 from obseq.formulas.base import Argument, Formula
-from obseq.formulas.blocks import Atom, InverseRotation, Matrix3, Point2, Point3, Rotation
+from obseq.formulas.blocks import Atom, Direction, InverseRotation, Matrix3, Point2, Point3, Rotation
 
 
 class Term(NamedTuple):
@@ -296,7 +296,7 @@ def _whole(value: sympy.Basic, atoms: Iterator[Atom], name: str, reading: Readin
 def _whole_atom(value: sympy.Basic, atom: Atom, name: str, reading: Reading) -> sympy.Basic:
     if isinstance(value, Rotation):
         return _whole_rotation(atom, name, reading)
-    if atom.kind == "Direction":
+    if isinstance(value, Direction):
         return _whole_direction(atom, reading)
     if isinstance(value, Matrix3):
         return reading.matrix(reading.given(atom.scalars, name))

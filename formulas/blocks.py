@@ -342,10 +342,10 @@ class Direction(Point3):
             for name in component_names((prefix + suffix,), "xyz")
         )
 
-        def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Point3:
+        def build(scalars: Sequence[Scalar], context: Sequence[Scalar]) -> Direction:
             normal, along_u, along_v = (Point3(*context[k : k + 3]) for k in (0, 3, 6))
             moved: Point3 = normal + scalars[0] * along_u + scalars[1] * along_v
-            return moved
+            return cls(moved.x, moved.y, moved.z)
 
         meaning = "current vector and its two tangents"
         atom = Atom("Direction", component_names((tangent,), "xy"), context, meaning=meaning)

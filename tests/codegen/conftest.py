@@ -6,7 +6,7 @@ from typing import Any
 import mpmath
 import pytest
 
-from obseq.codegen.graph import CONSTANT, INPUT, Graph
+from obseq.codegen.expression_graph import CONSTANT, INPUT, ExpressionGraph
 from obseq.formulas import functions
 
 ARITHMETIC = {
@@ -25,7 +25,7 @@ SLOPES = {
 """Operators that only derivatives use, from the functions that they are the derivatives of."""
 
 
-def _evaluate(graph: Graph, node: int, inputs: Mapping[str, Any]) -> Any:
+def _evaluate(graph: ExpressionGraph, node: int, inputs: Mapping[str, Any]) -> Any:
     """The value of a node, in the arithmetic of the inputs."""
     values: dict[int, Any] = {}
     number = type(next(iter(inputs.values())))
@@ -42,6 +42,6 @@ def _evaluate(graph: Graph, node: int, inputs: Mapping[str, Any]) -> Any:
 
 
 @pytest.fixture(scope="package")
-def evaluate() -> Callable[[Graph, int, Mapping[str, Any]], Any]:
+def evaluate() -> Callable[[ExpressionGraph, int, Mapping[str, Any]], Any]:
     """(graph, node, value of each input) -> value of the node, in the arithmetic of the inputs."""
     return _evaluate

@@ -7,7 +7,7 @@ import pytest
 
 from obseq.codegen.compiler import derive
 from obseq.codegen.differentiate import ORDERS, directional, jacobians
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.operators import OPERATORS
 from obseq.codegen.translate import graph_of
 from obseq.errors import FormulaError
@@ -87,7 +87,7 @@ def test_the_cheapest_order_is_kept() -> None:
 
 @pytest.mark.parametrize("name", sorted(n for n, o in OPERATORS.items() if o.partials and o.function))
 def test_partial_derivatives_of_operators(evaluate, name: str) -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     arity = OPERATORS[name].symbol.count("{}")
     operands = [graph.input(f"x{k}") for k in range(arity)]
     node = graph.apply(name, *operands)
@@ -102,7 +102,7 @@ def test_partial_derivatives_of_operators(evaluate, name: str) -> None:
 
 
 def test_an_operator_without_derivative_is_refused() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     x = graph.input("x")
     slope = graph.apply("sinc_sqrt_slope", x)
     with pytest.raises(FormulaError, match=r"Mine: the operator sinc_sqrt_slope has no derivative"):

@@ -4,7 +4,7 @@ import re
 from typing import Annotated
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.kernel_text import jacobian_kernel, value_kernel
 from obseq.codegen.pipeline import generate
 from obseq.codegen.printing import LONGEST_EXPRESSION, Printer, Store
@@ -87,7 +87,7 @@ def test_let_names_survive() -> None:
 
 
 def test_a_quotient_used_once_is_a_division() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y = graph.input("x"), graph.input("y")
     once = Printer(graph, {"x": "X", "y": "Y"}).loop([Store(graph.mul(x, graph.rcp(y)), "R")])
     assert once == ["x = X", "y = Y", "R = x / y"]
@@ -98,7 +98,7 @@ def test_a_quotient_used_once_is_a_division() -> None:
 
 
 def test_signs_and_parentheses() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y, z = (graph.input(name) for name in "xyz")
     places = {name: name.upper() for name in "xyz"}
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 
 @pytest.fixture
 def graph():
-    return Graph()
+    return ExpressionGraph()
 
 
 @pytest.fixture

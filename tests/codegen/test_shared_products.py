@@ -3,13 +3,13 @@
 import pytest
 
 from obseq.codegen.counting import operations
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 from obseq.codegen.products import PREFERENCES, share_products
 from obseq.codegen.terms import collect_terms
 
 
 def test_products_of_the_same_factors_share_the_common_pair():
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y, s, t = (graph.input(name) for name in "xyst")
     # x s, then y t each: nothing in common as they stand, s t in each of them.
     outputs = [graph.mul(graph.mul(x, s), t), graph.mul(graph.mul(y, t), s)]
@@ -20,7 +20,7 @@ def test_products_of_the_same_factors_share_the_common_pair():
 
 @pytest.mark.parametrize("number", range(len(PREFERENCES)))
 def test_every_writing_has_the_same_values(number, evaluate):
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y, z = (graph.input(name) for name in "xyz")
     square = graph.mul(x, x)
     total = graph.add(graph.mul(square, y), graph.mul(graph.constant(3.0), graph.mul(y, z)))
@@ -36,7 +36,7 @@ def test_every_writing_has_the_same_values(number, evaluate):
 
 
 def test_names_of_products_survive():
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y, z = (graph.input(name) for name in "xyz")
     named = graph.mul(x, y)
     graph.names[named] = "area"
@@ -47,7 +47,7 @@ def test_names_of_products_survive():
 
 
 def test_a_repeated_term_is_collected_when_its_multiple_is_known(evaluate):
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y = graph.input("x"), graph.input("y")
     repeated = graph.add(graph.add(x, y), graph.mul(graph.constant(2.0), x))
     tripled = graph.mul(graph.constant(3.0), x)

@@ -35,7 +35,7 @@ class Monomial(NamedTuple):
 
 
 @dataclass
-class Graph:
+class ExpressionGraph:
     """Nodes in an order where operands come first; names that `let` gave to some of them."""
 
     nodes: list[Node] = field(default_factory=list)
@@ -44,9 +44,9 @@ class Graph:
     _monomials: dict[int, Monomial] = field(default_factory=dict)
     _products: dict[Monomial, int] = field(default_factory=dict)
 
-    def copy(self) -> "Graph":
+    def copy(self) -> "ExpressionGraph":
         """A graph of the same nodes, that grows on its own."""
-        return Graph(
+        return ExpressionGraph(
             self.nodes.copy(),
             self.names.copy(),
             self._numbers.copy(),

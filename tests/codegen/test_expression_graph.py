@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obseq.codegen.graph import Graph
+from obseq.codegen.expression_graph import ExpressionGraph
 
 INPUTS = {"x": 1.25, "y": -0.75, "z": 2.5}
 BINARY = {"add": operator.add, "sub": operator.sub, "mul": operator.mul}
@@ -15,7 +15,7 @@ UNARY = {"neg": operator.neg, "rcp": lambda a: 1.0 / a}
 
 
 def test_equal_expressions_are_one_node() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     x, y = graph.input("x"), graph.input("y")
     assert graph.add(x, y) == graph.add(y, x)
     assert graph.mul(graph.add(x, y), x) == graph.mul(x, graph.add(y, x))
@@ -24,7 +24,7 @@ def test_equal_expressions_are_one_node() -> None:
 
 
 def test_copies_grow_alone() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     x = graph.input("x")
     copy = graph.copy()
     copy.mul(x, copy.input("y"))
@@ -59,25 +59,25 @@ RULES = [
 ]  # fmt: skip
 
 
-def _scaled(graph: Graph, factor: float, node: int) -> int:
+def _scaled(graph: ExpressionGraph, factor: float, node: int) -> int:
     return graph.mul(graph.constant(factor), node)
 
 
 @pytest.mark.parametrize(("rule"), RULES, ids=[rule[0] for rule in RULES])
 def test_rules(rule) -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     made, expected = rule[1](graph, graph.input("x"), graph.input("y"))
     assert made == expected
 
 
 def test_constants_are_folded() -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     node = graph.apply("sqrt", graph.add(graph.constant(9.0), graph.constant(16.0)))
     assert graph.constant_value(node) == 5.0
     assert graph.constant_value(graph.neg(graph.constant(0.0))) == 0.0
 
 
-def _grow(graph: Graph, choices: random.Random) -> tuple[int, float]:
+def _grow(graph: ExpressionGraph, choices: random.Random) -> tuple[int, float]:
     """A random expression: its node, and its value computed without the graph."""
     pool = [(graph.input(name), value) for name, value in INPUTS.items()]
     pool += [(graph.constant(c), c) for c in (-1.0, 0.0, 0.5, 1.0, 2.0)]
@@ -95,14 +95,14 @@ def _grow(graph: Graph, choices: random.Random) -> tuple[int, float]:
 
 @given(st.integers(0, 10**9))
 def test_rewriting_preserves_values(evaluate, seed: int) -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     node, expected = _grow(graph, random.Random(seed))
     assert evaluate(graph, node, INPUTS) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 @given(st.integers(0, 10**9))
 def test_operands_come_before_operations(seed: int) -> None:
-    graph = Graph()
+    graph = ExpressionGraph()
     node, _ = _grow(graph, random.Random(seed))
     order = graph.reachable([node])
     for position, k in enumerate(order):
@@ -111,13 +111,13 @@ def test_operands_come_before_operations(seed: int) -> None:
 
 def test_whole_powers(evaluate) -> None:
     for exponent in range(-6, 13):
-        graph = Graph()
+        graph = ExpressionGraph()
         node = graph.power(graph.input("x"), exponent)
         if exponent == 0:
             assert graph.constant_value(node) == 1.0
         else:
             assert evaluate(graph, node, INPUTS) == pytest.approx(1.25**exponent, rel=1e-14)
-    graph = Graph()
+    graph = ExpressionGraph()
     x = graph.input("x")
     graph.power(x, 8)
     assert sum(node.operator == "mul" for node in graph.nodes) == 3
