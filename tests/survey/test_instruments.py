@@ -1,5 +1,6 @@
 """Unknowns of instruments: constant and scale of distances, refraction."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import Network, estimating
+from obseq.survey import Network, estimating, write_obs
 
 POINTS = {"A": (0, 0, 10), "B": (900, 50, 60), "C": (300, 700, 25), "D": (1000, 900, 90), "P": (500, 400, 40)}
 FRAME = "RTL*2.4*48.8*0*+proj=longlat +datum=WGS84"
@@ -120,3 +121,65 @@ def test_what_cannot_be_estimated(tmp_path, capsys):
     ]
     assert main(command) == 2
     assert "no active observation for a slope distance with unknown scale" in capsys.readouterr().err
+
+
+def test_instruments_are_named_in_the_file(tmp_path):
+    parts = []
+    for name, constant, coefficient in (("TS 15", 0.010, 0.3), ("old one", -0.004, 0.05)):
+        given = network(tmp_path, constant, coefficient=coefficient)
+        parts.append(f"#INSTRUMENT {name}\n" + (tmp_path / "o.obs").read_text())
+    (tmp_path / "o.obs").write_text("3 A B 901.388 0.5\n" + "".join(parts) + "#INSTRUMENT\n4 A B 50 0.5\n")
+    given = Network.read(tmp_path / "o.obs", tmp_path / "p.cor", frame=FRAME)
+    notes = more(given, "constant", "refraction").adjust().notes
+    found = dict(note.split(": ") for note in notes if " of " in note and "+-" in note)
+    values = {name: float(text.split()[0]) for name, text in found.items()}
+    assert values["constant of TS 15"] == pytest.approx(0.010, abs=2e-4)
+    assert values["constant of old one"] == pytest.approx(-0.004, abs=2e-4)
+    assert values["refraction of TS 15"] == pytest.approx(0.3, abs=5e-3)
+    assert values["refraction of old one"] == pytest.approx(0.05, abs=5e-3)
+    assert "constant of o.obs" in values  # the line of no instrument
+    assert given.adjust().solution.n_unknowns == more(given, "constant").adjust().solution.n_unknowns - 3
+
+
+def test_names_of_instruments_are_written_again(tmp_path):
+    lines = "7 A B 0 0.001\n#INSTRUMENT TS 15\n5 A P 40 0.001\n3 A P 640 0.01\n#INSTRUMENT\n3 B P 500 0.01\n"
+    network(tmp_path)
+    (tmp_path / "o.obs").write_text(lines)
+    before = Network.read(tmp_path / "o.obs", tmp_path / "p.cor").book
+    write_obs(tmp_path / "again.obs", before)
+    after = Network.read(tmp_path / "again.obs", tmp_path / "p.cor").book
+    assert [group.name for group in after.groups] == ["TS 15"]
+    np.testing.assert_array_equal(after.observations.groups, before.observations.groups)
+    assert before.observations.groups.tolist() == [-1, 0, 0, -1]
+    assert len(after.stations) == 1
+
+
+def test_a_polar_frame_has_a_scale_of_its_own(tmp_path):
+    scale, gon = 3e-4, 200.0 / math.pi
+    known = [f"1 {n} {x} {y} {z} 0.0001 0.0001 0.0001" for n, (x, y, z) in POINTS.items() if n != "P"]
+    (tmp_path / "p.cor").write_text("\n".join([*known, "0 P 500.1 400.1 40.1"]) + "\n")
+    lines = []
+    for name, point in POINTS.items():
+        if name != "A":
+            east, north, up = np.subtract(point, POINTS["A"])
+            angles = (
+                f"{math.atan2(north, east) * gon:.7f} {math.atan2(up, math.hypot(east, north)) * gon:.7f}"
+            )
+            lines.append(f"{name} {angles} {math.hypot(east, north, up) / (1 + scale):.6f} 0.0005 0.001 0")
+    (tmp_path / "f.pol").write_text("\n".join(lines) + "\n")
+    (tmp_path / "o.obs").write_text("12 A @f.pol\n3 A P 641 1\n")
+    config = {
+        "root_COR_file": "p.cor",
+        "root_OBS_file": "o.obs",
+        "files_unit": 1,
+        "local_center": [500, 400, 0],
+    }
+    (tmp_path / "n.comp").write_text("data=" + json.dumps({"config": config}))
+    given = Network.read_project(tmp_path / "n.comp", encoding="latin-1")
+    adjusted = more(given, "frame-scale").adjust()
+    (note,) = [note for note in adjusted.notes if note.startswith("scale of polar frame f.pol at A")]
+    assert float(note.split(": ")[1].split()[0]) == pytest.approx(
+        scale, abs=1.2e-5
+    )  # distances at 50 m of height
+    assert adjusted.solution.n_unknowns == given.adjust().solution.n_unknowns + 1
+    assert adjusted.sigma0 < given.adjust().sigma0 / 10

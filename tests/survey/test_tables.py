@@ -8,6 +8,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
+from obseq.survey.files.table_writer import table_text
 from obseq.survey.model import Cluster
 
 POINTS = "name,x,y,z,sx,sy,sz\nA,0,0,10,0.001,0.001,0.001\nB,0,100,10,0,0,0\nP,39,51,10,,,\n"
@@ -51,12 +52,66 @@ def test_separators_and_all_columns(tmp_path):
     assert book.observations.from_heights[1] == 1.5
 
 
-def test_only_observations_of_one_equation_are_correlated(tmp_path):
+def test_observations_of_two_equations_may_be_correlated(tmp_path):
     given = network(tmp_path)
-    cluster = Cluster(np.array([2, 4]), np.array([[1e-6, 5e-7], [5e-7, 1e-6]]))
-    mixed = replace(given, book=replace(given.book, clusters=(cluster,)))
-    with pytest.raises(InputError, match=r"DH A -> P \(.*o.csv:6\): it is correlated with Dist A -> P"):
-        mixed.adjust()
+    cluster = Cluster(np.array([1, 2]), np.array([[2.5e-10, 1.2e-8], [1.2e-8, 1e-6]]))
+    mixed = replace(given, book=replace(given.book, clusters=(cluster,))).adjust()
+    alone = given.adjust()
+    assert mixed.solution.redundancy == alone.solution.redundancy
+    assert mixed.solution.variance_factor != pytest.approx(alone.solution.variance_factor, rel=1e-3)
+
+
+EVERY = [
+    "type;from;to;backsight;value;sigma;unit;set;orientation;instrument;relative_sigma;from_height;to_height;active",
+    "Hz;A;B;;0;0.001;gon;1;;TS 15;;1.5;1.6;",
+    "Hz;A;P;;42.9548;0.001;gon;1;;TS 15;;;;1",
+    "Dist;A;P;;64031.2;1;mm;;;TS 15;1e-6;1.5;1.5;",
+    "Angle;A;P;B;42.9548;0.001;gon;;;;;;;",
+    "Azim;A;P;;42.9548;0.001;gon;;;;;;;",
+    "DX;B;P;;39.9;0.01;m;f;FIX;;;;;",
+    "DH;A;P;;0;0.001;m;;;level;;;;",
+    "Zen;A;P;;90;0.01;deg;1;;TS 15;0.001;;;0",
+    "DistHz;B;P;;64.0312;0.001;m;;;;;;;",
+]
+
+
+def test_tables_of_observations_come_back_as_they_are(tmp_path):
+    before = network(tmp_path, EVERY).book
+    (tmp_path / "again.obs.csv").write_text(table_text(before))
+    after = Network.read_project([tmp_path / "again.obs.csv", tmp_path / "p.csv"]).book
+    assert after.point_names == before.point_names
+    for name in before.observations.__dataclass_fields__:
+        if name not in ("file_indices", "groups", "lines"):
+            np.testing.assert_array_equal(
+                getattr(after.observations, name), getattr(before.observations, name), name
+            )
+    named = [after.groups[k].name if k >= 0 else "" for k in after.observations.groups]
+    assert named == [row.split(";")[9] for row in EVERY[1:]]
+    np.testing.assert_array_equal(after.stations.orientations, before.stations.orientations)
+    assert table_text(after) == table_text(before)
+
+
+def test_a_network_is_converted_to_tables(tmp_path, capsys):
+    given = network(tmp_path)
+    paths = [str(tmp_path / name) for name in ("q.csv", "q.obs.csv")]
+    assert main(["convert", str(tmp_path / "p.csv"), str(tmp_path / "o.csv"), "--to", *paths]) == 0
+    assert "adjust them with --points-crs 'Local' --refraction 0.12" in capsys.readouterr().out
+    again = Network.read_project(paths, points_crs="Local")
+    assert again.adjust().sigma0 == pytest.approx(given.adjust().sigma0, rel=1e-12)
+
+
+def test_the_system_of_a_table_of_points_is_given(tmp_path):
+    points = POINTS.replace("0,0,10", "700000,6600000,10").replace("0,100,10", "700000,6600100,10")
+    points = points.replace("39,51,10", "700039,6600051,10")
+    adjusted = network(tmp_path, points=points, points_crs="EPSG:2154").adjust()
+    assert adjusted.frame.startswith("RTL*")
+    np.testing.assert_allclose(adjusted.points.crs_coordinates[2], (700040, 6600050, 10), atol=0.1)
+
+
+def test_correlated_observations_are_refused_in_a_table(tmp_path):
+    book = network(tmp_path).book
+    with pytest.raises(InputError, match="which a table cannot say"):
+        table_text(replace(book, clusters=(Cluster(np.array([2, 4]), np.eye(2)),)))
 
 
 @pytest.mark.parametrize(
@@ -69,6 +124,7 @@ def test_only_observations_of_one_equation_are_correlated(tmp_path):
         (("1,mm", "1,gon"), "o.csv:4: unit 'gon' is none of m, mm, km"),
         (("DH,A,P,0,0.001", "DH,A,P,0,0"), "o.csv:6: column sigma: it is not positive"),
         (("Dist,A,P", "Dist,A,A"), "o.csv:4: slope distance: it needs 2 different points"),
+        (("1,mm,,", "1,mm,,,"), "o.csv:4: 9 cells for 8 columns"),
         (("deg,1,0", "deg,1,perhaps"), "o.csv:7: active is 'perhaps'"),
         (("Dist,A,P,64031.2", "Dist,A,P,-64031.2"), "o.csv:4: the slope distance is not positive"),
     ],

@@ -100,3 +100,9 @@ def test_a_notebook_shows_the_network_and_its_adjustment(adjusted) -> None:
     for words in ("rejected: too large", "<ellipse", "redundancy", "standardised", "PtC"):
         assert words in after
     assert "<script" not in before + after
+
+
+def test_instruments_are_named_in_a_column() -> None:
+    names = ["TS 15"] * 6 + [None] * 6
+    book = made(observations={"instrument": names}).book
+    assert [book.groups[k].name if k >= 0 else None for k in book.observations.groups] == names

@@ -22,8 +22,8 @@ examples:
   obseq convert --obs day1.obs --cor points.cor --refraction 1 --to network.gkf
   obseq convert results/adjustment.json --to adjusted.cor adjusted.csv map.geojson map.gpkg
 
-written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points); of a result .cor,
-.csv (adjusted points), .geojson, .gpkg (maps; needs pyogrio)
+written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points), .obs.csv
+(observations); of a result .cor, .csv (adjusted points), .geojson, .gpkg (maps; needs pyogrio)
 
 exit code: 0 written; 2 could not run"""
 
@@ -75,17 +75,17 @@ def _of_network(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
     network = source_of(arguments).read()
-    if {path.suffix.lower() for path in writers} & {".obs", ".cor"}:
+    if {path.suffix.lower() for path in writers} & {".obs", ".cor", ".csv"}:
         system, frame = network.points_crs.definition, network.frame
         options = f"--points-crs '{system}' --refraction {frame.refraction_coefficient:g}"
         if frame.has_place:
             options = f"--frame '{frame.system.definition}' {options}"
-        print(f"OBS and COR files do not say it: adjust them with {options}")
+        print(f"OBS, COR and CSV files do not say it: adjust them with {options}")
     return {path: write(network) for path, write in writers.items()}
 
 
 def _writer(path: Path, writers: Mapping[str, Writer], what: str) -> Writer:
-    found = writers.get(path.suffix.lower())
+    found = writers.get("".join(path.suffixes[-2:]).lower()) or writers.get(path.suffix.lower())
     if found is None:
         raise InputError(f"{path}: {what} is written as {', '.join(writers)}; choose one of these suffixes")
     return found

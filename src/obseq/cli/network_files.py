@@ -186,7 +186,7 @@ def given(options: Options) -> Options:
 
 def _project_options(arguments: argparse.Namespace, reading: Options) -> Options:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "refraction", "encoding", "ignore", "sigmas"}
+    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas"}
     surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
     if surplus:
         listed = ", ".join("--" + name.replace("_", "-") for name in surplus)

@@ -143,7 +143,7 @@ def run_simulate(arguments: argparse.Namespace) -> int:
         from obseq.survey.files.obs import obs_text
 
         network = source.read()
-        if network.book.clusters or network.book.groups:
+        if network.book.clusters or network.book.has_shared_unknowns:
             raise InputError(
                 "simulate: OBS files hold no correlated observations, nor groups with unknowns of their own"
             )

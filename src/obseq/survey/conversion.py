@@ -18,6 +18,7 @@ from obseq.survey.files.gama_sets import GamaNetwork
 from obseq.survey.files.gama_writer import gama_text
 from obseq.survey.files.obs import obs_text
 from obseq.survey.files.sinex_writer import sinex_text
+from obseq.survey.files.table_writer import table_text
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.maps import geojson, geopackage
@@ -46,6 +47,7 @@ NETWORK_WRITERS: dict[str, Callable[[Network], str]] = {
     ".cor": lambda network: cor_text(known_points(network)),
     ".xml": lambda network: dynaml_text(as_dynaml(network)),
     ".csv": lambda network: csv_text(in_own_system(network)),
+    ".obs.csv": lambda network: table_text(network.book),
 }
 """What writes networks, by the suffix of the file: its text."""
 RESULT_WRITERS: dict[str, Callable[[AdjustmentRecord, float], str | bytes]] = {

@@ -122,6 +122,18 @@ class Stations:
         return self.members[self.starts[station] : self.starts[station + 1]]
 
 
+class GroupKind(enum.Enum):
+    """What observations are grouped by.
+
+    `UNKNOWNS` have unknowns of their own. Those of an `INSTRUMENT` that a file names, or the distances of a
+    polar `FRAME`, get some when the user asks for them (`--estimate`).
+    """
+
+    UNKNOWNS = "unknowns"
+    INSTRUMENT = "instrument"
+    FRAME = "frame"
+
+
 @dataclass(frozen=True)
 class Group:
     """Observations that share unknowns of their own: those of an axis of rotation, equal distances.
@@ -130,11 +142,13 @@ class Group:
         name: For messages.
         parent: The group whose unknowns it has besides its own (an axis, of a turning target); -1 for none.
         numbers: What the formula of its observations takes before the value, where files give that.
+        kind: What its observations are grouped by.
     """
 
     name: str
     parent: int = -1
     numbers: tuple[float, ...] = ()
+    kind: GroupKind = GroupKind.UNKNOWNS
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +195,16 @@ class FieldBook:
         """`file:line` of an observation."""
         observations = self.observations
         return f"{self.files[observations.file_indices[row]]}:{observations.lines[row]}"
+
+    def in_groups(self, *kinds: GroupKind) -> BoolArray:
+        """(n,) whether each observation is in a group of these kinds."""
+        wanted = np.array([*(group.kind in kinds for group in self.groups), False], np.bool_)
+        return np.asarray(wanted[self.observations.groups])
+
+    @property
+    def has_shared_unknowns(self) -> bool:
+        """Whether some observations have unknowns of their group."""
+        return any(group.kind is GroupKind.UNKNOWNS for group in self.groups)
 
     def without(self, rows: BoolArray) -> FieldBook:
         """The same with some more observations (a mask) switched off."""

@@ -162,6 +162,7 @@ class Network:
         geoid=PATH | NOTHING,
         ignore=WORDS,
         sigmas=WORDS,
+        points_crs=TEXT | NOTHING,
     )
     def read_project(
         cls,
@@ -170,6 +171,7 @@ class Network:
         refraction: float | None = None,
         encoding: str = "utf-8",
         *,
+        points_crs: str | None = None,
         outside: bool = False,
         geoid: str | Path | None = None,
         ignore: Collection[str] = (),
@@ -182,6 +184,7 @@ class Network:
             frame: Definition of the computation frame, in place of the one of the project.
             refraction: Coefficient of zenith angles, in place of the one of the project.
             encoding: Encoding of names in the files.
+            points_crs: Definition of the system of the points, of files that do not say it (tables).
             outside: Whether files outside the folder of the project may be read.
             geoid: Geoid heights and deflections, for files with heights above the geoid.
             ignore: What is to be passed over, as for `read`; "frames": reference frames and epochs of single
@@ -194,14 +197,11 @@ class Network:
         """
         watch = Stopwatch()
         with watch.phase("read"):
-            place = Path(geoid) if geoid else None
-            chosen = Reading(encoding, outside, place, checked_ignore(ignore), parse_sigmas(sigmas))
-            project = read_project(paths, chosen)
+            place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
+            project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
         coefficient = project.refraction if refraction is None else refraction
-        definition = frame or project.frame
-        network = cls.assembled(
-            project.points, project.book, definition, project.points_crs, coefficient, watch
-        )
+        systems = project.systems(frame, points_crs)
+        network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
         return replace(network, unit_sigma=project.unit_sigma, datum=datum)
 

@@ -35,6 +35,7 @@ OBSERVATION_COLUMNS = (
     "sigma",
     "setup",
     "orientation",
+    "instrument",
     "relative_sigma",
     "from_height",
     "to_height",
@@ -72,8 +73,8 @@ def observations_of(table: Table, angles: str = "rad") -> FieldBook:
 
     Columns: `type` (`Hz`, `Zen`, `Dist`, `DH`...: `obseq.survey.KINDS`), `from`, `to`, `value`, `sigma`; and
     where they are needed `setup` (what tells set-ups of one point apart), `orientation` of the set-up
-    (`VERT`, the default, `FIX`, `BASC`), `relative_sigma`, `from_height`, `to_height`, `backsight`,
-    `active`.
+    (`VERT`, the default, `FIX`, `BASC`), `instrument` (a name, for unknowns of its own), `relative_sigma`,
+    `from_height`, `to_height`, `backsight`, `active`.
 
     Args:
         table: The columns.
@@ -126,6 +127,9 @@ class _Book:
                 from_height=from_height,
                 to_height=to_height,
                 station=self._station(row) if kind.needs_station else -1,
+                group=self._book.instrument(str(self._given["instrument"][row]))
+                if self._has(row, "instrument")
+                else -1,
                 backsight=self._point(row, "backsight") if self._has(row, "backsight") else -1,
             )
 

@@ -1,4 +1,7 @@
-"""Unknowns of instruments and days, asked for by the user: one of each for every file of observations."""
+"""Unknowns of instruments and days, asked for by the user: one of each for every instrument that is named.
+
+Observations of no named instrument are those of one instrument in each of their files.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCA
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.instruments import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.lengths import DIST
-from obseq.survey.model import Group, Orientation
+from obseq.survey.model import Group, GroupKind, Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -34,13 +37,13 @@ OF_DISTANCES = {
 
 
 def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
-    """The observations, with unknowns of each of their files.
+    """The observations, with unknowns of each of their instruments, those that files name; else of each file.
 
     Args:
         book: The observations.
         what: Some of "constant", "scale" (of slope distances: true = read (1 + scale) + constant),
             "refraction" (coefficient of the zenith angles of plumb instruments), "frame-scale" (of each
-            set-up or sub-frame with components dx, dy, dz: true = read (1 + scale)).
+            set-up or sub-frame with components dx, dy, dz or polar coordinates: true = read (1 + scale)).
 
     Raises:
         InputError: A name is unknown, or there is no observation to estimate it from.
@@ -49,48 +52,59 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
     if unknown:
         raise InputError(f"--estimate {unknown[0]}: unknown; there are {', '.join(UNKNOWNS)}")
     rows, wanted = book.observations, frozenset(what)
-    alone = rows.groups < 0
+    alone = ~book.in_groups(GroupKind.UNKNOWNS)
     for cluster in book.clusters:
         alone[cluster.rows] = False
+    scaled = _with_scales(book, alone) if "frame-scale" in wanted else book
+    alone &= scaled.observations.types == rows.types
     distances = OF_DISTANCES.get(wanted - {"refraction", "frame-scale"})
     if distances is not None:
-        book = _grouped(book, alone & (rows.types == DIST.code), distances)
-    if "refraction" in wanted:
-        plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
-        book = _grouped(book, alone & plumb & (rows.types == ZEN.code), ZEN_REFRACTION)
-    return _with_scales(book, alone) if "frame-scale" in wanted else book
+        scaled = _grouped(scaled, alone & (rows.types == DIST.code), distances)
+    if "refraction" not in wanted:
+        return scaled
+    plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
+    return _grouped(scaled, alone & plumb & (rows.types == ZEN.code), ZEN_REFRACTION)
 
 
 def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
-    """The components in the axes of stations, with a scale of each station."""
+    """The components in the axes of stations, and the distances of polar frames, with a scale of each."""
     rows, names = book.observations, book.point_names
     grid = np.append(book.stations.orientations == Orientation.GRID, np.True_)[rows.stations]
     chosen = alone & ~grid & np.isin(rows.types, list(SCALED))
-    if not (chosen & rows.active).any():
-        raise InputError("--estimate frame-scale: there is no active observation dx, dy or dz of a frame")
-    stations = np.unique(rows.stations[chosen])
+    polar = alone & book.in_groups(GroupKind.FRAME) & (rows.types == DIST.code)
+    if not ((chosen | polar) & rows.active).any():
+        raise InputError(
+            "--estimate frame-scale: there is no active observation dx, dy or dz, nor a distance, of a frame"
+        )
+    stations, frames = np.unique(rows.stations[chosen]), np.unique(rows.groups[polar])
     origins = book.stations.origins[stations].tolist()
-    groups = tuple(Group(f"frame {k + 1} at {names[row]}") for k, row in enumerate(origins))
+    groups = [Group(f"frame {k + 1} at {names[row]}") for k, row in enumerate(origins)]
     types, numbers = rows.types.copy(), rows.groups.copy()
     types[chosen] = [SCALED[code] for code in rows.types[chosen].tolist()]
+    types[polar] = DIST_SCALE.code
     numbers[chosen] = len(book.groups) + np.searchsorted(stations, rows.stations[chosen])
+    numbers[polar] = len(book.groups) + len(groups) + np.searchsorted(frames, rows.groups[polar])
+    groups += [Group(book.groups[number].name) for number in frames.tolist()]
     return replace(
         book, observations=replace(rows, types=types, groups=numbers), groups=(*book.groups, *groups)
     )
 
 
 def _grouped(book: FieldBook, chosen: BoolArray, kind: ObservationKind) -> FieldBook:
-    """Some observations as another kind, those of each file in a group."""
-    rows = book.observations
+    """Some observations as another kind, those of each instrument in a group."""
+    rows, before = book.observations, len(book.groups)
     if not (chosen & rows.active).any():
         raise InputError(f"--estimate: there is no active observation for a {kind.words}")
-    files = np.unique(rows.file_indices[chosen])
-    names = [Path(book.files[number]).name for number in files.tolist()]
-    whole = len(set(names)) < len(names)
-    groups = tuple(Group(book.files[number] if whole else Path(book.files[number]).name) for number in files)
+    named = book.in_groups(GroupKind.INSTRUMENT)
+    keys = np.where(named, rows.groups, before + rows.file_indices)
+    wanted = np.unique(keys[chosen])
+    files = [book.files[key - before] for key in wanted.tolist() if key >= before]
+    short = [Path(file).name for file in files]
+    groups = [Group(book.groups[key].name) for key in wanted.tolist() if key < before]
+    groups += [Group(name) for name in (files if len(set(short)) < len(short) else short)]
     types, numbers = rows.types.copy(), rows.groups.copy()
     types[chosen] = kind.code
-    numbers[chosen] = len(book.groups) + np.searchsorted(files, rows.file_indices[chosen])
+    numbers[chosen] = before + np.searchsorted(wanted, keys[chosen])
     return replace(
         book, observations=replace(rows, types=types, groups=numbers), groups=(*book.groups, *groups)
     )

@@ -11,6 +11,7 @@ from obseq.survey.model import (
     Cluster,
     FieldBook,
     Group,
+    GroupKind,
     Observations,
     Orientation,
     Stations,
@@ -64,6 +65,7 @@ class Columns:
         self.warnings: list[str] = []
         self.groups: list[Group] = []
         self._clusters: list[Cluster] = []
+        self._instruments: dict[str, int] = {}
         self._integers = {name: array("i") for name in _INTEGERS}
         self._numbers = {name: array("d") for name in _NUMBERS}
         self._active = array("b")
@@ -95,6 +97,20 @@ class Columns:
         """Index of a new group of observations that share unknowns, or numbers that their formula takes."""
         self.groups.append(Group(name, parent, numbers))
         return len(self.groups) - 1
+
+    def open_frame(self, name: str) -> int:
+        """Index of a new group of the distances of a polar frame."""
+        self.groups.append(Group(name, kind=GroupKind.FRAME))
+        return len(self.groups) - 1
+
+    def instrument(self, name: str) -> int:
+        """Index of the group of an instrument, which several files may name; -1 for no name."""
+        if not name:
+            return -1
+        if name not in self._instruments:
+            self._instruments[name] = len(self.groups)
+            self.groups.append(Group(name, kind=GroupKind.INSTRUMENT))
+        return self._instruments[name]
 
     def append(self, measure: Measure, file: int, index: int) -> None:
         """Adds an observation, read in line `index` (from 0) of a file."""

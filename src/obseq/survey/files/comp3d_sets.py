@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -103,7 +103,11 @@ class SetReader:
     ) -> _Set:
         """What the line says after the name of the file."""
         if code in (CARTESIAN, POLAR):
-            return self._sub_frame(file, index, origin, rest, number)
+            chosen = self._sub_frame(file, index, origin, rest, number)
+            if code == POLAR:
+                name = f"polar frame {Path(line[2][1:]).name} at {line[1]}"
+                return replace(chosen, group=self._columns.open_frame(name))
+            return chosen
         if code == BASELINES:
             values = _numbers(file, index, rest)
             if len(values) > 2:
@@ -254,7 +258,7 @@ def _polar(
         Measure(
             BETA, *at, values[1] * unit, angular * unit, angular > 0.0, relative_angle, 0.0, height, station
         ),
-        Measure(DIST, *at, values[2], length, length > 0.0, relative_length, 0.0, height),
+        Measure(DIST, *at, values[2], length, length > 0.0, relative_length, 0.0, height, group=chosen.group),
     )
 
 

@@ -11,6 +11,8 @@ The grammar is MMVII's (`src/Topo/ctopodata.cpp`). We differ where it lets a mis
 
 Codes that only Comp3D has: 1, the same as 3; 8, an azimuth, which belongs to no round; 9, a plane centring,
 two components of value 0; a minus before the code switches a line off.
+
+A keyword of ours: `#INSTRUMENT TS15` names the instrument of the lines that follow.
 """
 
 from __future__ import annotations
@@ -37,11 +39,7 @@ from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.kinds.registry import BY_CODE, KINDS
-from obseq.survey.model import (
-    FieldBook,
-    Observations,
-    Orientation,
-)
+from obseq.survey.model import FieldBook, GroupKind, Observations, Orientation
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
@@ -64,6 +62,8 @@ _ALONE = (AZIM.code, _CENTRING)
 """Codes whose lines are stations of their own, in the axes of the place."""
 _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
 _NEW = "#NEW"
+_INSTRUMENT = "#INSTRUMENT"
+"""What names the instrument of the lines that follow, for unknowns of its own; alone it ends that."""
 _KNOWN = ", ".join(
     [f"{kind.code} {kind.name}" for kind in KINDS if kind.is_line]
     + [f"{_SLOPE} as 3", f"{_OPENS_STATION} Hz of a new station", f"{_CENTRING} centring"]
@@ -108,10 +108,11 @@ class _Reader:
         self.columns = Columns()
         self.orientation = Orientation.VERT
         self.open_stations: dict[int, int] = {}
+        self.instrument = -1
 
     def read(self, file: TextFile) -> None:
         """Adds the observations of one file."""
-        self.orientation, self.open_stations = Orientation.VERT, {}
+        self.orientation, self.open_stations, self.instrument = Orientation.VERT, {}, -1
         self.number = self.columns.open_file(file)
         before, rest = len(self.columns), AfterSigma(file, self.ignored)
         for index, line in enumerate(file.lines):
@@ -128,8 +129,13 @@ class _Reader:
 
     def _read_status(self, file: TextFile, index: int, line: str) -> None:
         word = line.partition("*")[0].strip(_WHITE_SPACE)
+        first, *name = word.split(maxsplit=1)
+        if first == _INSTRUMENT:
+            file.check_name(index, " ".join(name))
+            self.instrument = self.columns.instrument(" ".join(name))
+            return
         if word not in _KEYWORDS and word != _NEW:
-            known = f"{', '.join([*_KEYWORDS, _NEW])} (comments begin with *)"
+            known = f"{', '.join([*_KEYWORDS, _NEW, _INSTRUMENT])} (comments begin with *)"
             raise file.error(
                 index,
                 f"unknown keyword {quoted(word)!r}; alone on a line: {known}",
@@ -164,7 +170,7 @@ class _Reader:
             numbers = (value * unit, sigma * unit, is_active, *after)
             measures = (Measure(kinds[0], origin, target, *numbers, station),)
         for measure in measures:
-            self.columns.append(measure, self.number, index)
+            self.columns.append(measure._replace(group=self.instrument), self.number, index)
 
     def _station(self, code: int, origin: int) -> int:
         """Station of a measure, opened if needed; code 7 hides the open station of its point.
@@ -254,11 +260,25 @@ def obs_text(book: FieldBook) -> str:
     if book.clusters:
         first = book.label(int(book.clusters[0].rows[0]))
         raise InputError(f"{first}: it is correlated with others, which an OBS file cannot say")
-    return "\n".join(_obs_lines(book)) + "\n"
+    return "\n".join(_with_instruments(book)) + "\n"
 
 
-def _obs_lines(book: FieldBook) -> Iterable[str]:
-    """Stations first, each opened by its own keyword, then distances and height differences."""
+def _with_instruments(book: FieldBook) -> Iterable[str]:
+    """The lines, with the names of the instruments before the first one of each."""
+    named, current = book.in_groups(GroupKind.INSTRUMENT), -1
+    for line in _obs_lines(book):
+        if isinstance(line, str):
+            yield line
+            continue
+        group = int(book.observations.groups[line]) if named[line] else -1
+        if group != current:
+            yield f"{_INSTRUMENT} {book.groups[group].name}" if group >= 0 else _INSTRUMENT
+        current = group
+        yield _obs_line(book, line)
+
+
+def _obs_lines(book: FieldBook) -> Iterable[str | int]:
+    """Keywords, and rows: stations first, each opened by its own, then distances and height differences."""
     current = Orientation.VERT
     for station in range(len(book.stations)):
         orientation = Orientation(book.stations.orientations[station])
@@ -266,21 +286,21 @@ def _obs_lines(book: FieldBook) -> Iterable[str]:
             yield orientation.keyword if orientation != current else _NEW
         current = orientation
         for row in book.stations.observations(station):
-            yield _obs_line(book, int(row))
+            yield int(row)
     yield from _lines_without_station(book)
 
 
-def _lines_without_station(book: FieldBook) -> Iterable[str]:
-    """Distances and height differences, then the switched-off readings that belong to no station."""
+def _lines_without_station(book: FieldBook) -> Iterable[str | int]:
+    """Rows of distances and height differences, then the switched-off readings that belong to no station."""
     rows = np.flatnonzero(book.observations.stations < 0)
     with_axes = [kind.code for kind in KINDS if kind.needs_station]
     is_simple = ~np.isin(book.observations.types[rows], with_axes)
     for row in rows[is_simple]:
-        yield _obs_line(book, int(row))
+        yield int(row)
     if not is_simple.all():
         yield _NEW
     for row in rows[~is_simple]:
-        yield _obs_line(book, int(row))
+        yield int(row)
 
 
 def _obs_line(book: FieldBook, row: int) -> str:

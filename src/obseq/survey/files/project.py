@@ -40,6 +40,19 @@ class Project:
     unit_sigma: float | None = None
     inner: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
+    def systems(self, frame: str | None, points_crs: str | None) -> tuple[str | None, str | None]:
+        """Definitions of the computation frame, and of the system of the points: those given, else its own.
+
+        Raises:
+            InputError: A system of the points is given, and it has one.
+        """
+        if points_crs is not None and self.points_crs is not None:
+            raise InputError(
+                f"--points-crs {points_crs}: the points of these files are in {self.points_crs}, as they "
+                "say; leave it out"
+            )
+        return frame or self.frame, points_crs or self.points_crs
+
 
 @dataclass(frozen=True)
 class Reading:

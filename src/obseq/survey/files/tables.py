@@ -33,7 +33,8 @@ SUFFIX = ".csv"
 OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
 MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
 MORE_OF_OBSERVATIONS = (
-    *("unit", "backsight", "set", "relative_sigma", "from_height", "to_height", "active", "remark"),
+    *("unit", "backsight", "set", "orientation", "instrument", "relative_sigma", "from_height", "to_height"),
+    *("active", "remark"),
 )
 OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", "active", "remark")
 OWN_OF_FORMULAS = (*OF_FORMULAS, *MORE_OF_FORMULAS)
@@ -178,7 +179,7 @@ class _Observations:
         table.check(OF_OBSERVATIONS, MORE_OF_OBSERVATIONS)
         self._table, self._columns = table, columns
         self._number = columns.open_file(table.file)
-        self._stations: dict[tuple[int, str, bool], int] = {}
+        self._stations: dict[tuple[int, str, Orientation, bool], int] = {}
 
     def read(self) -> None:
         """Adds all rows."""
@@ -203,7 +204,8 @@ class _Observations:
             table.number(index, cells, "relative_sigma", 0.0),
             table.number(index, cells, "from_height", 0.0),
             table.number(index, cells, "to_height", 0.0),
-            self._station(cells, kind, ends[0]),
+            self._station(index, cells, kind, ends[0]),
+            self._instrument(index, cells),
             backsight=ends[2],
         )
 
@@ -225,15 +227,29 @@ class _Observations:
         rows = [self._columns.point(self._table.file, index, name) for name in names]
         return rows[0], rows[1], rows[2] if len(rows) > 2 else -1
 
-    def _station(self, cells: dict[str, str], kind: ObservationKind, origin: int) -> int:
+    def _instrument(self, index: int, cells: dict[str, str]) -> int:
+        name = cells.get("instrument", "")
+        self._table.file.check_name(index, name)
+        return self._columns.instrument(name)
+
+    def _station(self, index: int, cells: dict[str, str], kind: ObservationKind, origin: int) -> int:
         """Rows of one point and one set are of one set-up; azimuths have their own."""
         if not kind.needs_station:
             return -1
-        key = (origin, cells.get("set", ""), kind is AZIM)
+        orientation = self._orientation(index, cells, kind)
+        key = (origin, cells.get("set", ""), orientation, kind is AZIM)
         if key not in self._stations:
-            orientation = Orientation.FIX if key[2] else Orientation.VERT
             self._stations[key] = self._columns.open_station(origin, orientation)
         return self._stations[key]
+
+    def _orientation(self, index: int, cells: dict[str, str], kind: ObservationKind) -> Orientation:
+        word = cells.get("orientation", "").removeprefix("#").upper()
+        if not word:
+            return Orientation.FIX if kind is AZIM else Orientation.VERT
+        if word not in Orientation.__members__:
+            known = ", ".join(Orientation.__members__)
+            raise self._table.file.error(index, f"orientation {quoted(word)!r} is none of {known}")
+        return Orientation[word]
 
 
 class _Formulas:

@@ -16,7 +16,7 @@ from obseq.leastsquares.statistics.final_state import final_state
 from obseq.plan_record import GainRecord
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.model import group_by_station
+from obseq.survey.model import GroupKind, group_by_station
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -148,7 +148,7 @@ def _can_be_tried(book: FieldBook, code: int) -> bool:
     """Whether a kind joins two points, one by one, and has no unknowns of its own."""
     observations = book.observations
     rows = observations.types == code
-    alone = (observations.groups[rows] < 0).all() and (observations.backsights[rows] < 0).all()
+    alone = not book.in_groups(GroupKind.UNKNOWNS)[rows].any() and (observations.backsights[rows] < 0).all()
     apart = (observations.from_points[rows] != observations.to_points[rows]).all()
     correlated = np.zeros(len(rows), np.bool_)
     for cluster in book.clusters:

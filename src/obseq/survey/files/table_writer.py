@@ -1,0 +1,69 @@
+"""Observations as a table with named columns (.csv), which `tables` reads."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.tables import TYPES
+from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.model import GroupKind, Orientation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.survey.model import FieldBook
+
+HEADER = (
+    *("type", "from", "to", "backsight", "value", "sigma", "unit", "set", "orientation", "instrument"),
+    *("relative_sigma", "from_height", "to_height", "active"),
+)
+
+
+def table_text(book: FieldBook) -> str:
+    """Observations as a table with a header, in metres and radians: numbers come back as they are.
+
+    Raises:
+        InputError: A table has no row for an observation, or observations are correlated.
+    """
+    codes = [kind.code for kind in TYPES.values()]
+    without = np.flatnonzero(~np.isin(book.observations.types, codes))
+    if without.size:
+        words = BY_CODE[int(book.observations.types[without[0]])].words
+        raise InputError(
+            f"{book.label(int(without[0]))}: a table of observations has no row for this ({words})"
+        )
+    if book.clusters:
+        first = book.label(int(book.clusters[0].rows[0]))
+        raise InputError(f"{first}: it is correlated with others, which a table cannot say")
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(HEADER)
+    writer.writerows(_rows(book))
+    return stream.getvalue()
+
+
+def _rows(book: FieldBook) -> Iterator[tuple[str, ...]]:
+    """The cells of each observation."""
+    rows, named = book.observations, book.in_groups(GroupKind.INSTRUMENT)
+    for row, code in enumerate(rows.types.tolist()):
+        kind, station = BY_CODE[code], int(rows.stations[row])
+        ends = (rows.from_points[row], rows.to_points[row], rows.backsights[row])
+        orientation = Orientation(book.stations.orientations[station]).name if station >= 0 else ""
+        numbers = (rows.relative_sigmas[row], rows.from_heights[row], rows.to_heights[row])
+        yield (
+            kind.name,
+            *(book.point_names[end] if end >= 0 else "" for end in ends),
+            repr(float(rows.values[row])),
+            repr(float(rows.sigmas[row])),
+            kind.unit,
+            str(station) if station >= 0 else "",
+            orientation,
+            book.groups[rows.groups[row]].name if named[row] else "",
+            *(repr(float(number)) if number else "" for number in numbers),
+            "" if rows.active[row] else "0",
+        )
