@@ -14,6 +14,7 @@ from obseq.project import (
     read_orientation,
     system_text,
 )
+from obseq.project.points import read_entries
 
 
 @pytest.fixture
@@ -110,7 +111,7 @@ def test_points_in_another_system_keep_their_covariances(tmp_path, monkeypatch, 
     folder.mkdir(parents=True)
     frame = "RTL*657700*6860700*0*IGNF:LAMB93"
     given = ControlPoints.of(["A", "B"], [[10.0, 20, 30], [1000, -500, 5]], [[0.01, 0.02, 0.03]] * 2)
-    (folder / "MesGCP-In.xml").write_text(points_text(given, "In"))
+    (folder / "MesGCP-In.xml").write_text(points_text(given, "In", {"B": {"AdditionalInfo": "nail"}}))
     (folder / "CurSysCo.xml").write_text(system_text(frame))
     monkeypatch.chdir(tmp_path)
     assert main("change-sysco GeoC In There".split()) == 0
@@ -120,6 +121,8 @@ def test_points_in_another_system_keep_their_covariances(tmp_path, monkeypatch, 
     np.testing.assert_allclose(back.coordinates, given.coordinates, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(back.covariances, given.covariances, rtol=0.0, atol=1e-9)
     assert np.abs(there.covariances[0] - given.covariances[0]).max() > 1e-4
+    entries = read_entries(tmp_path / "MMVII-PhgrProj/ObjCoordWorld/Back")
+    assert [entries[name]["AdditionalInfo"] for name in "AB"] == ["", "nail"]
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,50 @@ def test_an_adjustment_keeps_what_a_calibration_says_besides(panel):
     assert out["PerfectProj"]["F"] != given["PerfectProj"]["F"]
 
 
+def _marked(path, before, after):
+    """Writes something that nobody here knows into a file."""
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+
+
+@pytest.mark.parametrize("ending", [(), ("--json-files",)])
+def test_what_nobody_knows_stays_in_files_that_are_written_again(panel, ending):
+    """Poses, blocks and points are read, adjusted and written with what they hold besides."""
+    tree = panel / "MMVII-PhgrProj"
+    _marked(next((tree / "Ori/BA").glob("Ori-*043_0005*")), "<Center>", '<Weather>"rain"</Weather><Center>')
+    points = next((tree / "PointsMeasure/Fil").glob("MesGCP*"))
+    points.write_text(points.read_text().replace("<Sigma2>", '<Wall>"west"</Wall><Sigma2>'))
+    project = f"--project={panel}"
+    main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", project])
+    block = tree / "RigBlock/Rig/RigidBloc_TheBloc.xml"
+    _marked(block, "<Center>", "<Bolts>4</Bolts><Center>")
+    _marked(block, "<Master>", '<Maker>"Smith"</Maker><Master>')
+    words = ["GCP3D=[[Fil,1,New]]", "GCP2D=[[Fil,1]]", "BRDirIn=Rig", "BRW=[1e-2,1e-5]", "OutRigBlock=Out"]
+    assert main(["bundle-adjust", ".*", "BA", "Out", *words, project, *ending]) == 0
+    found = {path.stem: read_tree(path) for path in tree.rglob("Out/*")}
+    assert found["Ori-PerspCentral-043_0005_Scaled.tif"]["CameraPose"]["Weather"] == "rain"
+    rigid = found["RigidBloc_TheBloc"]["CalibBlocCam"]
+    assert rigid["Maker"] == "Smith"
+    assert rigid["PoseRel"][0]["V"]["Bolts"] == (4,)
+    (adjusted,) = (tree / "ObjCoordWorld/New").glob("MesGCP*")
+    entries = read_tree(adjusted)["SetGCP"]["Measures"]
+    assert {entry.get("Wall") for entry in entries} == {"west"}
+    assert all(sum("Sigma2" in key for key in entry) == 1 for entry in entries)
+
+
+def test_rules_keep_what_nobody_knows(panel):
+    folder = panel / "MMVII-PhgrProj/MetaData/Std"
+    rule = {"Pat": ".*", "Val": "8", "By": "me"}
+    other = {"Pat": "no", "Val": "9"}
+    tree = [{"Mode": "Focalmm", "Tries": [other, rule], "Since": (2026,)}]
+    (folder / "CalcMTD.xml").write_text(tree_text("MetaData", tree))
+    words = ["--modify", "C1.*", "12", "0", "--save", f"--project={panel}"]
+    assert main(["edit-metadata", "Std", "Focalmm", *words]) == 0
+    (entry,) = read_tree(folder / "CalcMTD.xml")["MetaData"]
+    assert entry == {"Mode": "Focalmm", "Tries": [{"Pat": "C1.*", "Val": "12"}, rule], "Since": (2026,)}
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_numbers_of_an_orientation_come_back_to_the_last_bit(tmp_path, as_json):
     rng = np.random.default_rng(3)

@@ -109,7 +109,7 @@ def test_blocks_come_back(tmp_path, ending):
     path.write_text(block_text(given, as_json=ending == "json"))
     found = read_block(path)
     np.testing.assert_array_equal(found.poses["C2"].rotation, poses["C2"].rotation)
-    assert (found.inverse, found.pattern, found.master) == (given.inverse, given.pattern, "C1")
+    assert (found.content["SeparatorInv"], found.pattern, found.master) == ("@", given.pattern, "C1")
     assert found.exposures(["C1_7.JPG", "C2_7.JPG"]) == {"7": {"C1": "C1_7.JPG", "C2": "C2_7.JPG"}}
     with pytest.raises(InputError, match=r"C3\.tif does not match"):
         found.exposures(["C3.tif"])

@@ -253,7 +253,7 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
     lines += [f"not in the block: {image} is not as {arguments.pattern}" for image in exposures.others]
     places = {name: block.places[name] for name in block.places}
     camera, exposure = arguments.groups
-    written = BlockFile(block.name, block.master, arguments.pattern, camera, exposure, places, {})
+    written = BlockFile(block.name, block.master, arguments.pattern, camera, exposure, places)
     path = tree.folder("RigBlock", arguments.out) / f"RigidBloc_{block.name}{ending_of(arguments)}"
     return "\n".join(lines) + "\n", {path: block_text(written, as_json=arguments.json_files)}, passed
 
@@ -285,7 +285,7 @@ def _contents(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, 
 
 
 def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
-    from obseq.project.points import points_text, read_control_points, read_system, system_text
+    from obseq.project.points import points_text, read_control_points, read_entries, read_system, system_text
     from obseq.project.reports import converted
 
     folder = tree.points(arguments.points)
@@ -293,7 +293,9 @@ def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[
     out, ending = tree.folder("ObjCoordWorld", arguments.out), ending_of(arguments)
     as_json = arguments.json_files
     files: Files = {
-        out / f"MesGCP-{arguments.out}{ending}": points_text(control, arguments.out, as_json=as_json),
+        out / f"MesGCP-{arguments.out}{ending}": points_text(
+            control, arguments.out, read_entries(folder), as_json=as_json
+        ),
         out / f"CurSysCo{ending}": system_text(arguments.system, as_json=as_json),
     }
     return f"{len(control)} points in {arguments.system}\n", files, True

@@ -11,6 +11,7 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from obseq.images import ControlPoints
     from obseq.project.layout import ProjectTree
+    from obseq.project.tree import Tree
     from obseq.survey import PointFileOptions, Points
 
 
@@ -100,11 +101,13 @@ def _import_points(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[
     points = read_points(arguments.file, arguments.format, _options(arguments))
     control, definition, saved = _converted(arguments, tree, points)
     name = arguments.name or Path(arguments.file).stem
-    information = dict(zip(points.names, points.infos, strict=True))
+    said: dict[str, Tree] = {
+        name: {"AdditionalInfo": words} for name, words in zip(points.names, points.infos, strict=True)
+    }
     out, ending = tree.folder("ObjCoordWorld", arguments.out), ending_of(arguments)
     as_json = arguments.json_files
     files: Files = {
-        out / f"MesGCP-{name}{ending}": points_text(control, name, information, as_json=as_json),
+        out / f"MesGCP-{name}{ending}": points_text(control, name, said, as_json=as_json),
         out / f"CurSysCo{ending}": system_text(definition, as_json=as_json),
     }
     if saved:

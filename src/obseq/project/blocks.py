@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.geometry import Pose
 from obseq.project.metadata import whole_match
-from obseq.project.tree import Reader, pairs, read_tree, tree_text
+from obseq.project.tree import Reader, merged, pairs, read_tree, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,7 +33,7 @@ class BlockFile:
         camera_group: number of the group of the pattern that is the identifier of the camera, from 1.
         exposure_group: number of the group that is the identifier of the exposure, from 1.
         poses: by camera, the pose camera to block.
-        inverse: `PatternInv`, `ReplaceInv`, `SeparatorInv` where the file has them.
+        content: what stands in the file that it was read from; what it says besides is kept.
     """
 
     name: str
@@ -42,7 +42,7 @@ class BlockFile:
     camera_group: int
     exposure_group: int
     poses: dict[str, Pose]
-    inverse: dict[str, str]
+    content: Tree = field(default_factory=dict)
 
     def camera_and_exposure(self, image: str) -> tuple[str, str]:
         """Identifiers of the camera and of the exposure of an image.
@@ -83,6 +83,8 @@ def read_block(path: str | Path) -> BlockFile:
         InputError: with file and field.
     """
     fields = Reader(read_tree(path), str(path)).fields(BLOCK)
+    for name in _INVERSE:
+        fields.text(name, "")
     poses = {}
     for key, value in pairs(fields.list("PoseRel"), f"{path}: PoseRel"):
         one = Reader(value, f"{path}: PoseRel: {key}")
@@ -94,7 +96,7 @@ def read_block(path: str | Path) -> BlockFile:
         fields.integer("KBloc"),
         fields.integer("KSync"),
         poses,
-        {key: fields.text(key) for key in _INVERSE if fields.has(key)},
+        fields.tree,
     )
 
 
@@ -107,17 +109,26 @@ def read_pose_fields(fields: Reader) -> Pose:
 
 def block_text(block: BlockFile, *, as_json: bool = False) -> str:
     """The file of a block."""
-    relative: list[Tree] = [{"K": camera, "V": pose_tree(pose)} for camera, pose in block.poses.items()]
+    old = _places(block.content)
+    relative: list[Tree] = [
+        {"K": camera, "V": merged(old.get(camera, {}), pose_tree(pose))}
+        for camera, pose in block.poses.items()
+    ]
     content: dict[str, Tree] = {
         "Name": block.name,
         "Master": block.master,
         "Pattern": block.pattern,
         "KBloc": (block.camera_group,),
         "KSync": (block.exposure_group,),
-        **block.inverse,
         "PoseRel": relative,
     }
-    return tree_text(BLOCK, content, as_json=as_json)
+    return tree_text(BLOCK, merged(block.content, content), as_json=as_json)
+
+
+def _places(content: Tree) -> dict[str, Tree]:
+    """What a file says of each camera; nothing where there is no file."""
+    listed = content.get("PoseRel") if isinstance(content, dict) else None
+    return {str(key): value for key, value in pairs(listed if isinstance(listed, list) else [], BLOCK)}
 
 
 def pose_tree(pose: Pose) -> Tree:

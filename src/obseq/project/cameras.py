@@ -119,9 +119,14 @@ def _kept(source: Tree | None, content: dict[str, Tree]) -> Tree:
 
 def calibration_source(folder: str | Path, name: str) -> Tree | None:
     """What stands in the file of a calibration in a folder of orientations; None where there is none."""
+    return _source(folder, name, CALIBRATION)
+
+
+def _source(folder: str | Path, stem: str, tag: str) -> Tree | None:
+    """What stands under a tag in a file of a folder, XML or JSON; None where there is none."""
     for ending in ("xml", "json"):
-        if (path := Path(folder) / f"{name}.{ending}").is_file():
-            return read_tree(path).get(CALIBRATION)
+        if (path := Path(folder) / f"{stem}.{ending}").is_file():
+            return read_tree(path).get(tag)
     return None
 
 
@@ -140,8 +145,18 @@ def read_pose(path: str | Path) -> tuple[str, str, Pose]:
     return fields.text("NameImage"), fields.text("NameInternalCalib"), Pose(centre, rotation)
 
 
-def pose_text(image: str, calibration: str, pose: Pose, *, as_json: bool = False) -> str:
-    """The file of a pose; quaternion and angles are there for information, as in the original."""
+def pose_text(
+    image: str, calibration: str, pose: Pose, *, source: Tree | None = None, as_json: bool = False
+) -> str:
+    """The file of a pose; quaternion and angles are there for information, as in the original.
+
+    Args:
+        image: its name.
+        calibration: name of its calibration.
+        pose: camera to world.
+        source: what stands under `CameraPose` in the file that it was read from; what it has besides is kept.
+        as_json: True for JSON.
+    """
     rotation = pose.rotation[None]
     content: Tree = {
         "NameImage": image,
@@ -152,7 +167,7 @@ def pose_text(image: str, calibration: str, pose: Pose, *, as_json: bool = False
         "WPK": _tuple(np.rad2deg(attitudes(rotation, "wpk")[0])),
         "YPR": _tuple(np.rad2deg(attitudes(rotation, "ypr")[0])),
     }
-    return tree_text(POSE, content, as_json=as_json)
+    return tree_text(POSE, merged(source or {}, content), as_json=as_json)
 
 
 def read_orientation(
@@ -198,13 +213,19 @@ def orientation_files(
         folder: where they go.
         poses: of the images.
         cameras: by name.
-        source: folder that the calibrations come from; what their files hold besides is kept.
+        source: folder that poses and calibrations come from; what their files hold besides is kept.
         as_json: True for JSON.
     """
     place = Path(folder)
     ending = "json" if as_json else "xml"
     texts = {
-        place / f"{POSE_PREFIX}{image}.{ending}": pose_text(image, camera, poses[image], as_json=as_json)
+        place / f"{POSE_PREFIX}{image}.{ending}": pose_text(
+            image,
+            camera,
+            poses[image],
+            source=None if source is None else _source(source, f"{POSE_PREFIX}{image}", POSE),
+            as_json=as_json,
+        )
         for image, camera in zip(poses.images, poses.cameras, strict=True)
     }
     texts |= {

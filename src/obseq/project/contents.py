@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.project.layout import TREE
-from obseq.project.tree import read_tree
+from obseq.project.tree import bare, read_tree
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,8 +97,7 @@ def _unknown(value: Tree, known: frozenset[str]) -> Iterator[str]:
             yield from _unknown(part, known)
     elif isinstance(value, dict):
         for name, part in value.items():
-            bare = name.removeprefix("__Opt__").removeprefix("Opt:")
-            if bare not in known:
+            if bare(name) not in known:
                 yield name
-            elif bare not in FREE:
+            elif bare(name) not in FREE:
                 yield from _unknown(part, known)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.project.tree import Reader, read_tree, tree_text
+from obseq.project.tree import Reader, merged, read_tree, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,10 +27,12 @@ class Rules:
     Attributes:
         tries: by mode, patterns and values in the order they are tried.
         where: what messages begin with.
+        entries: what the file that they were read from says of each mode; what it has besides is kept.
     """
 
     tries: dict[str, tuple[tuple[str, str], ...]]
     where: str = "metadata"
+    entries: dict[str, Tree] = field(default_factory=dict)
 
     def value(self, mode: str, image: str) -> str | None:
         """The value of the first rule whose pattern matches the whole name and does not give NONE; else None.
@@ -82,14 +84,17 @@ class Rules:
 def read_rules(path: str | Path) -> Rules:
     """The rules of a file ``MetaData/<Folder>/CalcMTD.xml``."""
     tree = read_tree(path)
-    entries = Reader(tree, str(path)).list(RULES)
+    entries: dict[str, Tree] = {}
     tries: dict[str, tuple[tuple[str, str], ...]] = {}
-    for entry in entries:
+    for entry in Reader(tree, str(path)).list(RULES):
         fields = Reader(entry, f"{path}: {RULES}")
         mode = fields.text("Mode")
+        if mode in tries:
+            raise InputError(f"{path}: the mode {mode} comes twice")
+        entries[mode] = entry
         rules = [Reader(one, f"{path}: {mode}") for one in fields.list("Tries")]
         tries[mode] = tuple((one.text("Pat"), one.text("Val")) for one in rules)
-    return Rules(tries, str(path))
+    return Rules(tries, str(path), entries)
 
 
 def edited(rules: Rules, mode: str, pattern: str, value: str, rank: int) -> Rules:
@@ -110,16 +115,23 @@ def edited(rules: Rules, mode: str, pattern: str, value: str, rank: int) -> Rule
     before = old[: max(rank, 0)]
     after = [] if rank == -2 else old if rank == -1 else old[rank + 1 :]
     changed = [*before, new, *after]
-    return Rules({**rules.tries, mode: tuple(changed)}, rules.where)
+    return replace(rules, tries={**rules.tries, mode: tuple(changed)})
 
 
 def rules_text(rules: Rules, *, as_json: bool = False) -> str:
     """The file of rules."""
-    content: list[Tree] = [
-        {"Mode": mode, "Tries": [{"Pat": pattern, "Val": value} for pattern, value in tries]}
-        for mode, tries in rules.tries.items()
-    ]
+    content = [_entry(rules.entries.get(mode, {}), mode, tries) for mode, tries in rules.tries.items()]
     return tree_text(RULES, content, as_json=as_json)
+
+
+def _entry(old: Tree, mode: str, tries: Iterable[tuple[str, str]]) -> Tree:
+    """The entry of a mode: what the old one says besides, of the mode and of rules that are still there."""
+    listed = old.get("Tries") if isinstance(old, dict) else None
+    known = {(rule.get("Pat"), rule.get("Val")): rule for rule in listed or () if isinstance(rule, dict)}
+    rules: list[Tree] = [
+        merged(known.get((pattern, value), {}), {"Pat": pattern, "Val": value}) for pattern, value in tries
+    ]
+    return merged(old, {"Mode": mode, "Tries": rules})
 
 
 def read_names(path: str | Path) -> list[str]:

@@ -17,7 +17,7 @@ from obseq.project.points import (
     NO_SYSTEM,
     points_text,
     read_control_points,
-    read_information,
+    read_entries,
     read_system,
     system_text,
 )
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from obseq.project.bundle_options import BundleOptions, Set3D
     from obseq.project.layout import ProjectTree
+    from obseq.project.tree import Tree
     from obseq.survey import Adjustment, FieldBook
 
 ADJUSTED = "MesGCP-NewGCP"
@@ -119,13 +120,13 @@ def adjusted_sets(
 
     Points that are in no set go to the first folder.
     """
-    members: dict[str, dict[str, str]] = {}
+    members: dict[str, dict[str, Tree]] = {}
     known: set[str] = set()
     for part in options.points:
-        information = read_information(tree.points(part.folder))
-        known |= set(information)
+        entries = read_entries(tree.points(part.folder))
+        known |= set(entries)
         if part.out:
-            members.setdefault(part.out, {}).update(information)
+            members.setdefault(part.out, {}).update(entries)
     files: dict[Path, str | bytes] = {}
     ending = ".json" if as_json else ".xml"
     for number, (out, mine) in enumerate(members.items()):

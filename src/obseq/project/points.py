@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images import ControlPoints, ImagePoints
-from obseq.project.tree import Reader, read_tree, tree_text
+from obseq.project.tree import Reader, bare, merged, read_tree, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -99,9 +99,9 @@ def read_control_points(
     return _control(names, np.array(places, dtype=np.float64).reshape(-1, 3), covariances)
 
 
-def read_information(folder: str | Path) -> dict[str, str]:
-    """The additional information of the points of a folder, by their names."""
-    return {one.text("Name"): one.text("AdditionalInfo", "") for one in _point_entries(folder)}
+def read_entries(folder: str | Path) -> dict[str, Tree]:
+    """What stands in the files of a folder of each of its points, by their names."""
+    return {one.text("Name"): one.tree for one in _point_entries(folder)}
 
 
 def _point_entries(folder: str | Path) -> Iterator[Reader]:
@@ -113,33 +113,41 @@ def _point_entries(folder: str | Path) -> Iterator[Reader]:
 
 
 def points_text(
-    points: ControlPoints, name: str, information: Mapping[str, str] | None = None, *, as_json: bool = False
+    points: ControlPoints, name: str, sources: Mapping[str, Tree] | None = None, *, as_json: bool = False
 ) -> str:
     """The file of control points; free ones without variances, held ones with zeros.
 
     Args:
         points: what is written.
         name: of the set.
-        information: additional information of points by name.
+        sources: entries of points by name, as files have them (`read_entries`); what they have besides is
+            kept.
         as_json: True for JSON.
 
     Raises:
         InputError: a point is known in some of its coordinates only.
     """
-    words = information or {}
+    known = sources or {}
     entries: list[Tree] = []
     for one, place, covariance in zip(points.names, points.coordinates, points.covariances, strict=True):
         entry: dict[str, Tree] = {
             "Name": one,
             "Pt": _floats(place),
-            "AdditionalInfo": words.get(one, ""),
+            "AdditionalInfo": "",
         }
         if np.isfinite(covariance).all():
             entry["__Opt__Sigma2"] = tuple(float(covariance[index]) for index in _UPPER)
         elif not np.isinf(np.diag(covariance)).all():
             raise InputError(f"control point {one}: a project holds points known in x, y and z, or free")
-        entries.append(entry)
+        entries.append(_kept(known.get(one, {}), entry))
     return tree_text(POINTS, {"NameSet": name, "Measures": entries}, as_json=as_json)
+
+
+def _kept(source: Tree, entry: dict[str, Tree]) -> Tree:
+    """An entry of a point, with what its source says besides; its old variances are not."""
+    old = source if isinstance(source, dict) else {}
+    besides = {key: value for key, value in old.items() if bare(key) != "Sigma2"}
+    return merged(besides, {**entry, "AdditionalInfo": besides.get("AdditionalInfo", "")})
 
 
 def read_system(folder: str | Path) -> str:

@@ -27,6 +27,8 @@ LARGEST = 512 * 2**20
 DEEPEST = 64
 """Levels of the deepest tree that is read."""
 INDENT = "   "
+OPTIONAL = ("__Opt__", "Opt:")
+"""What marks a field that may be missing, today and in older files."""
 _COMMENT = re.compile(r"<!--comment\d+-->")
 _PAIR, _KEY = "Pair", "K"
 _NEXT_TEXT = re.compile(r'(?<!\\)"\s+"')
@@ -76,12 +78,19 @@ class Reader:
             raise InputError(f"{where}: holds a value where fields are expected")
         self._tree, self.where = tree, where
 
+    @property
+    def tree(self) -> Tree:
+        """The mapping itself."""
+        return self._tree
+
     def has(self, name: str) -> bool:
         """Whether the field is there, under its name or as optional."""
         return self._key(name) is not None
 
     def _key(self, name: str) -> str | None:
-        return next((key for key in (name, f"__Opt__{name}", f"Opt:{name}") if key in self._tree), None)
+        return next(
+            (key for key in (name, *(f"{mark}{name}" for mark in OPTIONAL)) if key in self._tree), None
+        )
 
     def value(self, name: str) -> Tree:
         """The field, whatever it is."""
@@ -171,11 +180,23 @@ def pairs(values: list[Tree], where: str) -> list[tuple[Tree, Tree]]:
 
 
 def merged(old: Tree, new: Tree) -> Tree:
-    """The new tree, and what the old one has besides: fields that nobody here knows stay where they were."""
+    """The new tree, and what the old one has besides: fields that nobody here knows stay where they were.
+
+    An optional field is the same however it is marked; it is marked as in the new tree.
+    """
     if not (isinstance(old, dict) and isinstance(new, dict)):
         return new
-    kept = {key: merged(value, new[key]) if key in new else value for key, value in old.items()}
-    return {**kept, **{key: value for key, value in new.items() if key not in old}}
+    names = {bare(key): key for key in new}
+    found = {names.get(bare(key), key): value for key, value in old.items()}
+    kept = {key: merged(value, new[key]) if key in new else value for key, value in found.items()}
+    return {**kept, **{key: value for key, value in new.items() if key not in kept}}
+
+
+def bare(key: str) -> str:
+    """The name of a field without the mark of those that may be missing."""
+    for mark in OPTIONAL:
+        key = key.removeprefix(mark)
+    return key
 
 
 def _bytes(path: Path) -> bytes:
