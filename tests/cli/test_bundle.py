@@ -48,7 +48,7 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert "converged after" in shown
     assert "Camera c (" in shown
     record = json.loads((folder / "out/bundle.json").read_text())
-    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 3, 8)
+    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 4, 8)
     found = np.array([image["centre"] for image in record["images"]])
     sigmas = np.array([image["centre_sigmas"] for image in record["images"]])
     assert (np.abs(found - poses.centres) < 5.0 * sigmas).all()

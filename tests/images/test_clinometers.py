@@ -51,7 +51,7 @@ def test_clinometers_level_a_block():
     np.testing.assert_array_equal([*first.residuals, *second.residuals], residuals)
     assert (first.name, first.images[0]) == ("x", "i0")
     np.testing.assert_array_equal(first.axis, solution.clinometer("x").axis)
-    assert f"{residuals[-1]:+.4g}" in page(solution, record)
+    assert f"{residuals[-1]:+.4g}" in page(record)
     assert "clinometer y" in summary(record)
     assert len(labels) == 16
     assert np.abs(residuals).max() < 4.0 * SIGMA

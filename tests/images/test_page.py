@@ -9,10 +9,21 @@ import numpy as np
 import pytest
 import scenes
 
+from obseq.cli.main import main
+from obseq.errors import InputError
 from obseq.images import BundleAdjustment, Camera, Weighting
-from obseq.images.output.drawings import arrows, histogram, radial_profile, round_below, undistorted_grid
+from obseq.images.output.block_record import read_block_record
+from obseq.images.output.drawings import (
+    arrows,
+    grid_of,
+    histogram,
+    radial_profile,
+    round_below,
+    undistorted_grid,
+)
 from obseq.images.output.page import page
 from obseq.images.output.record import record_of
+from obseq.report.formats import FORMATS
 
 VOID = {"meta", "path", "rect", "circle", "br"}
 
@@ -65,7 +76,7 @@ def solved():
 
 def test_the_page_says_what_was_found(solved):
     record = record_of(solved)
-    text = page(solved, record)
+    text = page(record)
     parser = _Checked()
     parser.feed(text)
     assert not parser.open
@@ -81,7 +92,7 @@ def test_the_page_says_what_was_found(solved):
 
 
 def test_a_page_without_precisions(solved):
-    text = page(solved, record_of(solved, precisions=False))
+    text = page(record_of(solved, precisions=False))
     assert "standard ellipses" not in text
     assert "precisions none" in text
 
@@ -102,8 +113,7 @@ def _numbers(path):
 
 
 def test_arrows_stand_at_their_measures_and_keep_their_directions():
-    camera = Camera("c", 1000, 500, 900.0)
-    drawing = arrows(camera, np.array([[500.0, 250.0]]), np.array([[0.3, -0.4]]), "x", width=500.0)
+    drawing = arrows((1000, 500), np.array([[500.0, 250.0]]), np.array([[0.3, -0.4]]), "x", width=500.0)
     (path,) = re.findall(r'class="arrow" d="([^"]*)"', drawing)
     x, y, dx, dy, *_ = _numbers(path)
     assert (x, y) == (250.0, 125.0)
@@ -113,11 +123,10 @@ def test_arrows_stand_at_their_measures_and_keep_their_directions():
 
 
 def test_a_radial_error_shows_in_the_profile():
-    camera = Camera("c", 1000, 1000, 900.0)
     rng = np.random.default_rng(0)
     xy = rng.uniform(0, 1000, (4000, 2))
     arms = xy - 500.0
-    drawing = radial_profile(camera, xy, arms / 500.0, "x")
+    drawing = radial_profile((500.0, 500.0), xy, arms / 500.0, "x")
     (mean,) = re.findall(r'class="first" d="M([^"]*)"', drawing)
     heights = [float(pair.split()[1]) for pair in mean.split("L")]
     assert all(a > b for a, b in itertools.pairwise(heights))
@@ -132,11 +141,64 @@ def test_the_histogram_counts_what_is_beyond():
 
 
 def test_the_grid_without_distortion_is_that_of_the_image():
-    straight = undistorted_grid(Camera("c", 1000, 800, 900.0), "x")
-    given, first = (re.findall(rf'class="{name}" d="([^"]*)"', straight)[0] for name in ("given", "first"))
-    assert given == first
-    bent = undistorted_grid(Camera("c", 1000, 800, 900.0, distortion={"K1": -0.2}), "x")
+    given = grid_of((1000, 800), 900.0)
+    straight = undistorted_grid(given, given, "x")
+    before, after = (re.findall(rf'class="{name}" d="([^"]*)"', straight)[0] for name in ("given", "first"))
+    assert before == after
+    camera = Camera("c", 1000, 800, 900.0, distortion={"K1": -0.2})
+    moved = 900.0 * camera.undistorted((given - [500.0, 400.0]) / 900.0) + [500.0, 400.0]
+    bent = undistorted_grid(given, moved, "x")
     assert re.findall(r'class="given" d="([^"]*)"', bent) != re.findall(r'class="first" d="([^"]*)"', bent)
+
+
+def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, capsys):
+    """Nothing is computed again, and nothing but the file is needed."""
+    record = record_of(solved)
+    path = tmp_path / "bundle.json"
+    path.write_text(record.to_json())
+    assert read_block_record(path) == record
+    code = main(["report", str(path), f"--out={tmp_path / 'again'}"])
+    assert code == (0 if record.is_complete else 1)
+    assert (tmp_path / "again/bundle.html").read_text() == page(record)
+    assert (tmp_path / "again/bundle.json").read_text() == record.to_json()
+    assert "Bundle adjustment: sigma0" in capsys.readouterr().out
+    assert {form.name for form in FORMATS} == {"json", "html", "text"}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('"version": 4', '"version": 3', "format obseq-bundle 3 is not read"),
+        ('"redundancy":', '"other":', "redundancy is missing"),
+        ('"images": [', '"images": [7, ', r"images\[0\] is not an object"),
+        ("{", "{{", "it is not a result file"),
+        ('"obseq-bundle"', '"other"', "it is not the result of a bundle adjustment"),
+    ],
+)
+def test_results_of_blocks_that_are_wrong_are_refused(solved, tmp_path, before, after, message):
+    path = tmp_path / "bundle.json"
+    text = record_of(solved).to_json()
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+    with pytest.raises(InputError, match=message):
+        read_block_record(path)
+
+
+def test_the_tests_of_all_image_points_are_in_the_record(solved):
+    record, found = record_of(solved), solved.reliability()
+    columns = record.reliability.all
+    assert len(columns.w_x) == len(record.residuals.dx)
+    assert sum(columns.redundancy_x) + sum(columns.redundancy_y) == pytest.approx(
+        record.reliability.redundancy
+    )
+    worst = record.reliability.worst[0]
+    names = [
+        (record.images[i].name, record.points[p].name)
+        for i, p in zip(record.residuals.image, record.residuals.point, strict=True)
+    ]
+    row = names.index((worst.image, worst.point))
+    assert (columns.w_x[row], columns.redundancy_y[row]) == (worst.w[0], worst.redundancy[1])
+    np.testing.assert_array_equal(columns.detectable_y, found.detectable[:, 1])
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1.0, 1.0), (9.99, 5.0), (0.02, 0.02), (3e4, 2e4)])
@@ -152,4 +214,4 @@ def test_a_camera_without_size_is_drawn(solved):
     block.add_approximations(solved.points, solved.coordinates)
     block.add_measures(measures.rows(measures.point < 29))
     solution = block.solve(datum="centres")
-    assert page(solution, record_of(solution)).count("<svg") == 2 + 4 + len(solution.poses)
+    assert page(record_of(solution)).count("<svg") == 2 + 4 + len(solution.poses)

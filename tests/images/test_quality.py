@@ -114,7 +114,7 @@ def test_the_record_and_the_page_have_the_tests(clean):
     np.testing.assert_allclose(worst.w, reliability.w[row])
     np.testing.assert_allclose(worst.detectable, reliability.detectable[row])
     np.testing.assert_allclose(worst.blunder, -reliability.left_out[row])
-    assert f"{worst.detectable[0]:.3g}" in page(solution, record)
+    assert f"{worst.detectable[0]:.3g}" in page(record)
     assert f"{found.beyond} of {found.tested} image coordinates beyond" in summary(record)
     assert record_of(solution, precisions=False).reliability is None
 

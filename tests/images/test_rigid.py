@@ -190,7 +190,7 @@ def test_missing_images_are_counted_and_a_mixed_project_is_no_error():
     )
     sigmas = [place.sigmas for place in found.places]
     np.testing.assert_array_equal(sigmas, solution.rigid_place_precisions("TheBloc"))
-    shown = page(solution, record)
+    shown = page(record)
     assert f"{residuals.rotations[0, 2]:+.4g}" in shown
     assert "camera B has no image that is adjusted" in shown
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from obseq.images import BundleAdjustment, BundleSolution
-    from obseq.images.output.record import BundleRecord
+    from obseq.images.output.block_record import BundleRecord
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -141,7 +141,7 @@ def _writers(solution: BundleSolution, record: BundleRecord) -> Mapping[str, Cal
         "poses": lambda: pose_table(solution),
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
-        "html": lambda: page(solution, record),
+        "html": lambda: page(record),
     }
 
 

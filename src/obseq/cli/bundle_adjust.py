@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json:
             files[arguments.json] = record.to_json()
         if arguments.html:
-            files[arguments.html] = page(solution, record)
+            files[arguments.html] = page(record)
         if arguments.ply:
             files[arguments.ply] = ply(solution)
         check_writable(files)

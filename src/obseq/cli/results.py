@@ -28,16 +28,16 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
         results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
 
 
-def outputs_of(arguments: argparse.Namespace) -> Outputs:
+def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:
     """Where each format goes: in the folder of --out, unless a file is named."""
-    inside = dict(_inside(arguments.out)) if arguments.out else {}
+    inside = dict(_inside(arguments.out, stem or STEM)) if arguments.out else {}
     places = ((form, getattr(arguments, form.name) or inside.get(form)) for form in FORMATS)
     return [(path, form) for form, path in places if path]
 
 
 def outputs_in(folder: Path) -> Outputs:
     """All formats, in a folder."""
-    return [(path, form) for form, path in _inside(folder)]
+    return [(path, form) for form, path in _inside(folder, STEM)]
 
 
 def show(record: AdjustmentRecord, outputs: Outputs) -> None:
@@ -51,5 +51,5 @@ def write(record: AdjustmentRecord, outputs: Outputs) -> None:
     write_all({path: form.write(record) for path, form in outputs})
 
 
-def _inside(folder: Path) -> Iterator[tuple[Format, Path]]:
-    return ((form, folder / f"{STEM}{form.suffix}") for form in FORMATS)
+def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:
+    return ((form, folder / f"{stem}{form.suffix}") for form in FORMATS)

@@ -32,13 +32,22 @@ def read_json(path: str | Path) -> AdjustmentRecord:
     Raises:
         InputError: The file cannot be read, or is not the result of an adjustment.
     """
+    return AdjustmentRecord.from_dict(read_plain(path), str(path))
+
+
+def read_plain(path: str | Path) -> object:
+    """What stands in a file of results, whatever it is the result of.
+
+    Raises:
+        InputError: the file cannot be read, or is no JSON.
+    """
     try:
-        plain = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refused)
+        plain: object = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refused)
     except OSError as error:
         raise InputError(f"{path}: it cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: it is not a result file: {error}") from error
-    return AdjustmentRecord.from_dict(plain, str(path))
+    return plain
 
 
 def _refused(name: str) -> float:

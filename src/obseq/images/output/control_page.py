@@ -9,8 +9,8 @@ from obseq.report.html import escaped
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from obseq.images.output.block_record import BundleRecord
     from obseq.images.output.instruments import ClinometerRecord, RigidRecord
-    from obseq.images.output.record import BundleRecord
 
 MOST_ROWS = 500
 """Rows of a table before it is cut."""

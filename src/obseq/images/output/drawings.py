@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.images.camera import Camera
 
+Size = tuple[int, int]
+"""Width and height of an image in pixels; zeros where they are not known."""
 WIDTH, HEIGHT = 460.0, 300.0
 """Of a drawing, in CSS pixels; frames of images keep their shape within."""
 MARGIN = 34.0
@@ -40,17 +41,17 @@ def round_below(value: float) -> float:
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-12))
 
 
-def frame_of(camera: Camera, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+def frame_of(size: Size, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Corner and size of the image in pixels; of the measures where the camera has no size."""
-    if camera.width:
-        return np.zeros(2), np.array([camera.width, camera.height], dtype=np.float64)
+    if size[0]:
+        return np.zeros(2), np.array(size, dtype=np.float64)
     reach = np.abs(xy).max(axis=0, initial=1.0)
     return -reach, 2.0 * reach
 
 
-def arrows(camera: Camera, xy: FloatArray, residuals: FloatArray, label: str, width: float = WIDTH) -> str:
+def arrows(frame: Size, xy: FloatArray, residuals: FloatArray, label: str, width: float = WIDTH) -> str:
     """Residuals (n, 2) at their measures (n, 2), enlarged, on the frame of the image; with a bar of scale."""
-    corner, size = frame_of(camera, xy)
+    corner, size = frame_of(frame, xy)
     scale = width / size[0]
     height = float(size[1] * scale)
     typical = float(np.quantile(np.linalg.norm(residuals, axis=1), 0.9)) if len(residuals) else 0.0
@@ -80,9 +81,9 @@ def _barbs(dx: float, dy: float) -> Iterator[tuple[float, float]]:
         yield 0.3 * (cosine * dx - sine * dy), 0.3 * (sine * dx + cosine * dy)
 
 
-def radial_profile(camera: Camera, xy: FloatArray, residuals: FloatArray, label: str) -> str:
-    """Mean of the radial part of residuals, and quadratic mean of their lengths, by radius."""
-    arms = xy - camera.principal_point
+def radial_profile(middle: Sequence[float], xy: FloatArray, residuals: FloatArray, label: str) -> str:
+    """Mean of the radial part of residuals, quadratic mean of their lengths, by the radius from a point."""
+    arms = xy - np.asarray(middle)
     radius = np.linalg.norm(arms, axis=1)
     outward = np.sum(arms * residuals, axis=1) / np.maximum(radius, 1e-12)
     edges = np.linspace(0.0, radius.max(initial=1.0) * (1.0 + 1e-9), BINS + 1)
@@ -163,17 +164,20 @@ class _Plot:
         return f'<path class="axis" d="{lines}"/>{marks}'
 
 
-def undistorted_grid(camera: Camera, label: str) -> str:
-    """A grid of the image, and where its points would be without distortion, true to scale."""
-    corner, size = frame_of(camera, np.zeros((1, 2)) + 2.0 * camera.focal * (camera.width == 0))
-    ticks = [np.linspace(corner[k], corner[k] + size[k], GRID) for k in (0, 1)]
+def grid_of(size: Size, focal: float) -> FloatArray:
+    """(289, 2) points of a regular grid of the image, in pixels."""
+    corner, reach = frame_of(size, np.full((1, 2), 2.0 * focal))
+    ticks = [np.linspace(corner[k], corner[k] + reach[k], GRID) for k in (0, 1)]
     x, y = np.meshgrid(*ticks)
-    given = np.column_stack([x.ravel(), y.ravel()])
-    plane = camera.undistorted((given - camera.principal_point) / camera.focal)
-    straight = (camera.principal_point + camera.focal * plane).reshape(GRID, GRID, 2)
-    found = straight.reshape(-1, 2)[np.isfinite(straight.reshape(-1, 2)).all(axis=1)]
-    low = np.minimum(found.min(axis=0, initial=0.0), corner)
-    high = np.maximum(found.max(axis=0, initial=0.0), corner + size)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def undistorted_grid(given: FloatArray, undistorted: FloatArray, label: str) -> str:
+    """A grid of the image, and where its points would be without distortion (not finite: nowhere)."""
+    straight = undistorted.reshape(GRID, GRID, 2)
+    found = undistorted[np.isfinite(undistorted).all(axis=1)]
+    low = np.minimum(found.min(axis=0, initial=0.0), given.min(axis=0))
+    high = np.maximum(found.max(axis=0, initial=0.0), given.max(axis=0))
     scale = float(min(WIDTH / (high[0] - low[0]), 420.0 / (high[1] - low[1])))
 
     def drawn(grid: FloatArray, style: str) -> str:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.output.arrays import arrays_of, interior
 from obseq.images.output.control_page import MOST_ROWS, instruments, reliability, table
-from obseq.images.output.drawings import arrows, histogram, radial_profile, undistorted_grid
+from obseq.images.output.drawings import arrows, grid_of, histogram, radial_profile, undistorted_grid
 from obseq.images.output.summary import tested
 from obseq.images.output.views import plan_and_side
 from obseq.report.html import escaped
@@ -15,8 +16,9 @@ from obseq.report.html import escaped
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.images.adjustment.solution import BundleSolution, Statistics
-    from obseq.images.output.record import BundleRecord, CameraRecord
+    from obseq.arrays import FloatArray
+    from obseq.images.output.arrays import BlockArrays
+    from obseq.images.output.block_record import BundleRecord, CameraRecord
 
 MOST_IMAGES = 60
 """Images with a drawing of their own."""
@@ -39,17 +41,18 @@ td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#888
 """
 
 
-def page(solution: BundleSolution, record: BundleRecord) -> str:
-    """The page of a solution and its record: drawings, cameras, images, points, what was rejected and why."""
+def page(record: BundleRecord) -> str:
+    """The page of a record: drawings, cameras, images, points, what was rejected and why."""
+    block = arrays_of(record)
     parts = [
         _facts(record),
-        *_views(solution, record),
-        *(part for name in solution.cameras for part in _camera(solution, record, name)),
-        _images(solution, record),
-        *_points(solution, record),
+        *_views(block),
+        *(part for k, camera in enumerate(record.cameras) for part in _camera(block, camera, k)),
+        _images(block, record),
+        *_points(block, record),
         *instruments(record),
         *reliability(record),
-        *_rejected(solution, record),
+        *_rejected(block, record),
     ]
     title = escaped(f"Block of {len(record.images)} images, {len(record.points)} points")
     return (
@@ -81,30 +84,31 @@ def _facts(record: BundleRecord) -> str:
     return "".join(f"<p>{line}</p>" for line in lines)
 
 
-def _views(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
-    for title, drawing in plan_and_side(solution, record.precision != "none").items():
+def _views(block: BlockArrays) -> Iterator[str]:
+    for title, drawing in plan_and_side(block).items():
         caption = "<figcaption>cameras, rays, control points in red</figcaption>"
         yield f"<h2>{title}</h2><figure>{drawing}{caption}</figure>"
 
 
-def _camera(solution: BundleSolution, record: BundleRecord, name: str) -> Iterator[str]:
-    found = solution.residuals
-    own = np.array([camera == name for camera in solution.poses.cameras], dtype=bool)
-    rows = np.flatnonzero(own[found.image])
-    camera = solution.cameras[name]
-    xy, residuals = found.xy[rows], found.residuals[rows]
-    normalised = (residuals / found.sigmas[rows]).ravel()
-    sound = found.weights[rows] >= HALF
+def _camera(block: BlockArrays, camera: CameraRecord, number: int) -> Iterator[str]:
+    rows = np.flatnonzero(block.camera[block.image] == number)
+    xy, residuals = block.xy[rows], block.residuals[rows]
+    normalised = (residuals / block.sigmas[rows]).ravel()
+    sound = block.weights[rows] >= HALF
+    size, (focal, middle) = (camera.width, camera.height), interior(camera)
+    straight = np.array([camera.undistorted_x, camera.undistorted_y], dtype=np.float64).T
     drawings = {
-        "residuals (computed minus measured) of all images": arrows(camera, xy, residuals, "residuals"),
+        "residuals (computed minus measured) of all images": arrows(size, xy, residuals, "residuals"),
         "by radius, without what robust weights weaken: radial part (blue), rms (orange)": radial_profile(
-            camera, xy[sound], residuals[sound], "radial profile"
+            middle, xy[sound], residuals[sound], "radial profile"
         ),
         "residuals over sigmas, and the normal curve": histogram(normalised, "histogram"),
-        "the image (grey) without distortion (blue)": undistorted_grid(camera, "undistorted grid"),
+        "the image (grey) without distortion (blue)": undistorted_grid(
+            grid_of(size, focal), straight, "undistorted grid"
+        ),
     }
-    yield f"<h2>Camera {escaped(name)}</h2>"
-    yield _calibration(next(item for item in record.cameras if item.name == name))
+    yield f"<h2>Camera {escaped(camera.name)}</h2>"
+    yield _calibration(camera)
     figures = (
         f"<figure>{drawing}<figcaption>{title}</figcaption></figure>" for title, drawing in drawings.items()
     )
@@ -135,7 +139,7 @@ def _correlation(camera: CameraRecord, row: int, column: int) -> str:
     return f"<td{style}>{value:+.2f}</td>" if value else "<td></td>"
 
 
-def _images(solution: BundleSolution, record: BundleRecord) -> str:
+def _images(block: BlockArrays, record: BundleRecord) -> str:
     order = sorted(range(len(record.images)), key=lambda k: -record.images[k].rms)
     rows = [
         (
@@ -146,20 +150,20 @@ def _images(solution: BundleSolution, record: BundleRecord) -> str:
         for image in (record.images[k] for k in order[:MOST_ROWS])
     ]  # fmt: skip
     heads = ("image", "points", "rms px", "max px", "mean dx", "mean dy", "x", "y", "z", "sigma")
-    drawings = "".join(_image(solution, k) for k in order[:MOST_IMAGES])
+    drawings = "".join(_image(block, record, k) for k in order[:MOST_IMAGES])
     note = f"<p>drawings of the {MOST_IMAGES} worst images</p>" if len(order) > MOST_IMAGES else ""
     return f"<h2>Images</h2>{table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
 
 
-def _image(solution: BundleSolution, row: int) -> str:
-    found = solution.residuals
-    rows = np.flatnonzero(found.image == row)
-    camera = solution.cameras[solution.poses.cameras[row]]
-    drawing = arrows(camera, found.xy[rows], found.residuals[rows], "residuals of an image", SMALL)
-    return f"<figure>{drawing}<figcaption>{escaped(solution.poses.images[row])}</figcaption></figure>"
+def _image(block: BlockArrays, record: BundleRecord, row: int) -> str:
+    rows = np.flatnonzero(block.image == row)
+    camera = record.cameras[block.camera[row]]
+    size = camera.width, camera.height
+    drawing = arrows(size, block.xy[rows], block.residuals[rows], "residuals of an image", SMALL)
+    return f"<figure>{drawing}<figcaption>{escaped(record.images[row].name)}</figcaption></figure>"
 
 
-def _points(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
+def _points(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
     control = [point for point in record.points if point.residual is not None]
     if control:
         control.sort(key=lambda point: -max(map(abs, point.residual or (0.0,))))
@@ -169,25 +173,23 @@ def _points(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
         ]
         heads = ("point", "rays", "rms px", "dx", "dy", "dz")
         yield f"<h2>Control points, adjusted minus given</h2>{table(heads, rows, len(control))}"
-    fits = solution.by_point()
-    yield f"<h2>Points, largest rms first</h2>{_by_point(record, fits)}"
+    yield f"<h2>Points, largest rms first</h2>{_by_point(record, block.largest)}"
 
 
-def _by_point(record: BundleRecord, fits: Statistics) -> str:
+def _by_point(record: BundleRecord, largest: FloatArray) -> str:
     rows = []
-    for k in np.argsort(-fits.rms, kind="stable")[:MOST_ROWS]:
+    rms = np.array([point.rms for point in record.points])
+    for k in np.argsort(-rms, kind="stable")[:MOST_ROWS]:
         point = record.points[k]
         spread = [] if point.covariance is None else [point.covariance[place] ** 0.5 for place in (0, 3, 5)]
         places = (f"{value:.4f}" for value in (point.x, point.y, point.z))
         sigmas = [f"{value:.3g}" for value in spread] or ["-"] * 3
-        rows.append(
-            (point.name, point.n_rays, f"{point.rms:.4g}", f"{fits.largest[k]:.4g}", *places, *sigmas)
-        )
+        rows.append((point.name, point.n_rays, f"{point.rms:.4g}", f"{largest[k]:.4g}", *places, *sigmas))
     heads = ("point", "rays", "rms px", "max px", "x", "y", "z", "sx", "sy", "sz")
     return table(heads, rows, len(record.points))
 
 
-def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
+def _rejected(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
     left = [(item.kind, item.name, item.reason) for item in record.left_out]
     left += [
         (
@@ -203,15 +205,14 @@ def _rejected(solution: BundleSolution, record: BundleRecord) -> Iterator[str]:
     if apart:
         title = "Not in pairs of their rigid blocks"
         yield f"<h2>{title}</h2>{table(('what', 'name', 'reason'), apart[:MOST_ROWS], len(apart))}"
-    found = solution.residuals
-    weak = np.flatnonzero(found.weights < HALF)
+    weak = np.flatnonzero(block.weights < HALF)
     if weak.size:
-        order = weak[np.argsort(found.weights[weak], kind="stable")]
+        order = weak[np.argsort(block.weights[weak], kind="stable")]
         rows = [
             (
-                solution.poses.images[found.image[k]], solution.points[found.point[k]],
-                f"{found.residuals[k, 0]:+.3f}", f"{found.residuals[k, 1]:+.3f}", f"{found.weights[k]:.3g}",
-                "beyond the threshold" if found.weights[k] == 0.0 else "large residual, attenuated",
+                record.images[block.image[k]].name, record.points[block.point[k]].name,
+                f"{block.residuals[k, 0]:+.3f}", f"{block.residuals[k, 1]:+.3f}", f"{block.weights[k]:.3g}",
+                "beyond the threshold" if block.weights[k] == 0.0 else "large residual, attenuated",
             )
             for k in order[:MOST_ROWS].tolist()
         ]  # fmt: skip

@@ -1,28 +1,25 @@
-"""The record of a bundle adjustment: what is computed once, written as JSON, and printed.
-
-Format "obseq-bundle", version 3 (1 had no `residuals`, 2 no `unpaired`, `notes`, `reliability`,
-`rigid_blocks`, `clinometers` and `backward`). Coordinates are in the unit of the world; radians, pixels. A
-number that is not defined is None, and null in the file.
-"""
+"""The record of a bundle adjustment, from its solution."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.images.output.instruments import (
-    ClinometerRecord,
-    RigidRecord,
-    clinometer_records,
-    rigid_records,
+from obseq.images.output.block_record import (
+    BlockLeftOutRecord,
+    BlockPointRecord,
+    BundleRecord,
+    CameraRecord,
+    ImagePointRecord,
+    ImageRecord,
+    ParameterRecord,
+    ResidualColumns,
 )
-from obseq.images.output.testing import ReliabilityRecord, reliability_record
-from obseq.plain import to_plain
-from obseq.record import IterationRecord, RunRecord, new_run
-from obseq.record_quality import GlobalTestRecord
+from obseq.images.output.drawings import grid_of
+from obseq.images.output.instruments import clinometer_records, rigid_records
+from obseq.images.output.testing import reliability_record
+from obseq.record import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
@@ -31,184 +28,11 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import LeftOut
+    from obseq.images.camera import Camera
+    from obseq.record_quality import GlobalTestRecord
 
-FORMAT = "obseq-bundle"
-VERSION = 3
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterRecord:
-    """A camera parameter: value, and standard deviation (0: frozen; None: not asked for)."""
-
-    name: str
-    value: float
-    sigma: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class CameraRecord:
-    """A calibration; `correlations` are the rows of the matrix, in the order of the parameters.
-
-    `backward` is True where the distortion corrects the measured points.
-    """
-
-    name: str
-    width: int
-    height: int
-    projection: str
-    degree: tuple[int, ...]
-    backward: bool
-    parameters: tuple[ParameterRecord, ...]
-    correlations: tuple[tuple[float, ...], ...] | None
-    n_measures: int
-    rms: float
-
-
-@dataclass(frozen=True, slots=True)
-class ImageRecord:
-    """A pose and how its measures fit.
-
-    Attributes:
-        centre: projection centre.
-        centre_sigmas: None when no precision was asked for.
-        quaternion: w, x, y, z of the rotation from camera to world.
-        opk: photogrammetric omega, phi, kappa.
-        opk_sigmas: None when no precision was asked for, or where an angle has none.
-    """
-
-    name: str
-    camera: str
-    centre: tuple[float, ...]
-    centre_sigmas: tuple[float, ...] | None
-    quaternion: tuple[float, ...]
-    opk: tuple[float, ...]
-    opk_sigmas: tuple[float | None, ...] | None
-    n_measures: int
-    rms: float
-    largest: float
-    mean_dx: float
-    mean_dy: float
-
-
-@dataclass(frozen=True, slots=True)
-class BlockPointRecord:
-    """A point: kind is `control` or `tie`; `residual` is adjusted minus given, of control points.
-
-    Attributes:
-        covariance: xx, xy, xz, yy, yz, zz; None when no precision was asked for.
-    """
-
-    name: str
-    kind: str
-    x: float
-    y: float
-    z: float
-    covariance: tuple[float, ...] | None
-    n_rays: int
-    rms: float
-    residual: tuple[float, ...] | None
-
-
-@dataclass(frozen=True, slots=True)
-class ImagePointRecord:
-    """An image point, its residual (computed minus measured, pixels), and what robust weights left of it."""
-
-    image: str
-    point: str
-    x: float
-    y: float
-    dx: float
-    dy: float
-    weight: float
-
-
-@dataclass(frozen=True, slots=True)
-class ResidualColumns:
-    """All image points that were adjusted, by columns.
-
-    Attributes:
-        image: number of the image, a position in the images of the record.
-        point: number of the point, a position in its points.
-        x: column measured, pixels; `y` the line.
-        dx: computed minus measured, pixels; `dy` the same.
-        sx: sigma, pixels; `sy` the same.
-        weight: what robust weights left, 1 for all.
-    """
-
-    image: tuple[int, ...]
-    point: tuple[int, ...]
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    dx: tuple[float, ...]
-    dy: tuple[float, ...]
-    sx: tuple[float, ...]
-    sy: tuple[float, ...]
-    weight: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class BlockLeftOutRecord:
-    """Something that took no part."""
-
-    kind: str
-    name: str
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class BundleRecord:
-    """A whole bundle adjustment.
-
-    Attributes:
-        precision: "a posteriori": scaled by sigma0; "a priori": not; "none": not computed.
-        squares: weighted sums of squares by kind of observation.
-        stopped: why the iterations ended.
-        unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
-        notes: what a file held and nothing here uses.
-        behind: image points whose point is behind the camera in the end.
-        worst: the largest residuals, in sigmas.
-        residuals: of all image points.
-        reliability: None when no precision was asked for, or without redundancy.
-        global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
-    """
-
-    n_observations: int
-    n_unknowns: int
-    redundancy: int
-    sigma0: float | None
-    converged: bool
-    stopped: str
-    precision: str
-    iterations: tuple[IterationRecord, ...]
-    squares: dict[str, float]
-    cameras: tuple[CameraRecord, ...]
-    images: tuple[ImageRecord, ...]
-    points: tuple[BlockPointRecord, ...]
-    left_out: tuple[BlockLeftOutRecord, ...]
-    unpaired: tuple[BlockLeftOutRecord, ...]
-    notes: tuple[str, ...]
-    behind: tuple[ImagePointRecord, ...]
-    weakened: int
-    worst: tuple[ImagePointRecord, ...]
-    residuals: ResidualColumns
-    reliability: ReliabilityRecord | None
-    rigid_blocks: tuple[RigidRecord, ...]
-    clinometers: tuple[ClinometerRecord, ...]
-    run: RunRecord
-    global_test: GlobalTestRecord | None = None
-    format: str = FORMAT
-    version: int = VERSION
-
-    @property
-    def is_complete(self) -> bool:
-        """Converged, with nothing left out and no point behind a camera."""
-        return self.converged and not self.left_out and not self.behind
-
-    def to_json(self) -> str:
-        """The result file."""
-        return json.dumps(to_plain(self), indent=1, allow_nan=False) + "\n"
 
 
 def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord:
@@ -282,7 +106,16 @@ def _cameras(solution: BundleSolution, precisions: bool) -> Iterator[CameraRecor
             None if correlations is None else tuple(map(tuple, correlations)),
             int(fits.counts[row]),
             float(fits.rms[row]),
+            *_undistorted(camera),
         )
+
+
+def _undistorted(camera: Camera) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
+    """Columns and lines of a grid of the image without distortion."""
+    given = grid_of((camera.width, camera.height), camera.focal)
+    plane = camera.undistorted((given - camera.principal_point) / camera.focal)
+    x, y = (camera.principal_point + camera.focal * plane).T
+    return _finite(x), _finite(y)
 
 
 def _images(solution: BundleSolution, precisions: bool) -> Iterator[ImageRecord]:

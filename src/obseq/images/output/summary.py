@@ -12,7 +12,7 @@ from obseq.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.images.output.record import BlockLeftOutRecord, BundleRecord, CameraRecord
+    from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
     from obseq.images.output.testing import ReliabilityRecord
 
 MOST = 12

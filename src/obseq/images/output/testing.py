@@ -40,6 +40,24 @@ class TestedPointRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class TestColumns:
+    """The tests of all image points, in the rows of the residuals of the record.
+
+    Attributes:
+        redundancy_x: redundancy numbers of columns; `redundancy_y` of lines.
+        w_x: standardised residuals of columns, None where nothing controls them; `w_y` of lines.
+        detectable_x: smallest blunders that the test finds, pixels, None the same; `detectable_y` of lines.
+    """
+
+    redundancy_x: tuple[float, ...]
+    redundancy_y: tuple[float, ...]
+    w_x: tuple[float | None, ...]
+    w_y: tuple[float | None, ...]
+    detectable_x: tuple[float | None, ...]
+    detectable_y: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ReliabilityRecord:
     """The reliability of the image points of a block.
 
@@ -52,6 +70,7 @@ class ReliabilityRecord:
         poor: coordinates with a redundancy number below a tenth.
         uncontrolled: coordinates that nothing controls.
         worst: the image points with the largest tests.
+        all: the tests of all of them.
     """
 
     level: float
@@ -63,6 +82,7 @@ class ReliabilityRecord:
     poor: int
     uncontrolled: int
     worst: tuple[TestedPointRecord, ...]
+    all: TestColumns
 
 
 def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
@@ -79,7 +99,15 @@ def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
         int(np.count_nonzero(found.redundancy < POOR)),
         int(np.count_nonzero(~tested)),
         tuple(_tested(found, int(row)) for row in found.worst(WORST)),
+        TestColumns(
+            *map(tuple, found.redundancy.T.tolist()),
+            *(_defined(column) for column in (*found.w.T, *found.detectable.T)),
+        ),
     )
+
+
+def _defined(values: FloatArray) -> tuple[float | None, ...]:
+    return tuple(value if np.isfinite(value) else None for value in values.tolist())
 
 
 def _tested(found: MeasureReliability, row: int) -> TestedPointRecord:
@@ -94,5 +122,5 @@ def _tested(found: MeasureReliability, row: int) -> TestedPointRecord:
 
 
 def _pair(values: FloatArray) -> Pair:
-    x, y = (float(value) if np.isfinite(value) else None for value in values)
+    x, y = _defined(values)
     return x, y

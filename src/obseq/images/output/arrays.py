@@ -1,0 +1,87 @@
+"""The record of a block as arrays, for drawings and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.geometry import rotations_from
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.output.block_record import BundleRecord, CameraRecord
+
+UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Where the entries of a 3 by 3 covariance are among the six that a record holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockArrays:
+    """What a record says of images, points and image points.
+
+    Attributes:
+        camera: (m,) camera of each image, a position in the cameras of the record.
+        centres: (m, 3) of the images.
+        rotations: (m, 3, 3) from camera to world.
+        coordinates: (p, 3) of the points.
+        covariances: (p, 3, 3); None without precisions.
+        is_control: (p,) whether a point is a control point.
+        image: (n,) image of each measure.
+        point: (n,) point of each measure.
+        xy: (n, 2) measured, pixels.
+        residuals: (n, 2) computed minus measured, pixels.
+        sigmas: (n, 2) pixels.
+        weights: (n,) what robust weights left.
+    """
+
+    camera: IntArray
+    centres: FloatArray
+    rotations: FloatArray
+    coordinates: FloatArray
+    covariances: FloatArray | None
+    is_control: BoolArray
+    image: IntArray
+    point: IntArray
+    xy: FloatArray
+    residuals: FloatArray
+    sigmas: FloatArray
+    weights: FloatArray
+
+    @property
+    def largest(self) -> FloatArray:
+        """(p,) the longest residual of each point, pixels."""
+        found = np.zeros(len(self.coordinates))
+        np.maximum.at(found, self.point, np.linalg.norm(self.residuals, axis=1))
+        return found
+
+
+def arrays_of(record: BundleRecord) -> BlockArrays:
+    """The arrays of a record."""
+    names = [camera.name for camera in record.cameras]
+    columns, points = record.residuals, record.points
+    covariances = None
+    if record.precision != "none":
+        upper = np.array([point.covariance for point in points], dtype=np.float64).reshape(-1, 6)
+        covariances = upper[:, UPPER]
+    return BlockArrays(
+        np.array([names.index(image.camera) for image in record.images], dtype=np.int64),
+        np.array([image.centre for image in record.images], dtype=np.float64).reshape(-1, 3),
+        rotations_from([image.quaternion for image in record.images], "quaternion"),
+        np.array([(point.x, point.y, point.z) for point in points], dtype=np.float64).reshape(-1, 3),
+        covariances,
+        np.array([point.kind == "control" for point in points], dtype=bool),
+        np.array(columns.image, dtype=np.int64),
+        np.array(columns.point, dtype=np.int64),
+        np.column_stack([columns.x, columns.y]),
+        np.column_stack([columns.dx, columns.dy]),
+        np.column_stack([columns.sx, columns.sy]),
+        np.array(columns.weight, dtype=np.float64),
+    )
+
+
+def interior(camera: CameraRecord) -> tuple[float, tuple[float, float]]:
+    """Focal length and principal point of a camera, pixels: its first three parameters."""
+    focal, x, y = (parameter.value for parameter in camera.parameters[:3])
+    return focal, (x, y)

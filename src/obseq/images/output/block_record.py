@@ -1,0 +1,230 @@
+"""The record of a bundle adjustment: what the result file holds, and every report is made of.
+
+Format "obseq-bundle", version 4 (3 had no tests of all image points, and no undistorted grids). Coordinates
+are in the unit of the world, those of images in pixels, angles in radians. What is not defined is None, and
+null in the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+from obseq.images.output.instruments import ClinometerRecord, RigidRecord
+from obseq.images.output.testing import ReliabilityRecord
+from obseq.plain import from_plain, to_plain
+from obseq.record import IterationRecord, RunRecord
+from obseq.record_quality import GlobalTestRecord
+from obseq.report.result_file import read_plain, text_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FORMAT = "obseq-bundle"
+VERSION = 4
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRecord:
+    """A camera parameter: value, and standard deviation (0: frozen; None: not asked for)."""
+
+    name: str
+    value: float
+    sigma: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRecord:
+    """A calibration.
+
+    Attributes:
+        backward: True where the distortion corrects the measured points.
+        correlations: rows of the matrix, in the order of the parameters.
+        undistorted_x: columns where the points of a regular grid of the image, 17 a line, would be without
+            distortion, pixels; None where nowhere. `undistorted_y` their lines.
+    """
+
+    name: str
+    width: int
+    height: int
+    projection: str
+    degree: tuple[int, ...]
+    backward: bool
+    parameters: tuple[ParameterRecord, ...]
+    correlations: tuple[tuple[float, ...], ...] | None
+    n_measures: int
+    rms: float
+    undistorted_x: tuple[float | None, ...]
+    undistorted_y: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ImageRecord:
+    """A pose and how its measures fit.
+
+    Attributes:
+        centre: projection centre.
+        centre_sigmas: None when no precision was asked for.
+        quaternion: w, x, y, z of the rotation from camera to world.
+        opk: photogrammetric omega, phi, kappa.
+        opk_sigmas: None when no precision was asked for, or where an angle has none.
+    """
+
+    name: str
+    camera: str
+    centre: tuple[float, ...]
+    centre_sigmas: tuple[float, ...] | None
+    quaternion: tuple[float, ...]
+    opk: tuple[float, ...]
+    opk_sigmas: tuple[float | None, ...] | None
+    n_measures: int
+    rms: float
+    largest: float
+    mean_dx: float
+    mean_dy: float
+
+
+@dataclass(frozen=True, slots=True)
+class BlockPointRecord:
+    """A point: kind is `control` or `tie`; `residual` is adjusted minus given, of control points.
+
+    Attributes:
+        covariance: xx, xy, xz, yy, yz, zz; None when no precision was asked for.
+    """
+
+    name: str
+    kind: str
+    x: float
+    y: float
+    z: float
+    covariance: tuple[float, ...] | None
+    n_rays: int
+    rms: float
+    residual: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class ImagePointRecord:
+    """An image point, its residual (computed minus measured, pixels), and what robust weights left of it."""
+
+    image: str
+    point: str
+    x: float
+    y: float
+    dx: float
+    dy: float
+    weight: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualColumns:
+    """All image points that were adjusted, by columns.
+
+    Attributes:
+        image: number of the image, a position in the images of the record.
+        point: number of the point, a position in its points.
+        x: column measured, pixels; `y` the line.
+        dx: computed minus measured, pixels; `dy` the same.
+        sx: sigma, pixels; `sy` the same.
+        weight: what robust weights left, 1 for all.
+    """
+
+    image: tuple[int, ...]
+    point: tuple[int, ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    dx: tuple[float, ...]
+    dy: tuple[float, ...]
+    sx: tuple[float, ...]
+    sy: tuple[float, ...]
+    weight: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockLeftOutRecord:
+    """Something that took no part."""
+
+    kind: str
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class BundleRecord:
+    """A whole bundle adjustment.
+
+    Attributes:
+        precision: "a posteriori": scaled by sigma0; "a priori": not; "none": not computed.
+        squares: weighted sums of squares by kind of observation.
+        stopped: why the iterations ended.
+        unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
+        notes: what a file held and nothing here uses.
+        behind: image points whose point is behind the camera in the end.
+        worst: the largest residuals, in sigmas.
+        residuals: of all image points.
+        reliability: None when no precision was asked for, or without redundancy.
+        global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
+    """
+
+    n_observations: int
+    n_unknowns: int
+    redundancy: int
+    sigma0: float | None
+    converged: bool
+    stopped: str
+    precision: str
+    iterations: tuple[IterationRecord, ...]
+    squares: dict[str, float]
+    cameras: tuple[CameraRecord, ...]
+    images: tuple[ImageRecord, ...]
+    points: tuple[BlockPointRecord, ...]
+    left_out: tuple[BlockLeftOutRecord, ...]
+    unpaired: tuple[BlockLeftOutRecord, ...]
+    notes: tuple[str, ...]
+    behind: tuple[ImagePointRecord, ...]
+    weakened: int
+    worst: tuple[ImagePointRecord, ...]
+    residuals: ResidualColumns
+    reliability: ReliabilityRecord | None
+    rigid_blocks: tuple[RigidRecord, ...]
+    clinometers: tuple[ClinometerRecord, ...]
+    run: RunRecord
+    global_test: GlobalTestRecord | None = None
+    format: str = FORMAT
+    version: int = VERSION
+
+    @property
+    def is_complete(self) -> bool:
+        """Converged, with nothing left out and no point behind a camera."""
+        return self.converged and not self.left_out and not self.behind
+
+    def to_json(self) -> str:
+        """The text of the result file."""
+        return text_of(to_plain(self))
+
+
+def is_block(plain: object) -> bool:
+    """Whether what a file of results holds is the record of a block."""
+    return isinstance(plain, dict) and plain.get("format") == FORMAT
+
+
+def read_block_record(path: str | Path) -> BundleRecord:
+    """The record in the result file of a block.
+
+    Raises:
+        InputError: the file cannot be read, or is not the result of a block, in this version of the format.
+    """
+    return block_record_of(read_plain(path), str(path))
+
+
+def block_record_of(plain: object, where: str) -> BundleRecord:
+    """The record whose plain form is given; see `read_block_record`."""
+    if not isinstance(plain, dict) or not is_block(plain):
+        raise InputError(f"{where}: it is not the result of a bundle adjustment")
+    if plain.get("version") != VERSION:
+        raise InputError(
+            f"{where}: format {FORMAT} {plain.get('version')} is not read; this version of obseq reads "
+            f"{VERSION}: adjust the block again, or use the version of obseq that wrote it"
+        )
+    return from_plain(BundleRecord, plain, where)
