@@ -1,13 +1,17 @@
-// Bundle adjustment of a BAL file by Ceres, one thread: what bench_bundle.py times ours against.
-// Usage: bench_bundle FILE ITERATIONS; prints CPU seconds of all iterations, their number, initial and final cost.
+// Bundle adjustment of a BAL file by Ceres: what bench_bundle.py times ours against.
+// Usage: bench_bundle FILE ITERATIONS THREADS SOLVER, the solver "eigen", "lapack" (dense) or "sparse".
+// Prints seconds of all iterations (of the processor with one thread, else of the clock), their number, initial and
+// final cost.
 
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 #include <glog/logging.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <string>
 #include <vector>
 
 struct Pixel {
@@ -31,8 +35,13 @@ struct Observation {
     double x, y;
 };
 
+static double now(int threads) {
+    if (threads == 1) return double(std::clock()) / CLOCKS_PER_SEC;
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 static double solved(const std::vector<Observation>& observations, std::vector<double> unknowns, int n_cameras,
-                     int iterations, ceres::Solver::Summary* summary) {
+                     int iterations, int threads, const std::string& solver, ceres::Solver::Summary* summary) {
     ceres::Problem problem;
     double* points = unknowns.data() + 9 * n_cameras;
     ceres::Solver::Options options;
@@ -44,13 +53,14 @@ static double solved(const std::vector<Observation>& observations, std::vector<d
         options.linear_solver_ordering->AddElementToGroup(point, 0);
         options.linear_solver_ordering->AddElementToGroup(camera, 1);
     }
-    options.linear_solver_type = ceres::DENSE_SCHUR;
+    options.linear_solver_type = solver == "sparse" ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
+    if (solver == "lapack") options.dense_linear_algebra_library_type = ceres::LAPACK;
     options.max_num_iterations = iterations;
     options.function_tolerance = 1e-14;
-    options.num_threads = 1;
-    const std::clock_t start = std::clock();
+    options.num_threads = threads;
+    const double start = now(threads);
     ceres::Solve(options, &problem, summary);
-    return double(std::clock() - start) / CLOCKS_PER_SEC;
+    return now(threads) - start;
 }
 
 int main(int, char** arguments) {
@@ -65,8 +75,10 @@ int main(int, char** arguments) {
     for (double& value : unknowns)
         if (std::fscanf(file, "%lf", &value) != 1) return 1;
     ceres::Solver::Summary before, after;
-    const double setup = solved(observations, unknowns, n_cameras, 0, &before);
-    const double seconds = solved(observations, unknowns, n_cameras, std::atoi(arguments[2]), &after) - setup;
+    const int iterations = std::atoi(arguments[2]), threads = std::atoi(arguments[3]);
+    const std::string solver = arguments[4];
+    const double setup = solved(observations, unknowns, n_cameras, 0, threads, solver, &before);
+    const double seconds = solved(observations, unknowns, n_cameras, iterations, threads, solver, &after) - setup;
     const int done = after.num_successful_steps + after.num_unsuccessful_steps - 1;
     std::printf("%.9f %d %.12g %.12g\n", seconds, done, after.initial_cost, after.final_cost);
 }

@@ -1,11 +1,13 @@
-"""Bundle adjustment: seconds of an iteration, ours beside Ceres, one thread each, in turn.
+"""Bundle adjustment: seconds of an iteration, ours beside Ceres, with as many threads, in turn.
 
     python tools/benchmarks/bench_bundle.py [FILE of the collection Bundle Adjustment in the Large ...]
+    python tools/benchmarks/bench_bundle.py --synthetic 100x30000x150000 200x100000x500000 --threads 1 2
 
 Without a file, a synthetic problem of 50 cameras, 10,000 points and 40,000 observations. Ceres is that of the
-system (Debian: libceres-dev), called by `bench_bundle.cpp` with its best solver for such problems,
-derivatives by automatic differentiation and AVX. Times are of the processor, for all Levenberg-Marquardt
-iterations divided by their number; what is done once (structure, first use) is left out on both sides.
+system (Debian: libceres-dev), called by `bench_bundle.cpp` with the best of its solvers for each problem,
+found by a first run of each: dense by Eigen or LAPACK, or sparse. Its derivatives are by automatic
+differentiation and AVX. Times are for all Levenberg-Marquardt iterations divided by their number, of the
+processor with one thread and of the clock with more; what is done once (structure, first use) is left out.
 """
 
 from __future__ import annotations
@@ -30,11 +32,20 @@ if TYPE_CHECKING:
 SOURCE = Path(__file__).with_suffix(".cpp")
 OPTIONS = ("-O3", "-march=native", "-DEIGEN_MAX_ALIGN_BYTES=16", "-std=c++17", "-I/usr/include/eigen3")
 CERES = Path("/usr/include/ceres/ceres.h")
+SOLVERS = "eigen", "lapack", "sparse"
+SYNTHETIC = "50x10000x40000"
 
 
 @dataclass(frozen=True)
 class Run:
-    """What one engine did: seconds of an iteration, their number, half the sum of squares at both ends."""
+    """What one engine did.
+
+    Attributes:
+        seconds: of an iteration.
+        iterations: their number.
+        first_cost: half the sum of squares at the start.
+        last_cost: the same at the end.
+    """
 
     seconds: float
     iterations: int
@@ -51,17 +62,24 @@ def rival(folder: Path) -> Path | None:
     return program
 
 
-def run_rival(program: Path, file: Path, iterations: int) -> Run:
+def run_rival(program: Path, file: Path, iterations: int, threads: int, solver: str) -> Run:
     """One run of Ceres."""
-    command = [str(program), str(file), str(iterations)]
-    alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    answer = subprocess.run(command, check=True, capture_output=True, text=True, env=alone).stdout.split()
-    done = int(answer[1])
-    return Run(float(answer[0]) / done, done, float(answer[2]), float(answer[3]))
+    command = [str(program), str(file), str(iterations), str(threads), solver]
+    blas = {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | blas)
+    seconds, count, *costs = done.stdout.split()
+    return Run(float(seconds) / int(count), int(count), *map(float, costs))
 
 
-def run_ours(system: LeastSquares, start: Any, iterations: int) -> Run:
+def best_solver(program: Path, file: Path, iterations: int, threads: int) -> str:
+    """The solver with which Ceres takes least time for this problem."""
+    seconds = {name: run_rival(program, file, min(iterations, 4), threads, name).seconds for name in SOLVERS}
+    return min(SOLVERS, key=lambda name: seconds[name])
+
+
+def run_ours(system: LeastSquares, start: Any, iterations: int, threads: int = 1) -> Run:
     """One run of ours from the start; equations and solver are there already."""
+    clock = time.process_time if threads == 1 else time.perf_counter
     from obseq.leastsquares.assembly.threads import blas_threads
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.runs import iterations_of
@@ -71,32 +89,36 @@ def run_ours(system: LeastSquares, start: Any, iterations: int) -> Run:
     analysis = system.analysis(reduced=True)
     equations = analysis.equations
     run = iterations_of(strategy_of("levenberg-marquardt"), equations, analysis.solver)
-    begin = time.process_time()
-    with blas_threads(1):
+    begin = clock()
+    with blas_threads(threads):
         done = run(Options(iterations, -1.0), 1, lambda _: None, lambda _: None).iterations
-    seconds = time.process_time() - begin
+    seconds = clock() - begin
     last = sum(equations.sums_of_squares().values())
     return Run(seconds / len(done), len(done), done[0].cost / 2, last / 2)
 
 
-def compare(problem: Problem, program: Path | None, iterations: int, rounds: int) -> dict[str, Any]:
+def compare(
+    problem: Problem, program: Path | None, iterations: int, rounds: int, threads: int
+) -> dict[str, Any]:
     """Medians of interleaved rounds; ours does as many iterations as Ceres needs."""
-    system = bundle(problem)
+    system = bundle(problem, threads=threads)
     start = system.unknowns.state()
-    run_ours(system, start, 1)
-    ours, theirs = [], []
+    run_ours(system, start, 1, threads)
+    ours, theirs, solver = [], [], ""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "problem.txt"
         write_problem(problem, file)
+        if program is not None:
+            solver = best_solver(program, file, iterations, threads)
         for _ in range(rounds):
             if program is not None:
-                theirs.append(run_rival(program, file, iterations))
+                theirs.append(run_rival(program, file, iterations, threads, solver))
                 iterations = theirs[-1].iterations
-            ours.append(run_ours(system, start, iterations))
-    figures: dict[str, Any] = {"ours": summary(ours)}
+            ours.append(run_ours(system, start, iterations, threads))
+    figures: dict[str, Any] = {"threads": threads, "ours": summary(ours)}
     if theirs:
         ratios = [a.seconds / b.seconds for a, b in zip(ours, theirs, strict=True)]
-        figures |= {"ceres": summary(theirs), "ratio": median(ratios)}
+        figures |= {"ceres": summary(theirs), "solver": solver, "ratio": median(ratios)}
     return figures
 
 
@@ -111,19 +133,25 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--synthetic", nargs="+", default=[], metavar="CAMERASxPOINTSxOBSERVATIONS")
+    parser.add_argument("--threads", type=int, nargs="+", default=[1])
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", type=Path, help="file to write")
     options = parser.parse_args()
     problems = {file.name: read_problem(file) for file in options.files}
+    asked = options.synthetic if options.files or options.synthetic else [SYNTHETIC]
+    problems |= {f"synthetic {text}": synthetic_problem(*map(int, text.split("x"))) for text in asked}
     results = {}
     with tempfile.TemporaryDirectory() as folder:
         program = rival(Path(folder))
         if program is None:
             print("no g++ or no Ceres here: ours alone")
-        for name, problem in (problems or {"synthetic": synthetic_problem()}).items():
-            results[name] = compare(problem, program, options.iterations, options.rounds)
-            show(name, problem, results[name])
+        for name, problem in problems.items():
+            for threads in options.threads:
+                label = f"{name}, {threads} thread" + "s" * (threads > 1)
+                results[label] = compare(problem, program, options.iterations, options.rounds, threads)
+                show(label, problem, results[label])
     if options.json:
         options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 
@@ -140,7 +168,7 @@ def show(name: str, problem: Problem, figures: dict[str, Any]) -> None:
                 f"cost {run['first_cost']:.6f} -> {run['last_cost']:.8g}"
             )
     if "ratio" in figures:
-        print(f"    ours / ceres {figures['ratio']:.2f}")
+        print(f"    ours / ceres ({figures['solver']}) {figures['ratio']:.2f}", flush=True)
 
 
 if __name__ == "__main__":
