@@ -80,17 +80,17 @@ def best_solver(program: Path, file: Path, iterations: int, threads: int) -> str
 def run_ours(system: LeastSquares, start: Any, iterations: int, threads: int = 1) -> Run:
     """One run of ours from the start; equations and solver are there already."""
     clock = time.process_time if threads == 1 else time.perf_counter
-    from obseq.leastsquares.assembly.threads import blas_threads
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.runs import iterations_of
     from obseq.leastsquares.iterations.strategies import strategy_of
+    from obseq.leastsquares.solvers.blas import one_blas_thread
 
     system.unknowns.restore(start)
     analysis = system.analysis(reduced=True)
     equations = analysis.equations
     run = iterations_of(strategy_of("levenberg-marquardt"), equations, analysis.solver)
     begin = clock()
-    with blas_threads(threads):
+    with one_blas_thread():
         done = run(Options(iterations, -1.0), 1, lambda _: None, lambda _: None).iterations
     seconds = clock() - begin
     last = sum(equations.sums_of_squares().values())

@@ -32,8 +32,8 @@ from helmert_leaves import Part, Reduced, leaf_answers, leaf_up
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dgemm
 
-from obseq.leastsquares.assembly.threads import blas_threads
 from obseq.leastsquares.problem.manifolds import POINT3, ROTATION
+from obseq.leastsquares.solvers.blas import one_blas_thread
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Front:
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """A product by SciPy's BLAS, whose threads `blas_threads` rules; NumPy has another."""
+    """A product by SciPy's BLAS, whose threads `one_blas_thread` rules; NumPy has another."""
     return np.asarray(dgemm(1.0, a, b)) if a.size and b.size else a @ b
 
 
@@ -111,7 +111,7 @@ class Tree:
         """One iteration; cost before it, largest step on junctions, unknowns of the largest front."""
         sent = [self.executor.submit(leaf_up, *pair) for pair in zip(self.parts, self.moves, strict=True)]
         level = {len(self.parts) + k: future.result() for k, future in enumerate(sent)}
-        with blas_threads(1):
+        with one_blas_thread():
             cost = self._up(level)
             steps = self._down(lambda front, outer: front.solution(outer), np.zeros(0))
         for k, moves in enumerate(self.moves):
@@ -141,7 +141,7 @@ class Tree:
         self.iterate()
         for moves in self.moves:
             moves.pop()
-        with blas_threads(1):
+        with one_blas_thread():
             given = self._down(lambda front, outer: front.inverse(outer), np.zeros((0, 0)))
         values, variances = np.zeros(n), np.zeros(n)
         sent = [

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.assembly.threads import blas_threads
+from obseq.leastsquares.solvers.blas import one_blas_thread
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Reduced:
 
 def leaf_up(file: str, moves: list[np.ndarray]) -> Reduced:
     """What a leaf leaves to its parent."""
-    with blas_threads(1):
+    with one_blas_thread():
         leaf = leaf_after(file, moves)
         right = leaf.solver.reduce(-leaf.linearisation.gradient)
         return Reduced(leaf.boundary, leaf.solver.schur_complement(), right, leaf.linearisation.cost)
@@ -115,7 +115,7 @@ def leaf_answers(
     file: str, moves: list[np.ndarray], inverse: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers, values and variances of the free unknowns of a leaf, given the inverse on its junction."""
-    with blas_threads(1):
+    with one_blas_thread():
         leaf = leaf_after(file, moves)
         found = leaf.solver.expand_inverse(inverse)[leaf.equations.pattern.diagonal]
     return leaf.numbers, leaf.system.unknowns.values[leaf.equations.free.scalars], found

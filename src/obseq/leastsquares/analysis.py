@@ -14,7 +14,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.evaluation import used_blocks
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.assembly.threads import blas_threads, checked_threads
+from obseq.leastsquares.assembly.threads import checked_threads
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import ConstrainedSolver
 from obseq.leastsquares.iterations.constraints import substitution
@@ -25,6 +25,7 @@ from obseq.leastsquares.iterations.runs import iterations_of
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.result import Iteration, StopReason
 from obseq.leastsquares.solvers import checked_solver, choose_solver
+from obseq.leastsquares.solvers.blas import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -119,7 +120,7 @@ class Analysis:
         done = Progress(reason=StopReason.NO_UNKNOWNS)
         if self._problem.n_free:
             run = iterations_of(strategy, self.equations, self.solver)
-            with blas_threads(self._threads):
+            with one_blas_thread():
                 done = run(options, redundancy, before, progress)
         before(len(done.iterations))
         return done
@@ -127,7 +128,7 @@ class Analysis:
     def cofactors(self) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
         equations, solver = self.equations, self._released_solver()
-        with blas_threads(self._threads):
+        with one_blas_thread():
             factor(equations, solver, equations.assemble(viscous=False))
             return Cofactors(equations.table, equations.free, equations.pattern, solver)
 

@@ -10,7 +10,6 @@ copies of a share are at most one more store.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -139,18 +138,6 @@ def _diverted(
         divert(table, span, share, spare, owner, copy, moves, state)
         found.append(moves[: state[2]])
     return np.concatenate(found), int(state[3])
-
-
-def blas_threads(threads: int) -> AbstractContextManager[None]:
-    """Keeps dense linear algebra to one thread where one is asked for; else its library decides.
-
-    On two busy cores, two threads of OpenBLAS take 19 ms to factor 189 unknowns, and one takes 0.1 ms.
-    """
-    if threads > 1:
-        return nullcontext()
-    from obseq.leastsquares.solvers.blas import one_blas_thread
-
-    return one_blas_thread()
 
 
 def in_threads(work: Callable[[int], Result], n: int) -> list[Result]:

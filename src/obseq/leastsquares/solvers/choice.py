@@ -29,7 +29,7 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int
     Args:
         pattern: the pattern to be analysed.
         name: one of `SOLVER_NAMES`, or "auto": "dense" for small or nearly full matrices, else "supernodal".
-        threads: for the supernodal solver; the others keep to the settings of their libraries.
+        threads: for the dense and the supernodal solver; the others keep to the settings of their libraries.
 
     Raises:
         InputError: there is no such solver.
@@ -40,7 +40,7 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int
     if name == "dense":
         from obseq.leastsquares.solvers.dense import DenseCholesky
 
-        return DenseCholesky()
+        return DenseCholesky(threads)
     if name == "supernodal":
         from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 

@@ -9,6 +9,7 @@ import numpy as np
 from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import POTRF, POTRI, POTRS, call_lapack
 from obseq.leastsquares.solvers.dense_loops import factor_columns, invert_small, solve_columns
+from obseq.leastsquares.solvers.dense_threads import LEAST, factor_in_threads
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
 
@@ -22,12 +23,20 @@ SMALL = 64
 
 
 class DenseCholesky(BaseSolver):
-    """Cholesky of the whole matrix, unknowns in their own order: plain loops or, beyond `SMALL`, LAPACK."""
+    """Cholesky of the whole matrix, unknowns in their own order: plain loops or, beyond `SMALL`, LAPACK.
+
+    Args:
+        threads: how many share the factorisation of a large matrix.
+    """
 
     name = "dense"
 
+    def __init__(self, threads: int = 1) -> None:
+        super().__init__()
+        self._threads = threads
+
     def _analyse(self, pattern: SymmetricPattern) -> None:
-        self._entries = (pattern.indices, pattern.columns())
+        self._places = pattern.columns().astype(np.int64) * pattern.n + pattern.indices
         self._columns = np.zeros(pattern.n * pattern.n)
         self._lower = self._columns.reshape(pattern.n, pattern.n).T
         self._is_small = pattern.n <= SMALL
@@ -39,17 +48,22 @@ class DenseCholesky(BaseSolver):
             n, pivots = self.pattern.n, diagonal.copy()
             factor_columns(self._columns, 0, n, n, n, pivots, 0, tolerance)
             return defect_of(pivots, tolerance)
-        n = self.pattern.n
-        status = call_lapack(POTRF, "L", n, self._columns, n)
+        status = self._factor_large()
         pivots = relative_pivots(np.square(np.diagonal(self._lower)), diagonal)
         if status != 0 or not np.all(pivots > tolerance):
             self._fill(values)
             pivots = factor_replacing(self._lower, tolerance)
         return defect_of(pivots, tolerance)
 
+    def _factor_large(self) -> int:
+        n = self.pattern.n
+        if self._threads > 1 and n >= LEAST:
+            return factor_in_threads(self._columns, n, self._threads)
+        return call_lapack(POTRF, "L", n, self._columns, n)
+
     def _fill(self, values: FloatArray) -> None:
-        self._lower[:] = 0.0
-        self._lower[self._entries] = values
+        self._columns[:] = 0.0
+        self._columns[self._places] = values
 
     def _solve(self, rhs: FloatArray) -> FloatArray:
         n, x = self.pattern.n, np.array(rhs.reshape(len(rhs), -1).T, order="C")
@@ -67,7 +81,7 @@ class DenseCholesky(BaseSolver):
         else:
             inverse = self._columns.copy()
             call_lapack(POTRI, "L", n, inverse, n)
-        return np.asarray(inverse.reshape(n, n).T[self._entries])
+        return np.asarray(inverse[self._places])
 
     @property
     def statistics(self) -> SolverStatistics:
