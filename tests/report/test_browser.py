@@ -233,7 +233,8 @@ def test_axe_finds_nothing(report, browser, theme) -> None:
     )
     dark = browser.execute_script("return document.documentElement.hasAttribute('data-dark')")
     assert dark == (theme == "dark")
-    assert browsing.violations(browser) == []
+    rules = ["color-contrast"] if dark else []  # the rest is the same page
+    assert browsing.violations(browser, *rules) == []
 
 
 def test_a_phone_shows_it_without_sideways_scrolling(report, browser) -> None:
