@@ -1,5 +1,7 @@
 // Shapes and distances on the canvas, in its units.
 
+const MOST_LINES = 1000;
+
 function disc(path, x, y, radius) {
   path.moveTo(x + radius, y);
   path.arc(x, y, radius, 0, 2 * Math.PI);
@@ -29,6 +31,29 @@ function arrow(path, x, y, toX, toY) {
     path.moveTo(toX, toY);
     path.lineTo(toX - size * Math.cos(turn + side), toY - size * Math.sin(turn + side));
   }
+}
+
+/** Adds a line to those of its colour, in paths of not too many lines: long ones are slow to draw. */
+function addLine(lines, colour, isDashed, from, to, shift) {
+  const key = isDashed ? `${colour} dashed` : colour;
+  let found = lines.get(key);
+  if (!found) lines.set(key, (found = { colour, isDashed, paths: [], count: 0 }));
+  if (found.count % MOST_LINES === 0) found.paths.push(new Path2D());
+  found.count += 1;
+  const [dx, dy] = shift ? across(from, to, shift) : [0, 0];
+  const path = found.paths[found.paths.length - 1];
+  path.moveTo(from[0] + dx, from[1] + dy);
+  path.lineTo(to[0] + dx, to[1] + dy);
+}
+
+/** The smallest and largest of some values. */
+function extent(rows, values) {
+  let [low, top] = [Infinity, -Infinity];
+  for (const row of rows) {
+    if (values[row] < low) low = values[row];
+    if (values[row] > top) top = values[row];
+  }
+  return [low, top];
 }
 
 const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
@@ -66,4 +91,23 @@ function roundBelow(value) {
 function high(values, share) {
   const ordered = (values ?? []).filter((value) => value > 0).sort((a, b) => a - b);
   return ordered.length ? ordered[Math.min(ordered.length - 1, Math.floor(share * ordered.length))] : 0;
+}
+
+/** Rectangles on the canvas that are taken, found by cells; coarse cells keep them farther apart. */
+class Room {
+  constructor(coarseness = 1) {
+    this.cells = new Set();
+    this.size = [12 * coarseness, 7 * coarseness];
+  }
+
+  take(x, y, width, height) {
+    const [wide, tall] = this.size;
+    const keys = [];
+    for (let i = Math.floor(x / wide); i <= Math.floor((x + width) / wide); i += 1) {
+      for (let j = Math.floor(y / tall); j <= Math.floor((y + height) / tall); j += 1) keys.push(i * 100000 + j);
+    }
+    if (keys.some((key) => this.cells.has(key))) return false;
+    for (const key of keys) this.cells.add(key);
+    return true;
+  }
 }

@@ -10,6 +10,7 @@ class Page {
     if (content.plan) this.showPlan(choose);
     this.showCharts();
     this.tables.forEach((table) => table.draw(true));
+    this.tables[0]?.measureRow();
     this.listen();
   }
 

@@ -24,16 +24,16 @@ class Motions {
   draw(plan) {
     const room = plan.isCrowded ? new Room(3) : null;
     const free = new Map();
-    const hasRoom = ([k, x, y]) => !room || room.take(x - FARTHEST, y - FARTHEST, 2 * FARTHEST, 2 * FARTHEST);
+    const hasRoom = ([, x, y]) => !room || room.take(x - FARTHEST, y - FARTHEST, 2 * FARTHEST, 2 * FARTHEST);
     for (const place of plan.inside) if (hasRoom(place)) free.set(place[0], place);
-    this.names.forEach((_, k) => {
+    for (const k of this.shown) {
       const path = new Path2D();
       for (const { motion, point, move } of this.moves) {
-        if (motion === k && this.shown.has(k) && free.has(point)) loose(path, ...free.get(point).slice(1), move);
+        if (motion === k && free.has(point)) loose(path, ...free.get(point).slice(1), move);
       }
       Object.assign(plan.context, { strokeStyle: TYPE_COLOURS[k % TYPE_COLOURS.length], lineWidth: 1.8 });
       plan.context.stroke(path);
-    });
+    }
   }
 }
 

@@ -38,8 +38,7 @@ class Plan {
   measure() {
     const { x, y, major } = this.content;
     this.drawn = x.map((value, k) => k).filter((k) => x[k] !== null && y[k] !== null);
-    const range = (values) => this.drawn.reduce(([low, high], k) => [Math.min(low, values[k]), Math.max(high, values[k])], [Infinity, -Infinity]);
-    this.box = [range(x), range(y)];
+    this.box = [x, y].map((values) => extent(this.drawn, values));
     const [wide, tall] = this.box.map(([low, high]) => Math.max(high - low, 1e-3));
     const area = Math.max(wide, tall / 20) * Math.max(tall, wide / 20);
     this.spacing = Math.sqrt(area / Math.max(this.drawn.length, 1));
@@ -76,8 +75,7 @@ class Plan {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.context.fillStyle = this.palette.paper;
     this.context.fillRect(0, 0, this.width, this.height);
-    this.places = this.drawn.map((k) => [k, ...this.place(k)]);
-    this.inside = this.places.filter(([, x, y]) => x > -50 && y > -50 && x < this.width + 50 && y < this.height + 50);
+    this.put();
     this.drawSights();
     if (this.layers.ellipses) this.drawEllipses();
     if (this.layers.moved) this.drawMoved();
@@ -91,26 +89,26 @@ class Plan {
     this.describe();
   }
 
+  /** Where each point is on the canvas; those that are seen. */
+  put() {
+    const { at, inside } = Object.assign(this, { at: new Array(this.names.length), inside: [] });
+    for (const k of this.drawn) {
+      const [x, y] = (at[k] = this.place(k));
+      if (x > -50 && y > -50 && x < this.width + 50 && y < this.height + 50) inside.push([k, x, y]);
+    }
+  }
+
   /** Lines of sight, gathered by colour. */
   drawSights() {
-    const at = new Array(this.names.length);
-    for (const [k, x, y] of this.places) at[k] = [x, y];
     const lines = new Map();
-    const add = (colour, dash, from, to, shift) => {
-      const key = colour + dash;
-      if (!lines.has(key)) lines.set(key, { colour, dash, path: new Path2D() });
-      const [dx, dy] = shift ? across(from, to, shift) : [0, 0];
-      lines.get(key).path.moveTo(from[0] + dx, from[1] + dy);
-      lines.get(key).path.lineTo(to[0] + dx, to[1] + dy);
-    };
     let count = 0;
     for (const pair of this.sights.list) {
-      const [from, to] = [at[pair.a], at[pair.b]];
+      const [from, to] = [this.at[pair.a], this.at[pair.b]];
       if (!from || !to || this.isOutside(from, to)) continue;
-      const types = [...pair.types].filter((type) => this.visible.has(type));
+      const types = pair.types.filter((type) => this.visible.has(type));
       if (!types.length) continue;
       count += 1;
-      this.sightColours(pair, types).forEach(([colour, shift]) => add(colour, pair.used ? "" : "4 4", from, to, shift));
+      for (const [colour, shift] of this.sightColours(pair, types)) addLine(lines, colour, !pair.used, from, to, shift);
     }
     this.stroke(lines, count);
   }
@@ -127,10 +125,10 @@ class Plan {
     const thin = count > 1500 && this.isCrowded;
     this.context.globalAlpha = this.colouring === "none" ? (thin ? 0.4 : 0.75) : 0.9;
     this.context.lineWidth = this.colouring === "none" ? (thin ? 0.5 : 0.9) : thin ? 0.9 : 1.7;
-    for (const { colour, dash, path } of lines.values()) {
+    for (const { colour, isDashed, paths } of lines.values()) {
       this.context.strokeStyle = colour;
-      this.context.setLineDash(dash ? [4, 4] : []);
-      this.context.stroke(path);
+      this.context.setLineDash(isDashed ? [4, 4] : []);
+      for (const path of paths) this.context.stroke(path);
     }
     this.context.setLineDash([]);
     this.context.globalAlpha = 1;
@@ -302,7 +300,7 @@ class Plan {
     canvas.addEventListener("pointermove", (event) => this.moved(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.released(event));
     canvas.addEventListener("keydown", (event) => this.typed(event));
-    new ResizeObserver(() => this.redraw()).observe(canvas);
+    new ResizeObserver(() => (canvas.clientWidth !== this.width || canvas.clientHeight !== this.height) && this.redraw()).observe(canvas);
   }
 
   wheeled(event) {
@@ -359,7 +357,7 @@ class Plan {
   pick(x, y) {
     const point = nearest(this.inside, ([, px, py]) => Math.hypot(px - x, py - y));
     if (point) return this.select({ points: [point[0]], only: { point: point[0] } });
-    const lines = this.sights.list.filter((pair) => [...pair.types].some((type) => this.visible.has(type)));
+    const lines = this.sights.list.filter((pair) => pair.types.some((type) => this.visible.has(type)));
     const sight = nearest(lines, (pair) => fromLine(this.place(pair.a), this.place(pair.b), x, y), NEAR / 2);
     return this.select(sight ? { points: [sight.a, sight.b], row: sight.rows[0] } : {});
   }
@@ -376,24 +374,5 @@ class Plan {
 
   isInside(x, y) {
     return x > 0 && y > 0 && x < this.width && y < this.height;
-  }
-}
-
-/** Rectangles on the canvas that are taken, found by cells; coarse cells keep them farther apart. */
-class Room {
-  constructor(coarseness = 1) {
-    this.cells = new Set();
-    this.size = [12 * coarseness, 7 * coarseness];
-  }
-
-  take(x, y, width, height) {
-    const [wide, tall] = this.size;
-    const keys = [];
-    for (let i = Math.floor(x / wide); i <= Math.floor((x + width) / wide); i += 1) {
-      for (let j = Math.floor(y / tall); j <= Math.floor((y + height) / tall); j += 1) keys.push(i * 100000 + j);
-    }
-    if (keys.some((key) => this.cells.has(key))) return false;
-    for (const key of keys) this.cells.add(key);
-    return true;
   }
 }

@@ -18,8 +18,8 @@ class Sights {
     const [a, b] = from < to ? [from, to] : [to, from];
     const key = a * 1e6 + b;
     let pair = this.pairs.get(key);
-    if (!pair) this.pairs.set(key, (pair = { a, b, types: new Set(), rows: [], used: false }));
-    pair.types.add(type);
+    if (!pair) this.pairs.set(key, (pair = { a, b, types: [], rows: [], used: false }));
+    if (!pair.types.includes(type)) pair.types.push(type);
     pair.rows.push(row);
     pair.used ||= !unused;
   }

@@ -3,8 +3,11 @@
 const BESIDE = 8;
 const MOST_PRINTED = 3000;
 const SAMPLE = 400;
+const TALLEST = 480;
 
 class Table {
+  static rowHeight = 26.4;
+
   constructor(content, names, select) {
     Object.assign(this, { content, names, select, columns: content.columns });
     this.size = this.columns.length ? this.columns[0].values.length : 0;
@@ -127,8 +130,8 @@ class Table {
       const value = column.values[row];
       key[row] = value === null ? NaN : column.by_size ? Math.abs(value) : value;
     }
-    const last = (value) => Number.isNaN(value);
-    return rows.sort((a, b) => last(key[a]) - last(key[b]) || sign * (key[a] - key[b]) || a - b);
+    const numbers = rows.filter((row) => !Number.isNaN(key[row])).sort((a, b) => sign * (key[a] - key[b]) || a - b);
+    return numbers.concat(rows.filter((row) => Number.isNaN(key[row])));
   }
 
   hasPoint(row, point) {
@@ -173,14 +176,18 @@ class Table {
 
   draw(force = false) {
     if (!this.element.isConnected) return;
-    const height = this.rowHeight ?? 26;
-    const seen = Math.ceil((this.scroll.clientHeight || 480) / height);
+    const height = Table.rowHeight;
+    const seen = Math.ceil(((this.last && this.scroll.clientHeight) || TALLEST) / height);
     const first = Math.max(0, Math.min(Math.floor(this.scroll.scrollTop / height), this.rows.length - seen) - BESIDE);
     const last = Math.min(this.rows.length, first + seen + 2 * BESIDE);
     if (!force && first === this.first && last === this.last) return;
     Object.assign(this, { first, last });
     this.show(first, last, height);
-    this.rowHeight ||= this.body.querySelector("tr[data-row]")?.getBoundingClientRect().height;
+  }
+
+  /** Takes the height of all rows from one that is drawn: asking for each table would lay the page out each time. */
+  measureRow() {
+    Table.rowHeight = this.body.querySelector("tr[data-row]")?.getBoundingClientRect().height || Table.rowHeight;
   }
 
   show(first, last, height) {
@@ -238,7 +245,7 @@ class Table {
   /** Scrolls to the selected row. */
   bring() {
     const place = this.picked < 0 ? -1 : this.rows.indexOf(this.picked);
-    if (place >= 0) this.scroll.scrollTop = Math.max(0, place - 3) * (this.rowHeight ?? 26);
+    if (place >= 0) this.scroll.scrollTop = Math.max(0, place - 3) * Table.rowHeight;
   }
 
   /** All rows for paper, at most so many; `draw` takes them away again. */
