@@ -39,6 +39,20 @@ def test_it_does_not_depend_on_units_when_scaled():
     assert found[1] == pytest.approx(found[0], rel=1e-2)
 
 
+@pytest.mark.parametrize("n", [1, 2, 19, 20, 21, 60])
+def test_a_line_of_height_differences(n):
+    # From a known height to the next, and so on: N is tridiagonal, 2 on its diagonal, 1 at its end;
+    # its eigenvalues are 4 sin^2((2 k - 1) pi / (4 n + 2)), k = 1 ... n.
+    system = LeastSquares()
+    heights = system.add_scalars([f"h{k}" for k in range(n)], np.zeros(n))
+    system.add_linear([heights[:1]], [np.ones((1, 1))], [0.0], 1.0)
+    if n > 1:
+        one = np.ones((n - 1, 1))
+        system.add_linear([heights[:-1], heights[1:]], [-one, one], np.zeros(n - 1), 1.0)
+    sines = np.sin((2 * np.array([1, n]) - 1) * np.pi / (4 * n + 2))
+    assert condition_number(system, scaled=False) == pytest.approx((sines[1] / sines[0]) ** 2, rel=2e-3)
+
+
 def test_a_singular_matrix_has_none():
     system = LeastSquares()
     ids = system.add_vectors(["v"], [[0.0, 0.0]])

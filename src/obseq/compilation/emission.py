@@ -11,7 +11,7 @@ Builder: TypeAlias = Any
 Value: TypeAlias = Any
 """A value of LLVM's, a module, a machine: what instructions are made of."""
 
-Kind: TypeAlias = Any
+NumbaType: TypeAlias = Any
 """A type of numba's, or the types of a whole call."""
 
 Emitter: TypeAlias = Any

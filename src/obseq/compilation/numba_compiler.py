@@ -25,7 +25,7 @@ from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.compilation.emission import Builder, Context, Kind, Value
+    from obseq.compilation.emission import Builder, Context, NumbaType, Value
     from obseq.compilation.signatures import Argument, Parameter, Signature
 
 OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
@@ -243,7 +243,7 @@ def _passed(parameter: Parameter) -> Value:
     return ir.DoubleType() if parameter.type == "float64" else INT
 
 
-def _check(builder: Builder, parameter: Parameter, value: Value, array_type: Kind, number: int) -> None:
+def _check(builder: Builder, parameter: Parameter, value: Value, array_type: NumbaType, number: int) -> None:
     """Gives up with the number of the parameter unless it is an array of the type and shape wanted."""
 
     def refuse_unless(condition: Value) -> None:
@@ -264,7 +264,7 @@ def _check(builder: Builder, parameter: Parameter, value: Value, array_type: Kin
     refuse_unless(builder.icmp_unsigned("!=", order, BYTE(ord(">"))))
 
 
-def _field(builder: Builder, record: Value, offset: int, kind: Kind) -> Value:
+def _field(builder: Builder, record: Value, offset: int, kind: NumbaType) -> Value:
     place = builder.gep(record, [INT(offset)])
     return builder.load(builder.bitcast(place, kind.as_pointer()))
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, TABLE, TEXT, expecting, instance
-from obseq.crs.points import as_points, check_finite
+from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem, proj_system
 from obseq.crs.rigid import LocalTangent, geocentric, local_euclidean, local_tangent
 from obseq.crs.system import CoordinateSystem, Kind

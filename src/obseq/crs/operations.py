@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
-from obseq.crs.points import as_points, check_finite
+from obseq.crs.point_arrays import as_points, check_finite
 from obseq.errors import CrsError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
-from obseq.crs.points import as_points, check_finite
+from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 

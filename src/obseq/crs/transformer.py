@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, require
 from obseq.arrays import FloatArray
-from obseq.crs.points import as_points
+from obseq.crs.point_arrays import as_points
 from obseq.crs.system import CoordinateSystem
 from obseq.crs.unreferenced import UnreferencedSystem
 

@@ -4,7 +4,7 @@ from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError
 from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
 from obseq.geometry.isometry import isometry, triangle_isometry
-from obseq.geometry.matrices import inverse3
+from obseq.geometry.matrices import inverse3, sums_by_owner
 from obseq.geometry.poses import Pose
 from obseq.geometry.rotations import (
     absorb,
@@ -35,5 +35,6 @@ __all__ = [
     "rotation_z",
     "rotations_from",
     "skew",
+    "sums_by_owner",
     "triangle_isometry",
 ]

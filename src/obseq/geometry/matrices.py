@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from obseq.arrays import FloatArray
+from obseq.arrays import FloatArray, IntArray
 
 
 def inverse3(matrices: npt.ArrayLike) -> FloatArray:
@@ -12,3 +12,9 @@ def inverse3(matrices: npt.ArrayLike) -> FloatArray:
     rows = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(rows / np.sum(a * rows[..., 0, :], axis=-1)[..., None, None])
+
+
+def sums_by_owner(parts: FloatArray, owner: IntArray, n: int) -> FloatArray:
+    """(n, ...) sums of the parts (m, ...) of each owner (m,); zero for an owner without parts."""
+    columns = [np.bincount(owner, column, n) for column in parts.reshape(len(parts), -1).T]
+    return np.stack(columns, axis=1).astype(np.float64).reshape(n, *parts.shape[1:])

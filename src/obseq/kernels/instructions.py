@@ -9,14 +9,14 @@ from numba import types
 from numba.extending import intrinsic
 
 if TYPE_CHECKING:
-    from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
+    from obseq.compilation.emission import Builder, Context, Emitter, NumbaType, Value
 
 
 @intrinsic
-def call_address(typing_context: Context, address: Kind, base: Kind, n_tiles: Kind) -> Emitter:
+def call_address(typing_context: Context, address: NumbaType, base: NumbaType, n_tiles: NumbaType) -> Emitter:
     """Calls the compiled kernel at an address; the loop needs no compilation for another kernel."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         kernel = ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer(), ir.IntType(64)])
         pointer = builder.inttoptr(arguments[0], kernel.as_pointer())
         builder.call(pointer, [arguments[1], arguments[2]])
@@ -26,10 +26,10 @@ def call_address(typing_context: Context, address: Kind, base: Kind, n_tiles: Ki
 
 
 @intrinsic
-def pointer_to(typing_context: Context, array: Kind, place: Kind) -> Emitter:
+def pointer_to(typing_context: Context, array: NumbaType, place: NumbaType) -> Emitter:
     """Pointer to an entry of an array of doubles, counted from its first one."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         return builder.gep(data, [arguments[1]])
 
@@ -40,7 +40,7 @@ def pointer_to(typing_context: Context, array: Kind, place: Kind) -> Emitter:
 def keep_loop(typing_context: Context) -> Emitter:
     """Marks a kernel whose lane loop is so short that LLVM would unroll it, and then not vectorise it."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         builder.function.attributes.add("optsize")
         return context.get_dummy_value()
 
@@ -48,20 +48,20 @@ def keep_loop(typing_context: Context) -> Emitter:
 
 
 @intrinsic
-def bits_of(typing_context: Context, x: Kind) -> Emitter:
+def bits_of(typing_context: Context, x: NumbaType) -> Emitter:
     """The bits of a float as a whole number."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         return builder.bitcast(arguments[0], ir.IntType(64))
 
     return types.uint64(types.float64), generate
 
 
 @intrinsic
-def float_of(typing_context: Context, bits: Kind) -> Emitter:
+def float_of(typing_context: Context, bits: NumbaType) -> Emitter:
     """The float that has some bits."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         return builder.bitcast(arguments[0], ir.DoubleType())
 
     return types.float64(types.uint64), generate

@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 if TYPE_CHECKING:
-    from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
+    from obseq.compilation.emission import Builder, Context, Emitter, NumbaType, Value
 
 _FOUR = ir.VectorType(ir.DoubleType(), 4)
 _INT32 = ir.IntType(32)
@@ -23,7 +23,7 @@ _INT64 = ir.IntType(64)
 _CONTRACT = ("contract",)
 
 
-def _data(context: Context, builder: Builder, array_type: Kind, array: Value) -> Value:
+def _data(context: Context, builder: Builder, array_type: NumbaType, array: Value) -> Value:
     return context.make_array(array_type)(context, builder, array).data
 
 
@@ -65,7 +65,7 @@ def _multiply_add(builder: Builder, total: Value, vector: Value, scalar: Value) 
 def _transpose(rows: int) -> Value:
     """Reads four doubles at four places; writes the first `rows` columns at `at + k stride`."""
 
-    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+    def emit(context: Context, builder: Builder, signature: NumbaType, args: Value) -> Value:
         source = _data(context, builder, signature.args[0], args[0])
         target = _data(context, builder, signature.args[5], args[5])
         a, b, c, d = (_load(builder, source, index) for index in args[1:5])
@@ -86,14 +86,14 @@ def _transpose(rows: int) -> Value:
     @intrinsic
     def transpose(
         typing: Context,
-        source: Kind,
-        i0: Kind,
-        i1: Kind,
-        i2: Kind,
-        i3: Kind,
-        target: Kind,
-        at: Kind,
-        stride: Kind,
+        source: NumbaType,
+        i0: NumbaType,
+        i1: NumbaType,
+        i2: NumbaType,
+        i3: NumbaType,
+        target: NumbaType,
+        at: NumbaType,
+        stride: NumbaType,
     ) -> Emitter:
         index = types.uint64
         return types.void(source, index, index, index, index, target, index, index), emit
@@ -108,7 +108,7 @@ def _outer(columns: int, stepped: bool = False) -> Value:
     one shorter than the one before, the first has `height` entries, and only three doubles are written.
     """
 
-    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+    def emit(context: Context, builder: Builder, signature: NumbaType, args: Value) -> Value:
         _, at, height, _, a, b, width, n = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[3], args[3])
@@ -134,14 +134,14 @@ def _outer(columns: int, stepped: bool = False) -> Value:
     @intrinsic
     def outer(
         typing: Context,
-        store: Kind,
-        at: Kind,
-        height: Kind,
-        record: Kind,
-        a: Kind,
-        b: Kind,
-        width: Kind,
-        n: Kind,
+        store: NumbaType,
+        at: NumbaType,
+        height: NumbaType,
+        record: NumbaType,
+        a: NumbaType,
+        b: NumbaType,
+        width: NumbaType,
+        n: NumbaType,
     ) -> Emitter:
         index = types.uint64
         return types.void(store, index, index, record, index, index, index, index), emit
@@ -155,7 +155,7 @@ def _outer_columns(quads: int, rank: int) -> Value:
     For each k from `first` to before `last`, with r < rank; what is common to all columns stays in registers.
     """
 
-    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+    def emit(context: Context, builder: Builder, signature: NumbaType, args: Value) -> Value:
         _, at, height, _, a, b, width, _, first, last = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[3], args[3])
@@ -181,16 +181,16 @@ def _outer_columns(quads: int, rank: int) -> Value:
     @intrinsic
     def outer_columns(
         typing: Context,
-        store: Kind,
-        at: Kind,
-        height: Kind,
-        record: Kind,
-        a: Kind,
-        b: Kind,
-        width: Kind,
-        columns: Kind,
-        first: Kind,
-        last: Kind,
+        store: NumbaType,
+        at: NumbaType,
+        height: NumbaType,
+        record: NumbaType,
+        a: NumbaType,
+        b: NumbaType,
+        width: NumbaType,
+        columns: NumbaType,
+        first: NumbaType,
+        last: NumbaType,
     ) -> Emitter:
         index = types.uint64
         given = store, index, index, record, index, index, index, columns, index, index
@@ -200,10 +200,12 @@ def _outer_columns(quads: int, rank: int) -> Value:
 
 
 @intrinsic
-def copy_threes(typing: Context, store: Kind, place: Kind, record: Kind, at: Kind, width: Kind) -> Emitter:
+def copy_threes(
+    typing: Context, store: NumbaType, place: NumbaType, record: NumbaType, at: NumbaType, width: NumbaType
+) -> Emitter:
     """Copies a pair of threes, columns 0, 4 and 7 from its place on, to four doubles of three rows."""
 
-    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+    def emit(context: Context, builder: Builder, signature: NumbaType, args: Value) -> Value:
         _, place, _, at, width = args
         store = _data(context, builder, signature.args[0], args[0])
         record = _data(context, builder, signature.args[2], args[2])
@@ -217,14 +219,16 @@ def copy_threes(typing: Context, store: Kind, place: Kind, record: Kind, at: Kin
 
 
 @intrinsic
-def solve_threes(typing: Context, record: Kind, at: Kind, width: Kind, factor: Kind) -> Emitter:
+def solve_threes(
+    typing: Context, record: NumbaType, at: NumbaType, width: NumbaType, factor: NumbaType
+) -> Emitter:
     """Solves L Y = X for four columns of three rows in place.
 
     `factor`: the inverse diagonal of L, then its entries below: second, third of the first column, third of
     the second.
     """
 
-    def emit(context: Context, builder: Builder, signature: Kind, args: Value) -> Value:
+    def emit(context: Context, builder: Builder, signature: NumbaType, args: Value) -> Value:
         _, at, width, _ = args
         record = _data(context, builder, signature.args[0], args[0])
         factor = _data(context, builder, signature.args[3], args[3])

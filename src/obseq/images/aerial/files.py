@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images.aerial.angles import axes_of, unit_of
-from obseq.images.aerial.columns import Columns
+from obseq.images.aerial.headers import Columns
 from obseq.images.aerial.shots import FrameCamera, Shots
 from obseq.images.aerial.tables import LeftOut
 from obseq.survey.files.text import parse_number, read_text

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.geometry import sums_by_owner
 from obseq.images.aerial.frames import turned
-from obseq.images.aerial.rays import PARALLEL, meet, middle_jacobian, solved_by_point, summed
+from obseq.images.aerial.rays import PARALLEL, meet, middle_jacobian, solved_by_point
 from obseq.images.initial.intersection import closest_to_rays
 
 if TYPE_CHECKING:
@@ -247,8 +248,8 @@ def intersect_rays(
     normal = np.zeros((count, 3, 3))
     for _ in range(STEPS):
         left, jacobian = _linearised(found[point], eyes, turn, inner, pixels)
-        normal = summed(np.swapaxes(jacobian, 1, 2) @ jacobian, point, count)
-        right = summed(np.einsum("nij,ni->nj", jacobian, left), point, count)
+        normal = sums_by_owner(np.swapaxes(jacobian, 1, 2) @ jacobian, point, count)
+        right = sums_by_owner(np.einsum("nij,ni->nj", jacobian, left), point, count)
         step = solved_by_point(normal, right)
         found = found + step
         if not (np.abs(step) > ARRIVED).any():

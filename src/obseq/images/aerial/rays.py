@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray
 
 
 PARALLEL = 1e-12
@@ -71,13 +71,6 @@ def middle_jacobian(towards: FloatArray, along: FloatArray, pairs: RayPairs) -> 
     moved[:, :, :3] += t1 * eye
     moved[:, :, 3:] += t2 * eye
     return np.asarray(0.5 * moved)
-
-
-def summed(parts: FloatArray, point: IntArray, count: int) -> FloatArray:
-    """Sums (count, ...) of the parts (m, ...) of each point."""
-    flat = parts.reshape(len(parts), -1)
-    columns = [np.bincount(point, weights=column, minlength=count) for column in flat.T]
-    return np.stack(columns, axis=1).astype(np.float64).reshape(count, *parts.shape[1:])
 
 
 def solved_by_point(matrices: FloatArray, right: FloatArray) -> FloatArray:

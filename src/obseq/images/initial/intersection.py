@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.geometry import inverse3
+from obseq.geometry import inverse3, sums_by_owner
 from obseq.images.names import index_of
 
 if TYPE_CHECKING:
@@ -146,9 +146,9 @@ def closest_to_rays(
         the direction that is closest to all of them; 0 for parallel rays.
     """
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    reference = _sums(centres, point, n) / np.maximum(np.bincount(point, minlength=n), 1)[:, None]
-    normal = _sums(across, point, n)
-    right = _sums((across @ (centres - reference[point])[:, :, None])[:, :, 0], point, n)
+    reference = sums_by_owner(centres, point, n) / np.maximum(np.bincount(point, minlength=n), 1)[:, None]
+    normal = sums_by_owner(across, point, n)
+    right = sums_by_owner((across @ (centres - reference[point])[:, :, None])[:, :, 0], point, n)
     sound = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
     spread = np.full(n, np.nan)
     counts = np.maximum(np.bincount(point, minlength=n), 1)
@@ -190,12 +190,5 @@ def _normals(
 ) -> tuple[FloatArray, FloatArray]:
     transposed = np.swapaxes(jacobian, 1, 2)
     point = rays.measures.point
-    gradient = _sums((transposed @ residuals[:, :, None])[:, :, 0], point, n)
-    return _sums(transposed @ jacobian, point, n), gradient
-
-
-def _sums(rows: FloatArray, owner: IntArray, n: int) -> FloatArray:
-    """(n, ...) sums of rows (m, ...) by their owner."""
-    flat = rows.reshape(len(rows), -1)
-    columns = [np.bincount(owner, flat[:, k], n) for k in range(flat.shape[1])]
-    return np.asarray(np.stack(columns, axis=1).reshape(n, *rows.shape[1:]))
+    gradient = sums_by_owner((transposed @ residuals[:, :, None])[:, :, 0], point, n)
+    return sums_by_owner(transposed @ jacobian, point, n), gradient

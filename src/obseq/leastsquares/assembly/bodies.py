@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.loops.tables import Bodies
+from obseq.leastsquares.loops.loop_arguments import Bodies
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import IntArray, IntRows, PositionArray
     from obseq.leastsquares.assembly.schur import Met
-    from obseq.leastsquares.loops.tables import Groups
+    from obseq.leastsquares.loops.loop_arguments import Groups
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 PORTION = 4_000_000

@@ -10,7 +10,7 @@ from obseq.leastsquares.assembly.pattern import ranks
 from obseq.leastsquares.assembly.store import aligned_zeros, part_width
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads
 from obseq.leastsquares.diagnosis.singular import eliminated_error
-from obseq.leastsquares.loops.tables import EliminationRoom
+from obseq.leastsquares.loops.loop_arguments import EliminationRoom
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray, IntRows

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.assembly.threads import in_threads, share_bounds
-from obseq.leastsquares.loops.tables import BatchArrays, Present, Span
+from obseq.leastsquares.loops.loop_arguments import BatchArrays, Present, Span
 from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:

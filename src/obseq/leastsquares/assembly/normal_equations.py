@@ -19,13 +19,13 @@ from obseq.leastsquares.assembly.evaluation import (
 )
 from obseq.leastsquares.assembly.store import aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
-from obseq.leastsquares.loops.tables import Span
+from obseq.leastsquares.loops.loop_arguments import Span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.loops.tables import BlockTable
+    from obseq.leastsquares.loops.loop_arguments import BlockTable
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable

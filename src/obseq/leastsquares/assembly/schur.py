@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.loops.tables import Groups
+from obseq.leastsquares.loops.loop_arguments import Groups
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray

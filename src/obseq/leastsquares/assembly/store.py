@@ -20,7 +20,7 @@ from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.assembly.bodies import fill_of
 from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
 from obseq.leastsquares.assembly.schur import elimination_groups, is_turned
-from obseq.leastsquares.loops.tables import BlockTable, UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import BlockTable, UnknownPlaces
 from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows
     from obseq.leastsquares.assembly.bodies import Fill
     from obseq.leastsquares.assembly.pattern import BlockPairs
-    from obseq.leastsquares.loops.tables import Groups
+    from obseq.leastsquares.loops.loop_arguments import Groups
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable

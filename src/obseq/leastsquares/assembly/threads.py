@@ -17,7 +17,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
-from obseq.leastsquares.loops.tables import Span
+from obseq.leastsquares.loops.loop_arguments import Span
 from obseq.leastsquares.problem.arguments import whole
 from obseq.pools import thread_pool
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import ByteArray, IntArray, IntRows, PositionArray
     from obseq.leastsquares.assembly.store import StoreLayout
-    from obseq.leastsquares.loops.tables import BlockTable
+    from obseq.leastsquares.loops.loop_arguments import BlockTable
 
 
 Result = TypeVar("Result")

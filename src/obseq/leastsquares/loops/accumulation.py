@@ -21,7 +21,7 @@ from obseq.compilation.functions import SUMS
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.tiles import call_kernel
 from obseq.kernels.vectors import outer1, outer4, outer_threes, transpose3, transpose4
-from obseq.leastsquares.loops.tables import BatchArrays, BlockTable, Present, Span
+from obseq.leastsquares.loops.loop_arguments import BatchArrays, BlockTable, Present, Span
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray

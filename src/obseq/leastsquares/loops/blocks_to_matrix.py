@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.tables import UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import UnknownPlaces
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows

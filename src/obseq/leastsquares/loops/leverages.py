@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.tables import EquationRows, SparseInverse
+from obseq.leastsquares.loops.loop_arguments import EquationRows, SparseInverse
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray

@@ -17,7 +17,7 @@ from obseq.kernels.vectors import (
     outer_columns_3_by_3,
     solve_threes,
 )
-from obseq.leastsquares.loops.tables import Bodies, EliminationRoom, Groups, UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import Bodies, EliminationRoom, Groups, UnknownPlaces
 from obseq.leastsquares.loops.temporaries import (
     backward,
     entry,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.tables import BlockTable, Span
+from obseq.leastsquares.loops.loop_arguments import BlockTable, Span
 
 if TYPE_CHECKING:
     from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray

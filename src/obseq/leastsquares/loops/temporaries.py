@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.tables import Groups, UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import Groups, UnknownPlaces
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray

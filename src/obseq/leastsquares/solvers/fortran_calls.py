@@ -7,11 +7,11 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from obseq.compilation.emission import Builder, Context, Emitter, Kind, Value
+from obseq.compilation.emission import Builder, Context, Emitter, NumbaType, Value
 
 
 def _called(
-    context: Context, builder: Builder, kinds: Kind, values: Value, more: tuple[Value, ...] = ()
+    context: Context, builder: Builder, kinds: NumbaType, values: Value, more: tuple[Value, ...] = ()
 ) -> None:
     """Calls the routine at the first value with the members of the second, by reference but for addresses."""
     pointers = []
@@ -28,10 +28,10 @@ def _called(
 
 
 @intrinsic
-def fortran(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
+def fortran(typing_context: Context, address: NumbaType, arguments: NumbaType) -> Emitter:
     """Calls a Fortran routine; uint8, int32 and float64 go by reference, int64 are addresses."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, values: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, values: Value) -> Value:
         _called(context, builder, signature.args[1].types, values)
         return context.get_dummy_value()
 
@@ -39,10 +39,10 @@ def fortran(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
 
 
 @intrinsic
-def lapack(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
+def lapack(typing_context: Context, address: NumbaType, arguments: NumbaType) -> Emitter:
     """The same for a routine that has one more argument, its status, which is the result."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, values: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, values: Value) -> Value:
         status = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(32), 0))
         place = builder.bitcast(status, cgutils.voidptr_t)
         _called(context, builder, signature.args[1].types, values, (place,))
@@ -52,10 +52,10 @@ def lapack(typing_context: Context, address: Kind, arguments: Kind) -> Emitter:
 
 
 @intrinsic
-def address_of(typing_context: Context, array: Kind, place: Kind) -> Emitter:
+def address_of(typing_context: Context, array: NumbaType, place: NumbaType) -> Emitter:
     """Address of an entry of an array, counted from its first one."""
 
-    def generate(context: Context, builder: Builder, signature: Kind, arguments: Value) -> Value:
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         return builder.ptrtoint(builder.gep(data, [arguments[1]]), ir.IntType(64))
 

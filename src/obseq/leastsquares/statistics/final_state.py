@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
 from obseq.leastsquares.assembly.evaluation import batch_arrays
-from obseq.leastsquares.loops.tables import EquationRows, Present, Span, SparseInverse
+from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, Span, SparseInverse
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
 from obseq.leastsquares.problem.weights import root_weights

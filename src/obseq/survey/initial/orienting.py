@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.geometry import closest_rotation, isometry
 from obseq.survey.initial.known import Known, Matrix, Step, as_matrix
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.model import Orientation
@@ -113,10 +114,11 @@ def _orient_free(known: Known, graph: SightGraph, station: int) -> bool:
     kept = lengths > 0.0
     if np.count_nonzero(kept) < 2:
         return False
-    rotation = best_rotation(directions.seen[kept], offsets[kept] / lengths[kept, None])
-    return rotation is not None and _take_rotation(
-        known, station, rotation, Step("known directions", directions.rows)
-    )
+    seen, ground = directions.seen[kept], offsets[kept] / lengths[kept, None]
+    if not _determine_rotation(seen, ground):
+        return False
+    rotation = closest_rotation(ground.T @ seen)
+    return _take_rotation(known, station, rotation, Step("known directions", directions.rows))
 
 
 def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> _Pairs:
@@ -142,31 +144,23 @@ def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> 
 
 def _fit_isometry(known: Known, station: int, origin: int, pairs: _Pairs) -> bool:
     """Least-squares isometry instrument -> frame; gives the position of the origin if it has none."""
-    ground_centre, seen_centre = pairs.ground.mean(axis=0), pairs.seen.mean(axis=0)
-    rotation = best_rotation(pairs.seen - seen_centre, pairs.ground - ground_centre)
-    if rotation is None:
+    ground, seen = pairs.ground - pairs.ground.mean(axis=0), pairs.seen - pairs.seen.mean(axis=0)
+    if not _determine_rotation(seen, ground):
         return False
+    pose = isometry(pairs.seen, pairs.ground)
     step = Step("isometry on three or more points", pairs.rows)
     if not known.is_placed(origin):
-        position = ground_centre - rotation @ seen_centre
-        known.positions[origin] = (float(position[0]), float(position[1]), float(position[2]))
+        x, y, z = pose.centre.tolist()
+        known.positions[origin] = (x, y, z)
         known.has_height[origin], known.point_steps[origin] = 1, step
         known.point_sigmas[origin] = min(known.point_sigmas[point] for point in pairs.points)
-    return _take_rotation(known, station, rotation, step)
+    return _take_rotation(known, station, pose.rotation, step)
 
 
-def best_rotation(local: FloatArray, world: FloatArray) -> FloatArray | None:
-    """The rotation R that makes R local_i closest to world_i (Kabsch); None when all are on one line.
-
-    Args:
-        local: (n, 3) vectors.
-        world: (n, 3) vectors.
-    """
-    left, singular, right = np.linalg.svd(world.T @ local)
-    if not singular[1] > _LEAST_SPREAD**2 * singular[0]:
-        return None
-    sign = 1.0 if np.linalg.det(left @ right) > 0.0 else -1.0
-    return np.asarray(left @ np.diag([1.0, 1.0, sign]) @ right, dtype=np.float64)
+def _determine_rotation(local: FloatArray, world: FloatArray) -> bool:
+    """Whether vectors (n, 3) and what they become are not all on one line."""
+    singular = np.linalg.svd(world.T @ local, compute_uv=False)
+    return bool(singular[1] > _LEAST_SPREAD**2 * singular[0])
 
 
 def _take_rotation(known: Known, station: int, rotation: FloatArray, step: Step) -> bool:
