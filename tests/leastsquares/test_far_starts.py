@@ -89,7 +89,7 @@ def test_classical_problems_arrive_within_the_evaluations_of_scipy(name):
     result = ours(formula, data, start)
     assert result.converged
     assert result.cost == pytest.approx(least, rel=1e-8)
-    assert result.evaluations <= min(500.0, 1.5 * max(others(formula, data, start, least)))
+    assert result.evaluations <= min(500.0, 1.5 * min(others(formula, data, start, least)))
 
 
 @pytest.mark.parametrize("name", ["Kowalik", "Osborne"])
@@ -114,6 +114,7 @@ def test_certified_problems_take_no_more_evaluations_than_scipy_by_half(shared_d
         result = ours(formula, data, values)
         counts = others(formula, data, values, expected[name]["residual_sum_of_squares"])
         assert result.converged
-        if counts and result.evaluations > max(1.5 * max(counts), 10):
+        rival = (min if start == "start1" else max)(counts, default=np.inf)
+        if result.evaluations > max(1.5 * rival, 10):
             beyond[name] = result.evaluations, counts
     assert beyond == {}

@@ -8,13 +8,17 @@ import numpy as np
 
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import sizes_of
+from obseq.leastsquares.iterations.curvature import curvature_of
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unexplained, newton_step
 from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.iterations.curvature import Curvature
     from obseq.leastsquares.solvers import Solver
 
 NEAR = 0.1
@@ -57,6 +61,9 @@ class DampedPath:
         self._lost = 0
         self._is_new = True
         self._stepped: NewtonStep | None = None
+        self._curvature = None if is_bold else curvature_of(equations)
+        self._is_bent = False
+        self._solve: Callable[[FloatArray], FloatArray] = solver.solve
         self.is_bold = is_bold
         self.radius = np.inf
         self.first_radius = np.inf
@@ -64,7 +71,7 @@ class DampedPath:
 
     def linearise(self, in_passing: bool = False) -> None:
         """Assembles at the current values."""
-        self._stepped = None
+        self._stepped, self._is_bent = None, False
         diagonal = self._equations.collect()
         if in_passing:
             return
@@ -72,6 +79,8 @@ class DampedPath:
         if self._is_new:
             self._is_new = False
             self._begin()
+        if self._curvature is not None and not self.defect:
+            self._bend(self._curvature)
 
     def _begin(self) -> None:
         """Takes the first radius from the size of the unknowns; counts the defect."""
@@ -82,6 +91,15 @@ class DampedPath:
             if self.is_bold or self._lost == 0 or not (self._floor > 0.0).all():
                 self._explain()
             self.defect = self._lost
+
+    def _bend(self, curvature: Curvature) -> None:
+        """Learns the curvature of residuals; steps follow it where it is to be trusted."""
+        linearisation = self._equations.damped(0.0)
+        curvature.learn(self._equations, linearisation, self._scale())
+        if curvature.is_trusted(0.0, linearisation.cost):
+            step = self._step(0.0)
+            self._is_bent = step is not None and curvature.is_trusted(step.length, linearisation.cost)
+            self._stepped = None
 
     def within(self, radius: float) -> Trial:
         """The step of the last linearisation whose norm is about the radius, or the shorter full one."""
@@ -99,7 +117,12 @@ class DampedPath:
 
     def full(self) -> Trial:
         """The undamped step, or the least damped one."""
-        return self._trial(self._regular_step())
+        if not self._is_bent:
+            return self._trial(self._regular_step())
+        self._is_bent, self._stepped = False, None
+        trial = self._trial(self._regular_step())
+        self._is_bent, self._stepped = True, None
+        return trial
 
     def settle(self) -> None:
         """Counts the defect where the iterations have arrived.
@@ -136,10 +159,26 @@ class DampedPath:
             self._lost = 0
             return None
         self._linearisation = linearisation
+        self._solve = self._used.solve
         step = newton_step(equations, self._used, linearisation, offset)
+        if self._is_bent:
+            step = self._bent(step)
         self._measure(step, damping)
         self._stepped = step
         return step
+
+    def _bent(self, step: NewtonStep) -> NewtonStep:
+        """The step of this damping with the curvature of residuals; as it is where that has no minimum."""
+        assert self._curvature is not None
+        solve = self._curvature.solved(self._used.solve)
+        if solve is None:
+            self._is_bent = False
+            return step
+        self._solve = solve
+        inner = solve(-self._linearisation.gradient)
+        promised = -float(inner @ self._linearisation.gradient)
+        move = self._equations.step(inner, self._linearisation)
+        return NewtonStep(move, inner, float(np.sqrt(max(promised, 0.0))), promised)
 
     def _regular_step(self) -> NewtonStep:
         damping = 0.0 if not self.defect else LEAST
@@ -158,7 +197,7 @@ class DampedPath:
         """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""
         self._damping, self._norm = damping, self._norm_of(step.inner)
         pull = self._scale() * step.inner
-        fall = float(pull @ self._used.solve(pull)) if self._norm > 0.0 else 0.0
+        fall = float(pull @ self._solve(pull)) if self._norm > 0.0 else 0.0
         self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
 
     def _norm_of(self, inner: FloatArray) -> float:
@@ -201,4 +240,6 @@ class DampedPath:
         weights[self._equations.free.scalars] = self._scale()
         damped = linearisation.damping * float(np.sum(weights * np.square(step.move)))
         promised = step.promised + damped
-        return Trial(step.move, step.length, self._norm, promised, self._is_least, linearisation)
+        return Trial(
+            step.move, step.length, self._norm, promised, self._is_least and not self._is_bent, linearisation
+        )

@@ -41,7 +41,7 @@ class LevenbergMarquardt:
 
     Attributes:
         damping: First damping, as a share of the diagonal; None: the first step changes the unknowns by no
-            more than a share of their size, unless it is as good as promised.
+            more than they are large, unless it is as good as promised.
         constant: True for MMVII's: the damping stays, 1e-4 when None, and every step is accepted.
     """
 

@@ -34,11 +34,11 @@ ROUNDED_COST = 16.0 * EPS
 MOST_TRIALS = 60
 """Trials of one iteration: the radius has then shrunk beyond any use."""
 
-FIRST_RADIUS = 0.3
-"""Share of the size of the unknowns that a first step may change, unless it is as good as promised."""
+FIRST_RADIUS = 1.0
+"""First radius, as a multiple of the size of the unknowns; a first step as good as promised may be longer."""
 
-FASTEST = 5.0
-"""Gain from which on the radius grows no faster: ten times the step."""
+FASTEST = 2.0
+"""Gain from which on the radius grows no faster: four times the step."""
 
 PATIENCE = 3
 """Steps taken in the dark, none of them half as long as the one before, after which the iterations end."""
@@ -140,10 +140,17 @@ def iterate_in_region(
         progress(record)
         if reason is not None:
             done.reason = reason
-            path.settle()
+            _settle(path, done.iterations)
             break
     done.defect, done.evaluations = path.defect, equations.evaluations - counted - search.known
     return done
+
+
+def _settle(path: Path, iterations: list[Iteration]) -> None:
+    try:
+        path.settle()
+    except SingularSystemError as error:
+        raise strayed(error, iterations) from None
 
 
 class _Search:
@@ -247,6 +254,11 @@ class _Search:
             table.restore(start)
             raise
 
+    def _moved(self, move: FloatArray, cost: float) -> float:
+        """Moves to where the cost is known."""
+        self._equations.table.move(move)
+        return cost
+
     def _is_dark(self, trial: Trial, cost: float, after: float) -> bool:
         """Whether the cost is too rounded to tell what the step brings; the unknowns have moved."""
         if not abs(after - cost) <= NEGLIGIBLE * cost:
@@ -284,7 +296,8 @@ class _Search:
         if self._path.is_bold and trial.is_full and gain > LEAST_GAIN and self._poor < SWINGS:
             return
         if gain <= POOR:
-            reach = trial.norm if np.isinf(self._radius) else min(self._radius, 10.0 * trial.norm)
+            refused = gain <= LEAST_GAIN or np.isinf(self._radius)
+            reach = trial.norm if refused else min(self._radius, 10.0 * trial.norm)
             self._radius = _share(trial, cost, after) * reach
         elif self._path.is_bold and trial.is_full:
             self._radius = np.inf
@@ -298,9 +311,9 @@ class _Search:
         if self._path.is_bold or not trial.is_full or self._chances == 0 or after > STEEPEST * cost:
             return False
         self._chances -= 1
-        return self._excursion(trial)
+        return self._excursion(trial, after)
 
-    def _excursion(self, trial: Trial) -> bool:
+    def _excursion(self, trial: Trial, known: float | None = None) -> bool:
         """A few full steps whatever the cost (Chamberlain's watchdog): along a bent valley they may lead on.
 
         The unknowns have moved to a cost well below, or are where they were, linearised anew.
@@ -310,7 +323,7 @@ class _Search:
             enough = max(enough, trial.linearisation.cost - AHEAD * self._decrease)
         self._restrained = 0
         start = self._equations.table.state()
-        way = self._way_below(trial, enough)
+        way = self._way_below(trial, enough, known)
         if way is not None:
             self._radius, self._prompt = max(self._radius, way), FIRST_EXCURSION
             return True
@@ -343,12 +356,12 @@ class _Search:
         self._linearise(in_passing=True)
         return False
 
-    def _way_below(self, trial: Trial, enough: float) -> float | None:
+    def _way_below(self, trial: Trial, enough: float, known: float | None) -> float | None:
         """Takes full steps until the cost is below `enough`; length of the way, None if it leads nowhere."""
         cost, way = trial.linearisation.cost, 0.0
         for _ in range(EXCURSION):
-            after = self._cost_after(trial.move)
-            way += trial.norm
+            after = self._cost_after(trial.move) if known is None else self._moved(trial.move, known)
+            way, known = way + trial.norm, None
             if after < enough:
                 return way
             if not trial.is_full or after > STEEPEST * cost:
