@@ -54,4 +54,6 @@ def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:
 def are_among(names: Sequence[str], others: Iterable[str]) -> BoolArray:
     """(n,) whether each name is among others."""
     known = set(others)
-    return np.fromiter((name in known for name in names), dtype=bool, count=len(names))
+    if not known:
+        return np.zeros(len(names), dtype=bool)
+    return np.array([name in known for name in names], dtype=bool)

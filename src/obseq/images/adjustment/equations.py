@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.start import NumberedSet, Start
     from obseq.images.block import Block
+    from obseq.images.camera import Camera
     from obseq.images.parts import PoseObservations
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares import Batch, LeastSquares
@@ -93,24 +95,33 @@ class Equations:
     # Unknowns
 
     def _add_calibrations(self) -> None:
+        """Cameras one after the other that have the same parameters are added at once."""
         used = list({camera.name: camera for camera in self.start.cameras}.values())
         self.cameras = [camera.name for camera in used]
+        alike = itertools.groupby(used, key=lambda camera: camera.parameter_names)
         self.calibrations = np.concatenate(
-            [
-                self.system.add_vectors([camera.name], camera.parameters[None], camera.parameter_names)
-                for camera in used
-            ]
+            [self._add_alike(list(cameras), parameters) for parameters, cameras in alike]
         )
         of_image = index_of(self.cameras, [camera.name for camera in self.start.cameras], "camera")
         self._calibration_of_image = self.calibrations[of_image]
 
+    def _add_alike(self, cameras: list[Camera], parameters: tuple[str, ...]) -> IntArray:
+        values = np.stack([camera.parameters for camera in cameras])
+        return self.system.add_vectors([camera.name for camera in cameras], values, parameters)
+
+    def _freeze_parameters(self) -> None:
+        together: dict[tuple[tuple[str, ...], tuple[str, ...]], list[int]] = {}
+        for name, ids in zip(self.cameras, self.calibrations.tolist(), strict=True):
+            names = self.block.cameras[name].parameter_names
+            frozen = tuple(parameter for parameter in names if self._is_frozen(name, parameter))
+            together.setdefault((names, frozen), []).append(ids)
+        for (_, frozen), alike in together.items():
+            if frozen:
+                self.system.freeze(alike, frozen)
+
     def _freeze(self) -> None:
         system, block, images = self.system, self.block, self.start.poses.images
-        for name, ids in zip(self.cameras, self.calibrations, strict=True):
-            names = block.cameras[name].parameter_names
-            frozen = [parameter for parameter in names if self._is_frozen(name, parameter)]
-            if frozen:
-                system.freeze([ids], frozen)
+        self._freeze_parameters()
         for patterns, ids in (
             (block.fixed_centres, self.centres),
             (block.fixed_rotations, self.rotations),

@@ -15,6 +15,8 @@ from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.block import Block
     from obseq.images.camera import Camera
@@ -125,7 +127,8 @@ def start_of(block: Block) -> Start:
     unplaced = _place(coordinates, reasons, poses, cameras, names, sets)
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
     _require_in_front(poses, cameras, names, sets, coordinates)
-    kept = np.array([k not in reasons for k in range(len(names))], dtype=bool)
+    kept = np.ones(len(names), dtype=bool)
+    kept[list(reasons)] = False
     number = np.cumsum(kept) - 1
     left_out += [LeftOut("point", names[k], reason) for k, reason in sorted(reasons.items())]
     used = [
@@ -164,15 +167,23 @@ def _numbered(block: Block, images: list[str]) -> tuple[list[str], list[Numbered
     sets = []
     for part in block.sets:
         measures = part.measures
-        point = np.array(
-            [place.setdefault(name, len(place)) for name in measures.point_names], dtype=np.int64
-        )
+        point = _joined(place, measures.point_names)
         image = index_of(images, measures.image_names, "image points: image")
         everything = np.ones(len(measures), dtype=bool)
         sets.append(NumberedSet(part, image[measures.image], point[measures.point], everything))
     for name in (*block.lengths.first, *block.lengths.second):
         place.setdefault(name, len(place))
     return list(place), sets
+
+
+def _joined(place: dict[str, int], names: Sequence[str]) -> IntArray:
+    """(n,) numbers of names, those that are new added to the table of numbers."""
+    if not place:
+        place.update(zip(names, range(len(names)), strict=True))
+        if len(place) == len(names):
+            return np.arange(len(names))
+        place.clear()
+    return np.array([place.setdefault(name, len(place)) for name in names], dtype=np.int64)
 
 
 def _rays(sets: list[NumberedSet], n: int) -> IntArray:
@@ -194,9 +205,11 @@ def _known_coordinates(block: Block, names: list[str]) -> FloatArray:
 
 def _covariances(block: Block, names: list[str]) -> FloatArray:
     """(n, 3, 3) of control points; infinite on the diagonal for the others."""
-    place = {name: k for k, name in enumerate(names)}
     found = np.zeros((len(names), 3, 3))
     found[:, range(3), range(3)] = np.inf
+    if not block.control.names:
+        return found
+    place = {name: k for k, name in enumerate(names)}
     own = [k for k, name in enumerate(block.control.names) if name in place]
     found[[place[block.control.names[k]] for k in own]] = block.control.covariances[own]
     return found
