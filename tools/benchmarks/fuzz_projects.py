@@ -23,14 +23,15 @@ from obseq.survey import Network
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SAMPLES = Path(__file__).resolve().parent / "samples"
-"""Small networks, one in each folder: STAR*NET, LandXML, DynaML, Gama."""
+"""Small networks, one in each folder: Comp3D, Gama, DNA, DynaML, SINEX, STAR*NET, LandXML, tables."""
 
 SIGMAS = ["distance=3mm", "direction=5sec", "zenith=5sec", "azimuth=5sec", "height=2mm", "height-per-km=1mm"]
 """Standard deviations for files that have none."""
 
 FOLDERS = ("comp3d-*", "gama-*", "dynadjust-*")
-MAIN = (".comp", ".gkf", ".stn")
-TOGETHER = {".stn": (".stn", ".msr")}
+MAIN = (".comp", ".gkf", ".stn", ".snx", ".dat", ".xml", ".csv")
+"""Suffixes of the files that are given to the reader."""
+TOGETHER = {".stn": (".stn", ".msr"), ".csv": (".csv", ".obs.csv")}
 """Suffixes of the files that are given together, by the first."""
 
 LARGEST = 100_000
@@ -74,10 +75,15 @@ def is_text(path: Path) -> bool:
     return path.is_file() and path.suffix not in others and path.stat().st_size > 0
 
 
+def is_main(path: Path) -> bool:
+    """Whether a file is the first one that is given to the reader."""
+    return path.suffix in MAIN and not path.name.endswith(".obs.csv")
+
+
 def seeds(folder: Path, only: str = "*") -> list[Seed]:
     """The small projects of the data sets and the samples, copied to a folder."""
-    mains = [path for name in FOLDERS for path in sorted(DATA.glob(f"{name}/*")) if path.suffix in MAIN]
-    mains += sorted(SAMPLES.glob("*/*"))
+    mains = [path for name in FOLDERS for path in sorted(DATA.glob(f"{name}/*")) if is_main(path)]
+    mains += [path for path in sorted(SAMPLES.glob("*/*")) if is_main(path) and path.stem == path.parent.name]
     chosen = [main for main in mains if main.match(only)]
     found = [Seed(main, folder / str(number)) for number, main in enumerate(chosen)]
     return [seed for seed in found if sum(map(len, seed.texts.values())) <= LARGEST]

@@ -52,7 +52,7 @@ class Verdict:
         if self.record.gross_errors:
             return []
         found = sorted(filter(_is_beyond, self.record.types or ()), key=lambda row: -_times(row))
-        return [row for row in found if _times(row) ** 2 >= _times(found[0])]
+        return [row for row in found if _times(row) >= _times(found[0]) ** 0.5]
 
     @property
     def headline(self) -> str:
