@@ -130,6 +130,7 @@ def test_covariances_of_a_baseline_are_used(shared_data):
 
 
 CONFIG = {"root_COR_file": "p.cor", "root_OBS_file": "o.obs", "files_unit": 1, "local_center": [0, 0, 0]}
+EARTH = {"use_proj": True, "proj_def": "+proj=sterea +lat_0=48.8 +lon_0=0 +datum=WGS84"}
 POINTS = "1 A 0 0 10 0.001 0.001 0.001\n1 B 0 100 10 0.001 0.001 0.001\n0 P 40 50 10\n"
 KNOWN = POINTS.replace("0 P 40 50 10", "1 P 40 50 10 1 1 1")
 LINES = "7 A B 0 0.001\n5 A P 42.9548 0.001\n3 A P 64.0312 0.001\n3 B P 64.0312 0.001\n4 A P 0 0.001\n"
@@ -216,7 +217,7 @@ def test_polar_sub_frames(tmp_path):
             {"lines": "18 A @a.axe\n", "a_axe": "1 1 P 0.001 0.001\n", "points": KNOWN},
             "no direction of axis A can be found",
         ),
-        ({"lines": "19 A @b.bas\n", "b_bas": "P 1 2 3 1 2 0 1 0 1\n"}, "b.bas:1: the covariance"),
+        ({"config": EARTH, "lines": "19 A @b.bas\n", "b_bas": "P 1 2 3 1 2 0 1 0 1\n"}, "b.bas:1: the cov"),
         ({"lines": "11 A @s.xyz X\n", "s_xyz": "P 1 2 3 1\n"}, "o.obs:1: 'X': V or 1"),
         ({"lines": "21 @e.eq\n", "e_eq": "A P 0\n"}, "e.eq:1: a sigma of 0"),
         ({"lines": "-11 A @s.xyz\n"}, "a file of observations has no sign"),

@@ -259,4 +259,4 @@ def test_a_wrong_name_in_an_angle_is_found(tmp_path):
     result = adjusted(network(tmp_path, body, '<network axes-xy="en" angles="left-handed">'))
     (error,) = result.gross_errors
     assert error.points == ("A", "B")
-    assert "it fits B, not A" in result.warnings[0]
+    assert "it fits B, not A" in error.text

@@ -211,6 +211,10 @@ class FieldBook:
         observations = replace(self.observations, active=self.observations.active & ~rows)
         return replace(self, observations=observations)
 
+    def warned(self, *sentences: str) -> FieldBook:
+        """The same with more warnings."""
+        return replace(self, warnings=(*self.warnings, *sentences))
+
     def label(self, row: int) -> str:
         """`Hz S1 -> T4 (survey.obs:37)`, for messages; an angle has its backsight first."""
         rows = self.observations

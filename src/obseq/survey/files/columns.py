@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ class Columns:
         self.groups: list[Group] = []
         self._clusters: list[Cluster] = []
         self._instruments: dict[str, int] = {}
+        self._group_names: dict[str, int] = {}
         self._integers = {name: array("i") for name in _INTEGERS}
         self._numbers = {name: array("d") for name in _NUMBERS}
         self._active = array("b")
@@ -95,13 +97,18 @@ class Columns:
 
     def open_group(self, name: str, parent: int = -1, numbers: tuple[float, ...] = ()) -> int:
         """Index of a new group of observations that share unknowns, or numbers that their formula takes."""
-        self.groups.append(Group(name, parent, numbers))
+        return self._add_group(Group(name, parent, numbers))
+
+    def _add_group(self, group: Group) -> int:
+        """Index of a group, whose name gets a number where there is one of that name already."""
+        seen = self._group_names[group.name] = self._group_names.get(group.name, 0) + 1
+        unnamed = group.numbers or seen == 1
+        self.groups.append(group if unnamed else replace(group, name=f"{group.name} ({seen})"))
         return len(self.groups) - 1
 
     def open_frame(self, name: str) -> int:
         """Index of a new group of the distances of a polar frame."""
-        self.groups.append(Group(name, kind=GroupKind.FRAME))
-        return len(self.groups) - 1
+        return self._add_group(Group(name, kind=GroupKind.FRAME))
 
     def instrument(self, name: str) -> int:
         """Index of the group of an instrument, which several files may name; -1 for no name."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
+from obseq.survey.files.comp3d_dimensions import DIMENSIONS, check_dimensions
 from obseq.survey.files.comp3d_observations import read_observations
 from obseq.survey.files.cor import PointColumns
 from obseq.survey.files.includes import Folder
@@ -70,9 +71,10 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
     """
     config, told = _settings(Path(path))
     folder = Folder(Path(path).parent, reading.encoding, reading.outside)
-    points, ignored, remote = _points(folder, config)
+    points, ignored, chosen = _points(folder, config)
     unit = UNITS[config["files_unit"]]
-    book = read_observations(folder, config["root_OBS_file"], unit, ignored)
+    book = read_observations(folder, config["root_OBS_file"], unit, ignored, has_place=config["use_proj"])
+    book = check_dimensions(book, {name: DIMENSIONS[code] for name, code in chosen.items()})
     if config["coord_cov_file"]:
         points = replace(points, covariance=_covariance(folder, config["coord_cov_file"], points))
     points = merge_points([points, levelled_points(points, book, config["local_center"])])
@@ -90,7 +92,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
         points_crs,
         float(config["refraction"]),
         int(config["max_iterations"]),
-        inner=_inner(remote) if config["internal_constraints"] else None,
+        inner=_inner(chosen) if config["internal_constraints"] else None,
     )
 
 
@@ -162,27 +164,28 @@ def _systems(config: Configuration) -> tuple[str, str]:
     return definition, f"RTL*{east!r}*{north!r}*0*{definition}"
 
 
-def _inner(remote: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _inner(codes: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The points that do not carry inner constraints, and those of them that stay known."""
+    remote = {name: code for name, code in codes.items() if code in REMOTE}
     return tuple(remote), tuple(name for name, code in remote.items() if code == KNOWN_REMOTE)
 
 
 def _points(folder: Folder, config: Configuration) -> tuple[Points, frozenset[str], Mapping[str, str]]:
-    """The points, the names to be ignored with their observations, and the codes of remote points."""
+    """The points, the names to be ignored with their observations, and the codes of partial points."""
     columns, ignored = PointColumns(), set()
-    remote: dict[str, str] = {}
+    chosen: dict[str, str] = {}
     for file, index, fields in folder.lines(config["root_COR_file"], columns.open_file):
         if fields[0] == "-1" and len(fields) > 1:
             ignored.add(fields[1])
         else:
             columns.append(file, index, fields)
-            if fields[0] in REMOTE:
-                remote[fields[1]] = fields[0]
+            if fields[0] in DIMENSIONS:
+                chosen[fields[1]] = fields[0]
     points = columns.points()
     kept = np.array([row for row, name in enumerate(points.names) if name not in ignored], np.intp)
     if not kept.size:
         raise InputError(f"{folder.path(config['root_COR_file'])}: holds no point")
-    return points.subset(kept), frozenset(ignored), remote
+    return points.subset(kept), frozenset(ignored), chosen
 
 
 def _covariance(folder: Folder, name: str, points: Points) -> CoordinateCovariance | None:

@@ -42,7 +42,9 @@ OWN_STATION = {8: Orientation.FIX, CENTRING: Orientation.GRID, 14: Orientation.G
 """How the stations are turned that hold one line of these codes and no other."""
 
 
-def read_observations(folder: Folder, name: str, unit: float, ignored: frozenset[str]) -> FieldBook:
+def read_observations(
+    folder: Folder, name: str, unit: float, ignored: frozenset[str], *, has_place: bool
+) -> FieldBook:
     """Reads the observations of a project.
 
     Args:
@@ -50,11 +52,12 @@ def read_observations(folder: Folder, name: str, unit: float, ignored: frozenset
         name: Its OBS file.
         unit: Radians in one unit of angles.
         ignored: Points whose observations are left out.
+        has_place: Whether the project is georeferenced: geocentric vectors have a meaning.
 
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    reader = _Reader(folder, unit, ignored)
+    reader = _Reader(folder, unit, ignored, has_place)
     for file, index, fields in folder.lines(name, reader.open_file):
         reader.read_line(file, index, fields)
     if reader.n_ignored:
@@ -65,14 +68,14 @@ def read_observations(folder: Folder, name: str, unit: float, ignored: frozenset
 
 
 class _Reader:
-    def __init__(self, folder: Folder, unit: float, ignored: frozenset[str]) -> None:
+    def __init__(self, folder: Folder, unit: float, ignored: frozenset[str], has_place: bool) -> None:
         self.folder, self.unit, self.ignored = folder, unit, ignored
         self.columns = Columns()
         self.rounds: dict[int, int] = {}
         self.plumb: dict[int, int] = {}
         self.numbers: dict[str, int] = {}
         self.n_ignored = 0
-        self.sets = SetReader(folder, self.columns, unit, ignored)
+        self.sets = SetReader(folder, self.columns, unit, ignored, has_place)
 
     def open_file(self, file: TextFile) -> None:
         """A file whose lines follow."""

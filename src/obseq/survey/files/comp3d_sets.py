@@ -53,9 +53,13 @@ class _Set:
 class SetReader:
     """Reads the files of observations of one project."""
 
-    def __init__(self, folder: Folder, columns: Columns, unit: float, ignored: frozenset[str]) -> None:
+    def __init__(
+        self, folder: Folder, columns: Columns, unit: float, ignored: frozenset[str], has_place: bool
+    ) -> None:
         self._folder, self._columns, self._unit, self._ignored = folder, columns, unit, ignored
+        self._has_place = has_place
         self._targets: dict[tuple[int, str], int] = {}
+        self._turned: set[tuple[int, str]] = set()
 
     def read(self, code: int, file: TextFile, index: int, fields: list[str]) -> int:
         """Adds the observations of the file that a line names; returns how many lines are left out."""
@@ -63,6 +67,12 @@ class SetReader:
         if len(fields) <= start or not fields[start].startswith("@"):
             raise file.error(
                 index, f"code {code} needs {'' if start == 1 else 'an origin and '}a file: @file"
+            )
+        if code == BASELINES and not self._has_place:
+            raise file.error(
+                index,
+                "geocentric vectors (code 19) are for georeferenced projects, and this one is local "
+                "(use_proj false): give the project the system of its points (use_proj true, proj_def)",
             )
         if start == 2 and fields[1] in self._ignored:
             return 1
@@ -169,6 +179,10 @@ class SetReader:
             )
         radius, plane = _sigmas(file, index, _numbers(file, index, parts[3:]))
         point = self._columns.point(file, index, parts[2])
+        for what in (f"point {parts[2]}", f"position {parts[1]} of target {parts[0]}"):
+            if (chosen.group, what) in self._turned:
+                raise file.error(index, f"{what} is given twice in this file; keep one of the two lines")
+            self._turned.add((chosen.group, what))
         key = (chosen.group, parts[0])
         if key not in self._targets:
             name = f"target {parts[0]} of {self._columns.groups[chosen.group].name}"

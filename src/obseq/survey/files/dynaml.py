@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.errors import InputError
     from obseq.survey.files.xml_file import Element
 
 ROOT = "DnaXmlFormat"
@@ -71,9 +72,9 @@ class DynamlFile:
 
 
 def _station(element: Element) -> StationRecord:
-    coordinates = next(element.named("StationCoord"), None)
+    coordinates = element.first("StationCoord")
     if coordinates is None:
-        raise element.error("an element <StationCoord> is missing in it")
+        raise _missing(element, "StationCoord")
     return StationRecord(
         _name(element, "Name"),
         _content(element, "Constraints"),
@@ -179,11 +180,14 @@ def _content(element: Element, tag: str, default: str | None = None) -> str:
     Raises:
         InputError: there is none, and no default.
     """
-    child = next(element.named(tag), None)
-    text = "" if child is None else child.text.strip()
+    child = element.first(tag)
     if child is None and default is None:
-        raise element.error(f"an element <{tag}> is missing in it")
-    return text or default or ""
+        raise _missing(element, tag)
+    return ("" if child is None else child.text.strip()) or default or ""
+
+
+def _missing(element: Element, tag: str) -> InputError:
+    return element.error(f"an element <{tag}> is missing in it")
 
 
 def _number(element: Element, tag: str, default: float | None = None) -> float:
@@ -217,8 +221,10 @@ def _check_total(element: Element, count: int) -> None:
 
 
 def _name(element: Element, tag: str) -> str:
-    _content(element, tag)
-    return _checked_name(next(element.named(tag)))
+    child = element.first(tag)
+    if child is None:
+        raise _missing(element, tag)
+    return _checked_name(child)
 
 
 def _checked_name(element: Element) -> str:

@@ -100,7 +100,7 @@ class ObservationReader:
             "coordinates": self._coordinates,
         }
         scalars = readers[element.name](element, defaults)
-        matrix = next(element.named("cov-mat"), None)
+        matrix = element.first("cov-mat")
         if matrix is None:
             self._require_sigmas(scalars)
             self._add(scalars)
@@ -353,5 +353,5 @@ def _measured(child: Element, kind: ObservationKind, hand: float) -> tuple[Value
 
 
 def _require_matrix(element: Element) -> None:
-    if next(element.named("cov-mat"), None) is None:
+    if element.first("cov-mat") is None:
         raise element.error(f"<{element.name}> has no cov-mat; it is the only source of their precision")

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 DEEPEST = 5
 """Levels of files that include files."""
+SHORTEST = 2
+"""Lines with fewer letters hold nothing, as in Comp3D: some end with the mark of old files (Ctrl-Z)."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,10 @@ class Folder:
         file = read_text(path, self.encoding)
         opened(file)
         for index, line in enumerate(file.lines):
-            fields = line.partition("*")[0].split()
-            if not fields:
+            data = line.partition("*")[0].strip()
+            if len(data) < SHORTEST:
                 continue
+            fields = data.split()
             if not fields[0].startswith("@"):
                 yield file, index, fields
                 continue

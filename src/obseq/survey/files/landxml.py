@@ -63,7 +63,7 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
 
 def _system(root: Element) -> str | None:
     """Definition of the system of the points, if the file names one by its number."""
-    element = next(root.named("CoordinateSystem"), None)
+    element = root.first("CoordinateSystem")
     code = element.get("epsgCode") if element else None
     if element is None or code is None:
         return None

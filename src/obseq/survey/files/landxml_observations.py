@@ -87,7 +87,7 @@ class SurveyReader:
             self._group(set_up, set_ups, targets, set_up.wanted("id"))
 
     def _set_up(self, element: Element) -> _SetUp:
-        place = next(element.named("InstrumentPoint"), None)
+        place = element.first("InstrumentPoint")
         name = self._name(place) if place is not None else None
         name = name or element.get("stationName")
         if name is None:
@@ -127,7 +127,7 @@ class SurveyReader:
     ) -> None:
         element.allow(KNOWN, ("TargetPoint", "OffsetVals", "Feature", "FieldNote"))
         self._refuse_others(element)
-        place = next(element.named("TargetPoint"), None)
+        place = element.first("TargetPoint")
         target = self._name(place) if place is not None else None
         if place is None or target is None:
             raise element.error("<RawObservation> has no TargetPoint with a pntRef or a name")
@@ -146,7 +146,7 @@ class SurveyReader:
     @staticmethod
     def _refuse_others(element: Element) -> None:
         given = [name for name in UNREAD if element.get(name) is not None]
-        if given or next(element.named("OffsetVals"), None) is not None:
+        if given or element.first("OffsetVals") is not None:
             what = given[0] if given else "OffsetVals"
             raise element.error(
                 f"{what} is an observation which obseq cannot adjust: reduce it to the points"

@@ -64,7 +64,7 @@ def units_of(root: Element) -> Units:
     Raises:
         InputError: It declares none, or some that are not known.
     """
-    outer = next(root.named("Units"), None)
+    outer = root.first("Units")
     inner = next(outer.named("Metric", "Imperial"), None) if outer else None
     if inner is None:
         raise root.error("the file has no <Units> with <Metric> or <Imperial>: its numbers mean nothing")

@@ -47,6 +47,13 @@ class Element:
         """Its children of some names."""
         return (child for child in self.children if child.name in names)
 
+    def first(self, name: str) -> Element | None:
+        """The first of its children of a name; None when there is none."""
+        for child in self.children:
+            if child.name == name:
+                return child
+        return None
+
     def get(self, name: str) -> str | None:
         """An attribute with its white space collapsed; None when there is none, or it is empty."""
         return " ".join(self.attributes.get(name, "").split()) or None
