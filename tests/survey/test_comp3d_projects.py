@@ -70,7 +70,7 @@ def check(adjusted, within=2e-3, names="PQ"):
 def test_odd_spacing_comments_and_line_ends(tmp_path):
     obs = setup("A", "B", "P", "Q") + setup("B", "A", "P", "Q")
     obs = (
-        obs.replace(" ", " \t  ").replace("0.001\n", "0.001*caf\xe9 glued\n") + "*\n  * comment *\nx\n\x1a\n"
+        obs.replace(" ", " \t  ").replace("0.001\n", "0.001*not\xe9 glued\n") + "*\n  * comment *\nx\n\x1a\n"
     )
     cor = KNOWN.replace(" ", "\t") + FREE.replace("\n", "   *\xe0 l'est\n") + "\n\n"
     check(project(tmp_path, cor, obs, ends="\r\n").adjust())

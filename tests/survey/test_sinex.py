@@ -132,3 +132,8 @@ def test_standard_deviations_that_are_not_those_of_the_matrix(tmp_path):
         book_of(tmp_path, sinex(whole, sigmas=3.0 * np.sqrt(np.diag(whole))))
     with pytest.raises(InputError, match="not positive definite"):
         book_of(tmp_path, sinex(-whole, sigmas=np.sqrt(np.diag(whole))))
+
+
+def test_control_characters_between_numbers_are_nothing(tmp_path):
+    text = sinex(covariance()).replace("     1     1 ", "   \x1c 1     1 ", 1)
+    assert len(book_of(tmp_path, text).observations) == 6

@@ -113,9 +113,10 @@ class _Sinex:
 
     def count(self, index: int, text: str, most: int) -> int:
         """A number of a parameter, from 1 to the most."""
-        if not text.strip().isdecimal() or not 1 <= int(text) <= most:
+        digits = text.strip()
+        if not digits.isdecimal() or not 1 <= int(digits) <= most:
             raise self.file.error(index, f"{quoted(text)!r} is not the number of a parameter, 1 to {most}")
-        return int(text)
+        return int(digits)
 
     def estimates(self) -> list[_Estimate]:
         """The estimated parameters, in the order of their numbers."""
