@@ -78,33 +78,83 @@ def test_scripts_that_cannot_be_read_are_refused_by_their_line(tmp_path, change,
         read_dbat(_dbat(tmp_path, change, points))
 
 
-def test_an_export_of_photomodeler(tmp_path):
-    interior = "18 10 7.5 20 15 0.0001 0 0 0 0"
-    photo = (
-        "{k} C:\\p\\{name}.jpg\n{k} 0 10 90 0 0\n1 1 1 1 1 1\n0 0 0 0\n"
-        + interior
-        + "\n0 0 0 0 0 0 0 0 0 0\n0\n"
-    )
-    photos = photo.format(k=0, name="a") + photo.format(k=1, name="b")
-    head = f"title\n1e-4 20 2000 1500\n0.1 0.1\n{interior}\n0 0 0 0 0 0 0 0 0 0\n"
-    text = (
-        head
-        + photos
-        + "\n1 0 0 0 0.1 0.1 0.2\n2 1 0 0 0 0 0\n\n7 3 4 5\n"
-        + "\n0 1 1000 750 0.001 0.002\n1 7 900 700 0.001 0.001\n"
-    )
-    (tmp_path / "p.txt").write_text(text)
-    block = read_photomodeler(tmp_path / "p.txt")
-    assert block.poses.images == ("a.jpg", "b.jpg")
-    np.testing.assert_allclose(block.poses.attitudes("opk")[0], [0, 0, np.pi / 2], atol=1e-15)
+def _export(shared_data, size="2272 1704", marks=None):
+    """The calibration of DBAT as PhotoModeler exports it, line by line: from its measures and stations."""
+    folder = shared_data / "dbat-camcal"
+    expected = json.loads((folder / "expected.json").read_text())["dbat"]
+    interior = "7.45700 3.61546 2.61329 7.25020 5.43764 0.00498 -0.00010 0.00000 -0.00007 -0.00003"
+    zeros = "0.00000 0.00725 0.00544 0.500000 0.500000 0.001000 0.000100 0.000100 0.001000 0.001000"
+    lines = [
+        "Bundle Soln PhotoModeler Calibration Project",
+        f" 0.000500 20 {size}",
+        " 1.0 0.1 10 100 100 100 20 20 20",
+    ]
+    lines += [f" {interior}", f" {zeros}"]
+    for k, row in enumerate(expected["camera_stations_rad"].values()):
+        x, y, z, omega, phi, kappa = *row[:3], *np.degrees(np.array(row[3:]))
+        pose = f"{x:8.3f} {y:8.3f} {z:8.3f} {kappa:8.3f} {phi:8.3f} {omega:8.3f}"
+        lines += [
+            f"   {k} e:\\pm\\images\\P{k:03}.JPG",
+            f"   {k} {pose}",
+            f"   {k}   0.0002 0.0001 0.0001 0.003 0.005 0.005",
+        ]
+        lines += ["", f"   {k}  {interior}", f"   {k} {zeros}"]
+    control = [
+        line.replace(",", " ").split()
+        for line in (folder / "reference/camcal-fixed.txt").read_text().splitlines()
+        if line[:1].strip() not in ("", "#")
+    ]
+    fixed = [f"    {row[0]} {' '.join(row[2:5])} -1.778088 -1.778088 -1.778088" for row in control]
+    given = [
+        line.replace(",", " ").split()
+        for line in (folder / "measurements/markpts.txt").read_text().splitlines()
+        if line[:1] != "#"
+    ]
+    measured = [f"   {int(row[0]) - 1} {row[1]} {row[2]} {row[3]}  0.10000  0.10000" for row in given]
+    return "\n".join([*lines, "", *fixed, "", *fixed, "", *(marks or measured), ""]) + "\n"
+
+
+def test_an_export_of_photomodeler_in_its_own_layout(shared_data, tmp_path):
+    """Its lines have numbers before them, an empty line of covariances, negative sigmas for what is fixed."""
+    path = tmp_path / "camcal.txt"
+    path.write_text(_export(shared_data))
+    expected = json.loads((shared_data / "dbat-camcal/expected.json").read_text())["dbat"]
+    block = read_photomodeler(path)
+    assert len(block.poses) == 21
+    assert block.control.sigmas.tolist() == [[0.0] * 3] * 4
     (camera,) = block.cameras.values()
-    assert camera.focal == pytest.approx(1800.0)
-    assert camera.principal_point.tolist() == [1000.0, 750.0]
-    assert dict(zip(camera.coefficient_names, camera.coefficients, strict=True))["K1"] == pytest.approx(
-        0.0001 * 324
-    )
-    assert block.control.names == ("1", "2")
-    np.testing.assert_allclose(block.sets[0].measures.sigmas, [[0.1, 0.2], [0.1, 0.1]])
-    (tmp_path / "p.txt").write_text(text.replace("1 7 900", "9 7 900"))
-    with pytest.raises(InputError, match=r"p\.txt:\d+: the photo 9 is not there"):
-        read_photomodeler(tmp_path / "p.txt")
+    block.freeze_parameters("b2")  # the skew, which DBAT does not estimate
+    solution = block.solve()
+    assert solution.sigma0 == pytest.approx(expected["sigma0"], abs=5e-4)
+    assert solution.result.redundancy == expected["redundancy"]
+    path.write_text(_export(shared_data, size=""))
+    with pytest.raises(InputError, match=r"camcal\.txt:2: the size of the images is missing"):
+        read_photomodeler(path)
+    assert read_photomodeler(path, (2272, 1704)).cameras["camera 1"].focal == camera.focal
+
+
+@pytest.mark.parametrize(
+    ("marks", "message"),
+    [
+        (["9 7 900 700 0.1 0.1", "99 7 900 700 0.1 0.1"], "the photo 99 is not there"),
+        (["0 7 900 700 0 0"], "the mark has no sigma, as those of SmartPoints"),
+        (["0 7 900"], "4 numbers are expected"),
+    ],
+)
+def test_marks_that_do_not_do_are_refused(shared_data, tmp_path, marks, message):
+    path = tmp_path / "p.txt"
+    path.write_text(_export(shared_data, marks=marks))
+    with pytest.raises(InputError, match=rf"p\.txt:\d+: {message}"):
+        read_photomodeler(path)
+
+
+def test_photos_that_do_not_do_are_refused(shared_data, tmp_path):
+    path = tmp_path / "p.txt"
+    text = _export(shared_data)
+    first = text.splitlines()[6]
+    path.write_text(text.replace(first, first.replace("0 ", "1 ", 1), 1))
+    with pytest.raises(InputError, match=r"p\.txt:7: a line of photo 0 begins with its number"):
+        read_photomodeler(path)
+    path.write_text("\n".join(text.splitlines()[:13]))
+    with pytest.raises(InputError, match="6 lines for each photo"):
+        read_photomodeler(path)

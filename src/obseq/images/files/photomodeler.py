@@ -1,6 +1,8 @@
 """Projects that PhotoModeler exports as text: photos, cameras, control points, object points and marks.
 
-Sections end with an empty line: photos with the header, control points, object points, marks.
+A header of five lines; six lines a photo, each but the fourth (covariances, which may be empty) after its
+number; then control points, object points and marks. Each of these ends with an empty line. Marks have their
+sigmas in pixels, cameras and their formats are in millimetres.
 """
 
 from __future__ import annotations
@@ -22,8 +24,9 @@ from obseq.images.poses import Poses
 if TYPE_CHECKING:
     from obseq.images.camera import Camera
 
-HEADER, PHOTO = 5, 7
+HEADER, PHOTO = 5, 6
 """Lines of the header and of a photo."""
+LISTS = ("control points", "object points", "marks")
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ def read_photomodeler(path: str | Path, size: tuple[int, int] | None = None) -> 
     """The block of a text export.
 
     Photos are called as their files, without folders. Photos of one interior orientation share a camera.
-    Control points with sigmas of zero are held.
+    Control points are held where their sigmas are zero, or negative (as PhotoModeler marks them).
 
     Args:
         path: the file.
@@ -55,40 +58,50 @@ def read_photomodeler(path: str | Path, size: tuple[int, int] | None = None) -> 
     Raises:
         InputError: a line does not hold what it should; it is named.
     """
-    sections = _sections(Path(path))
-    head, photos = sections[0][:HEADER], sections[0][HEADER:]
-    if len(sections) < 4 or len(head) < HEADER or len(photos) % PHOTO or not photos:
-        raise InputError(
-            f"{path}: four sections are expected: header and photos ({PHOTO} lines each), control points, "
-            "object points, marks"
-        )
+    lines = _lines(Path(path))
+    head, photos, (control, objects, marks, *features) = lines[:HEADER], *_sections(Path(path), lines)
     words = head[1].numbers(2)
     columns, rows = size or (tuple(int(value) for value in words[2:4]) if len(words) > 3 else (0, 0))
     if min(columns, rows) < 1:
         raise InputError(f"{head[1].where}: the size of the images is missing; give it")
     block = BundleAdjustment()
-    names, pixels = _add_photos(block, photos, (columns, rows))
-    _add_points(block, sections[1], sections[2])
-    _add_marks(block, sections[3], names, pixels)
+    names = _add_photos(block, photos, (columns, rows))
+    _add_points(block, control, objects)
+    _add_marks(block, marks, names)
+    if any(features):
+        block.notes.append(f"{path}: lines and other features are not read")
     return block
 
 
-def _sections(path: Path) -> list[list[_Line]]:
+def _lines(path: Path) -> list[_Line]:
+    texts = text_of(path).splitlines()
+    return [_Line(f"{path}:{number}", line.strip()) for number, line in enumerate(texts, 1)]
+
+
+def _sections(path: Path, lines: list[_Line]) -> tuple[list[_Line], list[list[_Line]]]:
+    """The lines of all photos, and the lists after them, without the empty lines that end them."""
+    at = HEADER
+    while at < len(lines) and lines[at].text:
+        at += PHOTO
+    photos = lines[HEADER:at]
+    if not photos or len(photos) % PHOTO or at >= len(lines):
+        raise InputError(
+            f"{path}: a header of {HEADER} lines, {PHOTO} lines for each photo and an empty line are expected"
+        )
     found: list[list[_Line]] = [[]]
-    for number, line in enumerate(text_of(path).splitlines(), 1):
-        if line.strip():
-            found[-1].append(_Line(f"{path}:{number}", line.strip()))
-        elif found[-1]:
+    for line in lines[at + 1 :]:
+        if line.text:
+            found[-1].append(line)
+        else:
             found.append([])
-    return found if found[-1] else found[:-1]
+    if len(found) < len(LISTS):
+        raise InputError(f"{path}: {', '.join(LISTS)} are expected, each ended by an empty line")
+    return photos, found
 
 
-def _add_photos(
-    block: BundleAdjustment, lines: list[_Line], size: tuple[int, int]
-) -> tuple[dict[int, str], dict[str, float]]:
-    """Names of images by number, and the height of a pixel (mm) of each image."""
+def _add_photos(block: BundleAdjustment, lines: list[_Line], size: tuple[int, int]) -> dict[int, str]:
+    """Names of images by number."""
     names: dict[int, str] = {}
-    pixels: dict[str, float] = {}
     cameras: dict[tuple[float, ...], Camera] = {}
     centres, angles, owners = [], [], []
     for k in range(0, len(lines), PHOTO):
@@ -97,12 +110,11 @@ def _add_photos(
             cameras[interior] = _camera(f"camera {len(cameras) + 1}", interior, size, lines[k].where)
             block.add_cameras(cameras[interior])
         names[number] = file
-        pixels[file] = interior[4] / size[1]
         centres.append(pose[:3])
         angles.append([pose[5], pose[4], pose[3]])
         owners.append(cameras[interior].name)
     block.add_poses(Poses.of(list(names.values()), centres, np.radians(angles), "opk", owners))
-    return names, pixels
+    return names
 
 
 def _photo(lines: list[_Line]) -> tuple[int, str, list[float], tuple[float, ...]]:
@@ -111,7 +123,15 @@ def _photo(lines: list[_Line]) -> tuple[int, str, list[float], tuple[float, ...]
     if len(first) != 2 or not first[0].isdecimal():
         raise InputError(f"{lines[0].where}: a photo begins with its number and its file")
     file = first[1].strip('"').replace("\\", "/").rpartition("/")[2]
-    return int(first[0]), file, lines[1].numbers(6)[:6], tuple(lines[4].numbers(10)[:10])
+    pose, interior = (_after(first[0], lines[k], count) for k, count in ((1, 6), (4, 10)))
+    return int(first[0]), file, pose, tuple(interior)
+
+
+def _after(number: str, line: _Line, count: int) -> list[float]:
+    """The numbers of a line of a photo, after that of the photo."""
+    if line.text.split()[:1] != [number]:
+        raise InputError(f"{line.where}: a line of photo {number} begins with its number")
+    return line.numbers(count, 1)[:count]
 
 
 def _camera(name: str, interior: tuple[float, ...], size: tuple[int, int], where: str) -> Camera:
@@ -124,25 +144,33 @@ def _camera(name: str, interior: tuple[float, ...], size: tuple[int, int], where
 
 
 def _add_points(block: BundleAdjustment, control: list[_Line], objects: list[_Line]) -> None:
+    """Control points, held where their sigmas are not above zero; places of the other points."""
     known = {line.text.split()[0]: line.numbers(6, 1) for line in control}
     if known:
         values = np.array([row[:6] for row in known.values()])
-        block.add_control_points(ControlPoints.of(list(known), values[:, :3], values[:, 3:]))
+        sigmas = np.maximum(values[:, 3:], 0.0)
+        block.add_control_points(ControlPoints.of(list(known), values[:, :3], sigmas))
     free = {line.text.split()[0]: line.numbers(3, 1)[:3] for line in objects}
     names = [name for name in free if name not in known]
     block.add_approximations(names, np.array([free[name] for name in names]).reshape(-1, 3))
 
 
-def _add_marks(
-    block: BundleAdjustment, lines: list[_Line], names: dict[int, str], pixels: dict[str, float]
-) -> None:
+def _add_marks(block: BundleAdjustment, lines: list[_Line], names: dict[int, str]) -> None:
     images, points, xy, sigmas = [], [], [], []
     for line in lines:
         photo, x, y, sx, sy = (*line.numbers(1)[:1], *line.numbers(4, 2)[:4])
         if int(photo) not in names:
             raise InputError(f"{line.where}: the photo {photo:g} is not there")
+        if min(sx, sy) <= 0.0:
+            raise InputError(
+                f"{line.where}: the mark has no sigma, as those of SmartPoints, whose numbers may be "
+                "those of other points; export the project without them"
+            )
         images.append(names[int(photo)])
         points.append(line.text.split()[1])
         xy.append([x, y])
-        sigmas.append([sx / pixels[images[-1]], sy / pixels[images[-1]]])
-    block.add_measures(ImagePoints.of(images, points, np.array(xy), np.array(sigmas)), name="marks")
+        sigmas.append([sx, sy])
+    block.add_measures(
+        ImagePoints.of(images, points, np.array(xy).reshape(-1, 2), np.array(sigmas).reshape(-1, 2)),
+        name="marks",
+    )
