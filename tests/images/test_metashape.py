@@ -148,3 +148,75 @@ def test_a_project_of_metashape_holds_its_chunks_beside(tmp_path):
 def test_what_metashape_has_and_we_have_not_is_refused_by_its_line(tmp_path, old, new, message):
     with pytest.raises(InputError, match=message):
         read_metashape(_metashape(tmp_path, METASHAPE.replace(old, new)))
+
+
+OLD = """<calibration type="frame" class="initial"><fx>{fx}</fx><fy>20656.5</fy><cx>995</cx><cy>760</cy>
+          <k1>-0.1</k1>{more}</calibration>"""
+
+
+@pytest.mark.parametrize(("fx", "tolerance"), [("20656.5", 1e-9), ("20660", 0.01)])
+def test_calibrations_of_photoscan_have_two_focal_lengths_and_a_corner(tmp_path, fx, tolerance):
+    start, end = METASHAPE.index('<calibration type="frame" class="initial">'), METASHAPE.index("</sensor>")
+    text = METASHAPE[:start] + OLD.format(fx=fx, more="") + METASHAPE[end:]
+    (camera,) = read_metashape(_metashape(tmp_path, text))[0].cameras.values()
+    x, y = 0.03, -0.02
+    radial = 1.0 - 0.1 * (x**2 + y**2)
+    expected = [995.0 + float(fx) * x * radial, 760.0 + 20656.5 * y * radial]
+    np.testing.assert_allclose(camera.project([[x, y, 1.0]])[0], expected, atol=tolerance)
+    text = METASHAPE[:start] + OLD.format(fx=fx, more="<p1>0.001</p1>") + METASHAPE[end:]
+    with pytest.raises(InputError, match="p1 and p2 beside fx and fy are ambiguous"):
+        read_metashape(_metashape(tmp_path, text))
+
+
+def test_a_fourth_radial_term_is_kept(tmp_path):
+    text = METASHAPE.replace("<k2>0.03</k2>", "<k2>0.03</k2><k4>0.02</k4>")
+    (camera,) = read_metashape(_metashape(tmp_path, text))[0].cameras.values()
+    assert camera.degree == (4, 1, 1)
+    r2 = 0.3**2 + 0.1**2
+    moved = camera.project([[0.3, 0.1, 1.0]])[0] - _agisoft(0.3, 0.1, 0, 0)
+    np.testing.assert_allclose(moved, 1800 * 0.02 * r2**4 * np.array([0.3, 0.1]), atol=1e-9)
+
+
+def test_components_have_their_own_places(tmp_path):
+    """As files of version 2 have them, with attributes that say what is locked."""
+    start = METASHAPE.index("<transform><rotation>")
+    end = METASHAPE.index("</transform>", start) + len("</transform>")
+    one = METASHAPE[start:end].replace("<scale>", '<scale locked="true">')
+    two = one.replace(">2<", ">4<")
+    parts = f'<component id="0">{one}</component><component id="1">{two}</component>'
+    parts = f"<components>{parts}</components>"
+    text = METASHAPE[:start] + parts + METASHAPE[end:]
+    for camera, component in (("5", "1"), ("3", "0")):
+        text = text.replace(f'<camera id="{camera}"', f'<camera id="{camera}" component_id="{component}"')
+    poses = read_metashape(_metashape(tmp_path, text))[0].poses
+    np.testing.assert_allclose(poses["a.jpg"].centre, [100, 200, 280])
+    np.testing.assert_allclose(poses["b.jpg"].centre, [100, 208, 260])
+    lost = text.replace(one, "").replace(two, "")
+    with pytest.raises(InputError, match="components that are not placed"):
+        read_metashape(_metashape(tmp_path, lost))
+
+
+def test_images_that_are_not_enabled_take_no_part_and_equal_labels_get_numbers(tmp_path):
+    text = METASHAPE.replace(
+        '<camera id="5" sensor_id="0" label="b.jpg">',
+        '<camera id="5" sensor_id="0" label="b.jpg" enabled="false">',
+    )
+    block, _ = read_metashape(_metashape(tmp_path, text))
+    assert block.poses.images == ("a.jpg",)
+    assert block.sets[0].measures.xy.tolist() == [[1000, 700]]
+    assert block.notes == ["1 images are not enabled: b.jpg"]
+    block, _ = read_metashape(_metashape(tmp_path, METASHAPE.replace("b.jpg", "a.jpg")))
+    assert block.poses.images == ("a.jpg [3]", "a.jpg [5]")
+    assert "1 labels are of several images" in block.notes[0]
+
+
+def test_an_archive_of_photoscan_holds_its_chunks_inside(tmp_path):
+    """One sigma for x and y, chunks in a list, everything in one file."""
+    whole = METASHAPE.replace("{b}", "").replace("{reference}", LOCAL)
+    whole = whole.replace('sx="0.01" sy="0.01" sz="0.02"', 'sxy="0.01" sz="0.02"')
+    whole = whole.replace("<chunk label", "<chunks><chunk label").replace("</chunk>", "</chunk></chunks>")
+    with zipfile.ZipFile(tmp_path / "block.psz", "w") as archive:
+        archive.writestr("doc.xml", whole)
+    block, _ = read_metashape(tmp_path / "block.psz")
+    assert block.poses.images == ("a.jpg", "b.jpg")
+    assert block.control.sigmas[0].tolist() == [0.01, 0.01, 0.02]

@@ -38,13 +38,18 @@ from obseq.project import (
     read_v1_block,
     rules_text,
 )
+from obseq.project.blocks import pose_tree
+from obseq.project.instrument_blocks import read_instrument_block
+from obseq.project.instrument_readings import read_clinometer_readings
 from obseq.project.metadata import Rules
 from obseq.project.tie_points import read_pairs
-from obseq.project.tree import tree_text
+from obseq.project.tree import data_text, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from obseq.project.tree import Tree
 
     Seed = tuple[dict[str, bytes], Callable[[Path], object]]
 
@@ -86,18 +91,17 @@ PHOTOMODELER = f"""title
 {INTERIOR}
 0 0 0 0 0 0 0 0 0 0
 0 C:\\p\\a.jpg
-0 0 10 90 0 0
-1 1 1 1 1 1
-0 0 0 0
-{INTERIOR}
-0 0 0 0 0 0 0 0 0 0
-0
+0 0 0 10 90 0 0
+0 1 1 1 1 1 1
+
+0 {INTERIOR}
+0 0 0 0 0 0 0 0 0 0 0
 
 1 0 0 0 0.1 0.1 0.2
 
 7 3 4 5
 
-0 1 1000 750 0.001 0.002
+0 1 1000 750 0.1 0.2
 """
 V1_POSE = """<ExportAPERO><OrientationConique><FileInterne>Ori-X/AutoCal.xml</FileInterne>
 <ConvOri><KnownConv>eConvApero_DistM2C</KnownConv></ConvOri><Externe><Centre>1 0 0</Centre><ParamRotation>
@@ -138,6 +142,41 @@ TOPO = {
             ],
         }
     },
+}
+
+
+AVERAGES: Tree = {part: {"SumW": (4,), "SumVW": (0.4,), "Nb": (5,)} for part in ("Tr", "Rot")}
+INSTRUMENTS: dict[str, Tree] = {
+    "Cams": {
+        "NumMaster": (0,),
+        "NumPoseInstr": [(-1,)],
+        "Set_Cams": [
+            {
+                "Num": (k,),
+                "NameCalib": name,
+                "PatTimeStamp": ".*_(.*)",
+                "SelIsPat": (1,),
+                "ImSelect": ".*",
+                "IsInit": (1,),
+                "Pose": pose_tree(TURN),
+            }
+            for k, name in enumerate("ab")
+        ],
+    },
+    "Clinos": {
+        "Set_Clinos": [
+            {"Name": name, "IsInit": (1,), "PolCorr": [(0,), (1,), (0,), (0,)], "PtNorm": (1, 0, 0)}
+            for name in "xy"
+        ]
+    },
+    "SigmasPairs": [{"K": ("a", "b"), "V": AVERAGES}],
+    "DescrIndiv": [{"K": "a", "V": {"Type": "Camera", "NameInstr": "a", "Sigma": AVERAGES}}],
+    "CstrRelRot": [],
+    "CstrOrthog": [{"K": ("x", "y"), "V": {"Sigma": (0.1,)}}],
+}
+READINGS: dict[str, Tree] = {
+    "NamesClino": ["x", "y"],
+    "SetMeasures": [{"Ident": "1", "Angles": [(0.1,), (0.2,)], "__Opt__Sigmas": [(1e-4,), (1e-4,)]}],
 }
 
 
@@ -217,6 +256,13 @@ def seeds() -> dict[str, Seed]:
             "calibration": _tree(calibration_text(CAMERA, as_json=as_json), f"c.{ending}", read_calibration),
             "pose": _tree(pose_text("a", "c", TURN, as_json=as_json), f"p.{ending}", read_pose),
             "rigid block": _tree(block_text(block, as_json=as_json), f"b.{ending}", read_block),
+            "instruments": _tree(
+                data_text(INSTRUMENTS, as_json=as_json), f"FileRB_i.{ending}", read_instrument_block
+            ),
+            "readings": (
+                {f"ClinoMeasures.{ending}": data_text(READINGS, as_json=as_json).encode()},
+                read_clinometer_readings,
+            ),
             "rules": _tree(rules_text(rules, as_json=as_json), f"r.{ending}", read_rules),
             "names": _tree(names_text(["a", "b"], as_json=as_json), f"n.{ending}", read_names),
             "points": (

@@ -18,7 +18,7 @@ OTHERS = {
     "bal": ("FILE", "a problem of Bundle Adjustment in the Large"),
     "bundler": ("FILE", "a bundle.out of Bundler"),
     "colmap": ("DIR", "a sparse model of COLMAP, text or binary"),
-    "metashape": ("FILE", "cameras and markers of Metashape (XML), or a project (.psx)"),
+    "metashape": ("FILE", "cameras and markers of Metashape (XML), or a project (.psx, .psz)"),
     "dbat": ("FILE", "a script of DBAT (XML)"),
     "photomodeler": ("FILE", "a text export of PhotoModeler"),
     "aicon": ("DIR", "files of AICON 3D Studio (needs --image-sigma)"),

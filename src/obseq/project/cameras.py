@@ -139,10 +139,16 @@ def read_pose(path: str | Path) -> tuple[str, str, Pose]:
     fields = Reader(read_tree(path), str(path)).fields(POSE)
     axes = fields.fields("RotMatrix")
     rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(rotation) < 0.0:
+    if not _is_rotation(rotation):
         raise InputError(f"{path}: RotMatrix is no rotation: its axes are not orthonormal and right-handed")
     centre = np.array(fields.numbers("Center", 3), dtype=np.float64)
     return fields.text("NameImage"), fields.text("NameInternalCalib"), Pose(centre, rotation)
+
+
+def _is_rotation(matrix: FloatArray) -> bool:
+    with np.errstate(all="ignore"):  # numbers of any size may stand in a file
+        off = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    return bool(off <= ORTHONORMAL and np.linalg.det(matrix) > 0.0)
 
 
 def pose_text(
