@@ -152,6 +152,7 @@ class ObservationRecord:
         rejected: True when data snooping left it out.
         backsight: Of an angle, the point from which it counts.
         effect: What its detectable bias does to coordinates; None when it was not asked for.
+        adjusted: What the adjusted coordinates give: value plus residual; None where it is not used.
     """
 
     type: str
@@ -174,6 +175,7 @@ class ObservationRecord:
     rejected: bool | None = None
     backsight: str | None = None
     effect: EffectRecord | None = None
+    adjusted: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

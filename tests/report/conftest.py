@@ -25,6 +25,7 @@ def observation(
         "file": "site.obs",
         "line": line,
         "active": True,
+        "adjusted": value + residual,
     }
 
 

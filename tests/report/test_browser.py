@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from obseq.report import page, read_json, to_json
 from obseq.survey import Datum, Network, Quality
@@ -249,6 +250,21 @@ def test_a_phone_shows_it_without_sideways_scrolling(report, browser) -> None:
             assert browsing.violations(browser) == []
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_charts_are_those_of_the_stored_residuals(report, browser) -> None:
+    stored = json.loads(report.with_suffix(".json").read_text(encoding="utf-8"))["observations"]
+    residuals = np.array([row["standardised_residual"] for row in stored if row.get("standardised_residual")])
+    bars = "return [...document.querySelectorAll('#charts .bar title')].map((bar) => Number(bar.textContent))"
+    edges = np.concatenate([[-np.inf], np.arange(-4.5, 5.0, 0.5), [np.inf]])
+    np.testing.assert_array_equal(browser.execute_script(bars), np.histogram(residuals, edges)[0])
+    path = browser.execute_script("return document.querySelector('#charts .dot').getAttribute('d')")
+    dots = np.array([text.split("a")[0].split() for text in path.split("M")[1:]], dtype=float)
+    expected = ndtri((np.arange(len(residuals)) + 0.5) / len(residuals))
+    assert len(dots) == len(residuals)
+    across, up = np.polyfit(expected, dots[:, 0], 1), np.polyfit(np.sort(residuals), dots[:, 1], 1)
+    np.testing.assert_allclose(np.polyval(across, expected), dots[:, 0], atol=0.1)
+    np.testing.assert_allclose(np.polyval(up, np.sort(residuals)), dots[:, 1], atol=0.1)
 
 
 def test_paper_has_all_rows(report, browser) -> None:

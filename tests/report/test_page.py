@@ -69,7 +69,7 @@ def test_tables_hold_metres_and_radians_of_the_record(record) -> None:
     assert found["angular"] == [0, 1, 1, 0]
     assert found["unused"] == [0, 0, 0, 1]
     assert values(found, "observed") == pytest.approx([row.value for row in record.observations], abs=1e-5)
-    adjusted = [row.value + row.residual for row in record.observations]
+    adjusted = [row.adjusted for row in record.observations]
     assert values(found, "adjusted") == pytest.approx(adjusted, abs=1e-5)
     points = table(page(record), "points")
     assert values(points, "x") == [point.x for point in record.points]

@@ -28,7 +28,7 @@ from obseq.report.rows import short_names, unit_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.record import AdjustmentRecord, ObservationRecord, StatisticsRecord
+    from obseq.record import AdjustmentRecord, StatisticsRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
@@ -82,15 +82,10 @@ def _observed(record: AdjustmentRecord, rows: Rows) -> list[Column]:
         column("to", "point", (rows[row.target] for row in found), key="to"),
         column("backsight", "point", (rows.get(row.backsight or "") for row in found)),
         column("observed", "observed", (rounded(row.value, PLACES[unit_of(row)]) for row in found)),
-        column("adjusted", "observed", map(_adjusted, found)),
+        column("adjusted", "observed", (rounded(row.adjusted, PLACES[unit_of(row)]) for row in found)),
         field("sigma", "small", found, "sigma"),
         field("residual", "small", found, "residual", by_size=True),
     ]
-
-
-def _adjusted(row: ObservationRecord) -> float | None:
-    """The value that the adjusted coordinates give: observed plus residual."""
-    return None if row.residual is None else rounded(row.value + row.residual, PLACES[unit_of(row)])
 
 
 def _judged(record: AdjustmentRecord) -> list[Column]:
@@ -290,7 +285,7 @@ def _relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
     columns = [
         column("first", "point", (rows.get(row.first) for row in found)),
         column("second", "point", (rows.get(row.second) for row in found)),
-        column("distance", "length", (rounded(row.distance, 4) for row in found)),
+        column("distance", "length", (rounded(row.distance) for row in found)),
         field("s distance", "small_length", found, "precision"),
         column("ppm", "number", (small(1e6 * row.precision / row.distance) for row in found)),
         field("s bearing", "small_angle", found, "bearing_precision"),

@@ -156,7 +156,7 @@ def judged_table(record: AdjustmentRecord) -> Table:
             row.origin,
             row.target,
             f"{PurePath(row.file).name}:{row.line}",
-            units.ABSENT if row.residual is None else units.observed(unit_of(row), row.value + row.residual),
+            units.ABSENT if row.adjusted is None else units.observed(unit_of(row), row.adjusted),
             units.fixed(row.normalised_residual, 2),
             units.fixed(row.tau, 2),
             units.small(unit_of(row), row.blunder),

@@ -293,6 +293,7 @@ class Adjustment:
             self.sigmas.tolist(),
             defined(self.residuals),
             defined(self.normalised_residuals),
+            defined(rows.values + self.residuals),
             rows.file_indices.tolist(),
             rows.lines.tolist(),
             rows.active.tolist(),
@@ -302,8 +303,8 @@ class Adjustment:
         numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
         effects = self.quality.effects
         for k, row in enumerate(columns):
-            code, origin, target, value, sigma, residual, normalised, file, line, active, backsight = row
-
+            code, origin, target, value, sigma, residual, normalised, adjusted, *rest = row
+            file, line, active, backsight = rest
             kind = BY_CODE[code]
             yield ObservationRecord(
                 type=kind.name,
@@ -320,6 +321,7 @@ class Adjustment:
                 rejected=rejected[k] or None,
                 backsight=book.point_names[backsight] if backsight >= 0 else None,
                 effect=None if effects is None else effects[k],
+                adjusted=adjusted,
                 **{name: column[k] for name, column in numbers.items()},
             )
 
