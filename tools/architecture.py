@@ -17,6 +17,7 @@ FILES = (
     "arguments",
     "arrays",
     "comparison_record",
+    "dataclass",
     "errors",
     "lazy",
     "packages",

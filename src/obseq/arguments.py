@@ -7,9 +7,9 @@ import math
 import numbers
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable_line
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from obseq.dataclass import dataclass
 from obseq.plain import to_plain
 from obseq.record import EllipseRecord, RunRecord
 

@@ -5,9 +5,9 @@ Metres and radians; the precisions themselves stand in the record of the adjustm
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from obseq.dataclass import dataclass
 from obseq.plain import to_plain
 from obseq.record import AdjustmentRecord
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import functools
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.plain import from_plain, to_plain
 from obseq.record_quality import (

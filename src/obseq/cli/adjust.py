@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from obseq.cli.parsing import Commands, add_command, positive_integer
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.record import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch

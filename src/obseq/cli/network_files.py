@@ -2,12 +2,12 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from obseq.cli.own_formulas import use_formulas
 from obseq.cli.parsing import finite_number, positive_number
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:

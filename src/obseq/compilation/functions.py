@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import linecache
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.compilation.settings import SETTINGS
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,8 +6,9 @@ arrays is handed over member by member.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from types import FunctionType

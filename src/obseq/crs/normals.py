@@ -1,10 +1,11 @@
 """The vertical of single points, without PROJ: the normal of the ellipsoid in closed form."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from obseq.arrays import FloatArray
 from obseq.crs.rigid import RigidSystem
+from obseq.dataclass import dataclass
 
 Row = tuple[float, float, float]
 

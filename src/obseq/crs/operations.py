@@ -5,7 +5,6 @@ pyproj is imported when first needed. Nothing here turns the network on, or sile
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.crs.point_arrays import as_points, check_finite
+from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 
 if TYPE_CHECKING:

@@ -1,7 +1,6 @@
 """Coordinate systems that PROJ defines, each with the one operation that leads to geocentric WGS 84."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +11,7 @@ from obseq.crs.operations import Operation, from_geocentric, known_crs, operatio
 from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.system import CoordinateSystem, Kind
 from obseq.crs.units import METRE, Unit
+from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Euclidean systems with a place on the Earth: GeoC, LEuc and RTL."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
+from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True)

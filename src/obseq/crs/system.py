@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -12,6 +11,7 @@ from obseq.arguments import ARRAY, expecting
 from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.units import METRE, Unit
+from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 
 

@@ -1,7 +1,6 @@
 """Conversion of points from one coordinate system to another."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +10,7 @@ from obseq.arrays import FloatArray
 from obseq.crs.point_arrays import as_points
 from obseq.crs.system import CoordinateSystem
 from obseq.crs.unreferenced import UnreferencedSystem
+from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True)

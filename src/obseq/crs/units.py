@@ -1,6 +1,6 @@
 """Units in which coordinates are written."""
 
-from dataclasses import dataclass
+from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True)

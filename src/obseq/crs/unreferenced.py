@@ -1,7 +1,6 @@
 """Systems without a place on the Earth: Local, and an RTL whose origin is still to be chosen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.crs.system import CoordinateSystem, Kind
+from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 
 LETTERS = {"e": (1.0, 0.0, 0.0), "n": (0.0, 1.0, 0.0), "w": (-1.0, 0.0, 0.0), "s": (0.0, -1.0, 0.0)}

@@ -12,12 +12,11 @@ Angles are in radians. Rx, Ry, Rz turn right-handed about their axes by the angl
 phi, kappa; roll, pitch, yaw.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.dataclass import dataclass
 from obseq.errors import DegenerateGeometryError, InputError
 from obseq.geometry.matrices import inverse3
 from obseq.geometry.rotations import (

@@ -1,11 +1,10 @@
 """Poses: where a station or a camera is, and how it is turned."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True, eq=False)

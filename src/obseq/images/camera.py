@@ -16,12 +16,13 @@ corrects what was measured (see `obseq.formulas.backward`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
 from obseq.kernels import calculator
 

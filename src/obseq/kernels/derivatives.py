@@ -3,11 +3,11 @@
 import math
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from obseq.arrays import FloatArray
+from obseq.dataclass import dataclass
 from obseq.kernels.calculator import Calculator, calculator
 from obseq.kernels.layout import Block
 from obseq.kernels.loading import Kernel, formula_names

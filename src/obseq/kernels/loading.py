@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 import importlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from obseq.compilation.functions import CONTRACT, Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
+from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, nearest
 from obseq.kernels import ondemand
 

@@ -6,9 +6,10 @@ is not understood, or would have no effect, is refused.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.instrument_options import NAMES, InstrumentOptions, instrument_options
 from obseq.project.option_values import (

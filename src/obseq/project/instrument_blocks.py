@@ -5,11 +5,12 @@ Cameras are named by their calibrations. What a file holds besides stays in it w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.blocks import read_pose_fields
 from obseq.project.metadata import read_names

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.option_values import flag_or, number_or, text_of, word_at
 

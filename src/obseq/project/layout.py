@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.metadata import MODES, Rules, chosen, read_names, read_rules
 from obseq.project.points import MEASURES_PREFIX, read_definition

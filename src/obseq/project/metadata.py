@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.tree import Reader, merged, read_tree, tree_text
 

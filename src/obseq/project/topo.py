@@ -5,12 +5,13 @@ Serialised files hold metres and radians; OBS files metres and gons.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.survey import FieldBook, Observations, Orientation, read_obs

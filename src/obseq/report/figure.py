@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
+from obseq.dataclass import dataclass
 from obseq.record import AdjustmentRecord, PointRecord
 from obseq.report.html import escaped
 

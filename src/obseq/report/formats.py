@@ -1,8 +1,8 @@
 """The formats that results are written in: one entry each, from which the options of the commands follow."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from obseq.dataclass import dataclass
 from obseq.record import AdjustmentRecord
 from obseq.report.listing import listing
 from obseq.report.page import page

@@ -3,9 +3,9 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
 
+from obseq.dataclass import dataclass
 from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,

@@ -1,7 +1,6 @@
 """What the test of sigma0 says, in words; and which observations fit worst."""
 
-from dataclasses import dataclass
-
+from obseq.dataclass import dataclass
 from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import tempfile
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -18,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq import crs
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import expecting, instance
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE, KINDS
 from obseq.survey.points import CoordinateCovariance as CoordinateCovariance
 from obseq.survey.points import Points as Points

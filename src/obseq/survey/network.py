@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from obseq.arguments import (
     expecting,
     instance,
 )
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights

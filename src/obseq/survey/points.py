@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, sequence
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import Equations
 

@@ -6,11 +6,11 @@ that begin with # are passed over. A first line without any number where numbers
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.aerial.angles import axes_of, unit_of
 from obseq.images.aerial.headers import Columns

@@ -8,11 +8,12 @@ linear alteration. Both hold many centres at once: one per row, or one for all r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray

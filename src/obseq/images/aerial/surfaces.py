@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:

@@ -11,11 +11,12 @@ geoid of 50 m): work in heights where that counts.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.aerial.frames import ApproximateFrames, LocalFrames, turned
 from obseq.images.aerial.heights import HeightType, convert_heights, remove_alteration

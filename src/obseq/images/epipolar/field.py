@@ -7,11 +7,12 @@ refreshed, and reads the weight of the monomial's index: its fits have been wron
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray

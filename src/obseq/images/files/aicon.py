@@ -7,12 +7,12 @@ the middle of the sensor, y up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.files.fitted import fitted_camera

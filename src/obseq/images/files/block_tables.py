@@ -14,11 +14,11 @@ Angles: `omega phi kappa` (photogrammetric), `w p k` (MMVII), `yaw pitch roll`, 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints

@@ -6,12 +6,12 @@ sensor, ours in pixels: a pixel is the height of the sensor over that of the ima
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera

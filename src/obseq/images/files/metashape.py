@@ -9,13 +9,13 @@ the others are predictions.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.control import ControlPoints

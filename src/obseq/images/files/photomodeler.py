@@ -7,12 +7,12 @@ sigmas in pixels, cameras and their formats are in millimetres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.control import ControlPoints

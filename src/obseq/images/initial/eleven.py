@@ -8,12 +8,13 @@ distortion is then found by least squares on the colinearity equations, one came
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import rq
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera, median_camera

@@ -8,11 +8,12 @@ grown in a frame of its own, which three control points, or nothing, bring to th
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import Pose, closest_rotation
 from obseq.images.control import ControlPoints

@@ -6,11 +6,11 @@ images would count as much as near ones. Each point has its own covariance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.geometry import inverse3, sums_by_owner
 from obseq.images.names import index_of
 

@@ -13,11 +13,11 @@ f.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import Pose, closest_rotation
 from obseq.images.bundle import BundleAdjustment

@@ -7,11 +7,11 @@ x, y, z, solved by the eigenvectors of the multiplication by x (Stewenius, Engel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import Pose
 

@@ -6,11 +6,11 @@ of them meets all: nine unknowns side by side are multiplied at once, and one pl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.loops.loop_arguments import Bodies
 
 if TYPE_CHECKING:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
 from obseq.leastsquares.assembly.elimination import Elimination

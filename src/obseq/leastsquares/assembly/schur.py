@@ -11,11 +11,11 @@ for the other unknowns k, group by group, so that only these enter the matrix th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.loops.loop_arguments import Groups
 

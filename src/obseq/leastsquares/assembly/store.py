@@ -10,11 +10,11 @@ equations and frozen unknowns, without loops over observations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.leastsquares.assembly.bodies import fill_of

@@ -10,11 +10,11 @@ copies of a share are at most one more store.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.loops.loop_arguments import Span

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.diagnosis.null_space import AXES, common_similarities, parts, similarities
 
 if TYPE_CHECKING:

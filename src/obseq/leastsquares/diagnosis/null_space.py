@@ -6,11 +6,12 @@ similarities of the plane or of space. What is a translation, a rotation or a ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray

@@ -8,12 +8,12 @@ when it says nothing any more: to the statistician, or to the computer.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:

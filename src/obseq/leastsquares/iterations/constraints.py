@@ -7,11 +7,11 @@ or not, is substituted alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import ContradictoryConstraintsError, InputError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 

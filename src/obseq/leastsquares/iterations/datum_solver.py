@@ -15,11 +15,11 @@ solutions as the kernel has dimensions. (W. Baarda, S-transformations and criter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularMatrixError
 
 if TYPE_CHECKING:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError, SingularSystemError
 from obseq.leastsquares.diagnosis.singular import SHOWN
 from obseq.leastsquares.iterations.arrival import CONTRACTION, Arrival

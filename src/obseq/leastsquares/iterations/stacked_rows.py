@@ -7,11 +7,11 @@ a robust start: at least as many residuals vanish as there are unknowns).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, StepError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed

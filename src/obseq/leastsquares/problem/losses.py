@@ -18,11 +18,12 @@ sigmas. All constants are in sigmas.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 
 if TYPE_CHECKING:

@@ -15,11 +15,11 @@ N = N0 + du U + dv V, normalised when the step is absorbed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry.rotations import absorb, logarithm
 

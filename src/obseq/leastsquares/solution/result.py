@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.arguments import expecting, instance
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.priors import Prior

@@ -6,12 +6,12 @@ times as long as one. Here each thread has its own share of a step, and ends wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.solvers.blas import GEMM, POTRF, SYRK, TRSM, call_blas, call_lapack
 from obseq.pools import thread_pool
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.compilation import compiled
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows, KeyArray

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.compilation import compiled
+from obseq.dataclass import dataclass
 from obseq.leastsquares.solvers.tree import front_seconds
 from obseq.pools import thread_pool
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 

@@ -9,11 +9,12 @@ the pattern of N are needed. Formulas and sources: docs/statistics.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.final_state import FinalState, final_state, whitening
 from obseq.leastsquares.statistics.hypothesis_tests import (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, overall_level
 from obseq.leastsquares.statistics.reliability import reliability

@@ -9,12 +9,13 @@ Sources: docs/statistics.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.weights import Restorer
 from obseq.leastsquares.statistics.component_equations import Component, ComponentEquations, Exact, Sampled

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
 from obseq.record import new_run
 from obseq.survey.adjustment.adjusted import Adjustment

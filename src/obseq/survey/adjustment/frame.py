@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.kinds.registry import BY_CODE
 

@@ -6,11 +6,11 @@ linearisation, from batches that have no influence themselves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.arguments import NOTHING, NUMBER, TRUTH, Expected, require
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.ellipses import ErrorEllipses, relative_precision

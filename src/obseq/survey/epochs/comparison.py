@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from obseq import crs
 from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting
 from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability

@@ -7,12 +7,13 @@ S-transformation that fits the epochs together on them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.comparison_record import TestRecord
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.distributions import chi_square_limit, chi_square_tails
 

@@ -8,12 +8,12 @@ displacements are ``Q1 + Q2 - Q1 P Q2 - Q2 P Q1``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.adjustment.point_system import PointSystem
 

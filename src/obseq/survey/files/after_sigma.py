@@ -7,9 +7,10 @@ user has said that such numbers are to be ignored.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.text import parse_number
 

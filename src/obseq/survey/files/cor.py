@@ -21,13 +21,14 @@ switched off and the component is free. This is Comp3D's reading; MMVII has no s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import NOTHING, NUMBER, PATH, PATHS, TEXT, WORDS, expecting, instance
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.text import (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.dna import DnaFile
 from obseq.survey.files.dynadjust_measurements import field_book

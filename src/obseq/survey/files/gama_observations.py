@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.gama_coordinates import COORDINATES, VECTORS, CoordinateWriter
 from obseq.survey.files.gama_sets import GamaNetwork, matrix_lines, number

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from obseq.dataclass import dataclass
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.default_sigmas import lacking
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN

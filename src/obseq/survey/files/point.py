@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +26,7 @@ from obseq.arguments import (
     instance,
     require,
 )
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.text import (
     LARGEST_LENGTH,

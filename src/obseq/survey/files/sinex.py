@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.dynadjust_stations import ELLIPSOID

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.files.text import parse_number, quoted
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable
 

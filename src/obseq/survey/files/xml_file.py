@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 from xml.sax import SAXException, SAXParseException
 from xml.sax.handler import ContentHandler, feature_external_ges
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.text import TextFile, parse_number, quoted, read_bytes
 

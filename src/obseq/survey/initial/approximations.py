@@ -7,11 +7,11 @@ place it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.record import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle

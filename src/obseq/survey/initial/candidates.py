@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, TypeVar
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial import closed_forms as forms
 from obseq.survey.initial.known import Known, Matrix, minus, plus, times, transposed_times
 from obseq.survey.initial.relations import Measured, Relation

@@ -14,12 +14,13 @@ addresses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.known import Known, Step, Vertical

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arrays import FloatArray
 from obseq.crs.normals import Normals
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.closed_forms import Space
 

@@ -9,9 +9,9 @@ is known.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.known import Known, Step, minus, plus, times, transposed_times
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.model import Orientation

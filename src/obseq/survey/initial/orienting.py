@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry
 from obseq.survey.initial.known import Known, Matrix, Step, as_matrix
 from obseq.survey.initial.relations import free_direction

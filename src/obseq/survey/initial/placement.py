@@ -7,9 +7,9 @@ oriented, are looked at again. The time is therefore nearly proportional to the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
 from obseq.survey.initial.known import Step, plus, transposed_times
 from obseq.survey.initial.orienting import orient

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, plus, transposed_times
 from obseq.survey.initial.relations import (

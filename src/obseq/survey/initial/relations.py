@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, times
 from obseq.survey.initial.sights import direction

@@ -7,11 +7,12 @@ values need one, and the first is the one that a reader of the file finds.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS
 from obseq.survey.model import FieldBook, Orientation

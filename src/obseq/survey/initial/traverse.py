@@ -11,10 +11,10 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.known import Step, minus, plus, times, transposed_times
 from obseq.survey.model import Orientation

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.initial.relations import Measured, Relation, collect
 from obseq.survey.model import Orientation
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import ObservationKind, Shared
 from obseq.survey.kinds.lengths import DH
 

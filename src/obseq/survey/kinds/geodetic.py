@@ -5,12 +5,12 @@ Their equations are linear rows that are made anew wherever the points go.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import ObservationKind
 
 if TYPE_CHECKING:

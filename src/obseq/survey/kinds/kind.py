@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+
+from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray

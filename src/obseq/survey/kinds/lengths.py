@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import ObservationKind, Start
 
 if TYPE_CHECKING:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, WHOLE, expecting, instance
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.plan_record import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.survey.adjustment.quality import Quality

@@ -7,11 +7,12 @@ do not count, so that their rows are those of its unknowns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.final_state import final_state
 from obseq.plan_record import GainRecord
 from obseq.survey.adjustment.equations import Equations

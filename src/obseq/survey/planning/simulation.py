@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import NOTHING, TRUTH, WHOLE, expecting
+from obseq.dataclass import dataclass
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.planning.truth import placed, truth, with_values

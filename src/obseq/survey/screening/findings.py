@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
+from obseq.dataclass import dataclass
 from obseq.record import GrossErrorRecord
 
 

@@ -8,11 +8,12 @@ one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.kind import Start

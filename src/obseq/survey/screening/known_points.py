@@ -7,11 +7,12 @@ anew.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.kinds.components import DZ
 from obseq.survey.screening.findings import Cause, GrossError

@@ -7,11 +7,11 @@ residuals have no effect at all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.survey.adjustment.equations import sigmas_of

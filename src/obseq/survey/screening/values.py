@@ -8,9 +8,9 @@ in a number of ways, and each hits with the tolerance over the range of values.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.screening.findings import Cause
 
