@@ -12,7 +12,7 @@ FORMAT = "obseq-comparison"
 VERSION = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TestRecord:
     """A test: its statistic, the limit at the level, and what is beyond it.
 
@@ -64,7 +64,7 @@ class DisplacementRecord:
     is_significant: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ComparisonRecord:
     """Two epochs compared.
 

@@ -11,7 +11,10 @@ import dataclasses
 from dataclasses import MISSING, FrozenInstanceError
 from inspect import Parameter, Signature
 from reprlib import recursive_repr
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+
+Value: TypeAlias = Any
+"""What a field holds, the class that has it, a method of it: anything."""
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -19,7 +22,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass(
-        cls: type | None = None, /, *, frozen: bool = False, eq: bool = True, **others: Any
+        cls: type | None = None, /, *, frozen: bool = False, eq: bool = True, **others: Value
     ) -> type | Callable[[type], type]:
         """The standard `dataclass`, with methods that all classes share."""
 
@@ -33,7 +36,7 @@ else:
 
 def _defined(cls: type, frozen: bool, eq: bool) -> type:
     dataclasses.dataclass(cls, init=False, repr=False, eq=False)
-    methods: dict[str, Any] = {"__init__": _filling(cls), "__repr__": _shown, "__signature__": _Signature()}
+    methods: dict[str, Value] = {"__init__": _filling(cls), "__repr__": _shown, "__signature__": _Signature()}
     if eq:
         methods |= _comparing(cls, frozen)
     if frozen:
@@ -52,7 +55,7 @@ def _filling(cls: type) -> Callable[..., None]:
     is_plain = all(field.init and field.default_factory is MISSING for field in fields)
     defaults = {field.name: field.default for field in fields if field.default is not MISSING}
 
-    def fill(self: Any, /, *given: Any, **named: Any) -> None:
+    def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
         values.update(defaults)
         values.update(zip(names, given, strict=False))
@@ -67,7 +70,7 @@ def _filling(cls: type) -> Callable[..., None]:
     return fill
 
 
-def _completed(cls: type, given: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+def _completed(cls: type, given: tuple[Value, ...], named: Mapping[str, Value]) -> dict[str, Value]:
     """The values of all fields, defaults included.
 
     Raises:
@@ -100,39 +103,39 @@ def _completed(cls: type, given: tuple[Any, ...], named: Mapping[str, Any]) -> d
 
 
 @recursive_repr()
-def _shown(self: Any) -> str:
+def _shown(self: Value) -> str:
     parts = [
         f"{field.name}={getattr(self, field.name)!r}" for field in dataclasses.fields(self) if field.repr
     ]
     return f"{type(self).__qualname__}({', '.join(parts)})"
 
 
-def _comparing(cls: type, frozen: bool) -> dict[str, Any]:
+def _comparing(cls: type, frozen: bool) -> dict[str, Value]:
     """Equality of those of the same class; a hash where they do not change."""
     names = [field.name for field in dataclasses.fields(cls) if field.compare]
 
-    def values(record: Any) -> tuple[Any, ...]:
+    def values(record: Value) -> tuple[Value, ...]:
         return tuple([getattr(record, name) for name in names])
 
-    def equals(self: Any, other: object) -> bool:
+    def equals(self: Value, other: object) -> bool:
         return values(self) == values(other) if type(other) is type(self) else NotImplemented
 
-    def hashed(self: Any) -> int:
+    def hashed(self: Value) -> int:
         return hash(values(self))
 
     return {"__eq__": equals, "__hash__": hashed if frozen else None}
 
 
-def _refusing(cls: type) -> dict[str, Any]:
+def _refusing(cls: type) -> dict[str, Value]:
     """The methods that keep the fields as they are."""
     fields = frozenset(field.name for field in dataclasses.fields(cls))
 
-    def assign(self: Any, name: str, value: object) -> None:
+    def assign(self: Value, name: str, value: object) -> None:
         if type(self) is cls or name in fields:
             raise FrozenInstanceError(f"cannot assign to field {name!r}")
         object.__setattr__(self, name, value)
 
-    def delete(self: Any, name: str) -> None:
+    def delete(self: Value, name: str) -> None:
         if type(self) is cls or name in fields:
             raise FrozenInstanceError(f"cannot delete field {name!r}")
         object.__delattr__(self, name)
@@ -153,7 +156,7 @@ def _absent(instance: object) -> NoReturn:
     raise AttributeError(f"{type(instance).__name__!r} object has no attribute '__signature__'")
 
 
-def _parameter(field: dataclasses.Field[Any]) -> Parameter:
+def _parameter(field: dataclasses.Field[Value]) -> Parameter:
     kind = Parameter.POSITIONAL_OR_KEYWORD
     if field.default is not MISSING:
         return Parameter(field.name, kind, default=field.default, annotation=field.type)

@@ -15,7 +15,7 @@ FORMAT = "obseq-plan"
 VERSION = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WeakPointRecord:
     """A point and the direction in which it is known worst.
 
@@ -32,7 +32,7 @@ class WeakPointRecord:
     elevation: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WeakObservationRecord:
     """An observation whose mistake would not be noticed, or not soon.
 
@@ -51,7 +51,7 @@ class WeakObservationRecord:
     external: float | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GainRecord:
     """What one more observation would bring.
 
@@ -80,7 +80,7 @@ class GainRecord:
     point_after: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DrawsRecord:
     """Errors of adjustments of drawn observations, against the precisions that were predicted.
 
@@ -109,7 +109,7 @@ class DrawsRecord:
     failed: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlanRecord:
     """A plan.
 

@@ -12,11 +12,11 @@ import math
 import os
 from dataclasses import field
 from datetime import UTC, datetime
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.packages import version
 from obseq.plain import from_plain, to_plain
 from obseq.record_quality import (
     EffectRecord,
@@ -69,7 +69,7 @@ __all__ = [
 MAIN_PACKAGES = ("obseq", "numpy", "scipy", "numba", "pyproj")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunRecord:
     """Which run of the program made a result: all files of one run carry the same identifier.
 
@@ -84,7 +84,7 @@ class RunRecord:
     versions: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class IterationRecord:
     """One iteration: sigma0 of the residuals at its start, and its largest step (m or rad)."""
 
@@ -129,7 +129,7 @@ class PointRecord:
     inner: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StationRecord:
     """One station: its point, how it is oriented, and the azimuth of the zero of its circle (rad)."""
 
@@ -179,7 +179,7 @@ class ObservationRecord:
     adjusted: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ConstraintRecord:
     """A known coordinate: as given, in the unit of its system; sigma and residual (adjusted - given) in m."""
 
@@ -195,7 +195,7 @@ class ConstraintRecord:
     standardised_residual: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LeftOutRecord:
     """A point or a station that nothing determines, and that was left out with its observations.
 
@@ -212,7 +212,7 @@ class LeftOutRecord:
     directions: tuple[tuple[float, ...], ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ReplacedRecord:
     """Approximate coordinates that observations contradict, and that were not used.
 
@@ -230,7 +230,7 @@ class ReplacedRecord:
     moved: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GrossErrorRecord:
     """Observations or known points that contradict the rest grossly, and the likely cause.
 
@@ -249,7 +249,7 @@ class GrossErrorRecord:
     points: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OperationRecord:
     """The operation of PROJ between a coordinate system and geocentric WGS 84.
 
@@ -264,7 +264,7 @@ class OperationRecord:
     accuracy: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PhaseRecord:
     """How long a part of the work took."""
 
@@ -272,7 +272,7 @@ class PhaseRecord:
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AdjustmentRecord:
     """The whole adjustment.
 
@@ -382,4 +382,4 @@ def new_run() -> RunRecord:
 
 @functools.cache
 def _versions() -> dict[str, str]:
-    return {name: metadata.version(name) for name in MAIN_PACKAGES}
+    return {name: version(name) for name in MAIN_PACKAGES}

@@ -14,7 +14,7 @@ class EllipseRecord:
     bearing: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class EllipsoidRecord:
     """An error ellipsoid.
 
@@ -44,7 +44,7 @@ class EffectRecord:
     z: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MotionRecord:
     """A motion of points that no observation sees.
 
@@ -59,7 +59,7 @@ class MotionRecord:
     moves: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StatisticsRecord:
     """How the active observations of one type, or of one station, fit.
 
@@ -114,7 +114,7 @@ class ReliabilityRecord:
     tests: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RejectionRecord:
     """An observation that data snooping left out.
 
@@ -135,7 +135,7 @@ class RejectionRecord:
     detectable: float | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SnoopingRecord:
     """What data snooping did.
 
@@ -158,7 +158,7 @@ class SnoopingRecord:
     moved: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class VarianceComponentRecord:
     """The variance of one kind of observation, as the residuals show it.
 
@@ -179,7 +179,7 @@ class VarianceComponentRecord:
     supported: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RelativeRecord:
     """The precision of two points relative to each other.
 
@@ -200,7 +200,7 @@ class RelativeRecord:
     ellipse: EllipseRecord
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GlobalTestRecord:
     """The two-sided chi-square test of the variance factor against 1.
 

@@ -15,8 +15,9 @@ import os
 import sys
 import tempfile
 from functools import cache
-from importlib import metadata
 from pathlib import Path
+
+from obseq.packages import version
 
 LOGGER = logging.getLogger(__name__)
 DIGEST_SIZE = hashlib.sha256().digest_size
@@ -50,7 +51,7 @@ def _versions() -> str:
     from obseq.compilation.host import description
 
     names = ("obseq", "numba", "llvmlite")
-    versions = [f"{name}-{metadata.version(name)}" for name in names]
+    versions = [f"{name}-{version(name)}" for name in names]
     return "_".join([*versions, hashlib.sha256(description().encode()).hexdigest()[:12]])
 
 

@@ -1,34 +1,72 @@
-"""Survey networks: points, observations, stations, files and initial values."""
+"""Survey networks: points, observations, stations, files and initial values.
 
-from obseq.survey.adjustment.adjusted import Adjustment
-from obseq.survey.adjustment.datum import Datum
-from obseq.survey.adjustment.instruments import estimating
-from obseq.survey.adjustment.quality import Quality
-from obseq.survey.epochs.comparison import Comparison, compare
-from obseq.survey.files.cor import read_cor, write_cor
-from obseq.survey.files.obs import read_obs, write_obs
-from obseq.survey.files.point import PointFileOptions, read_points
-from obseq.survey.former import find
-from obseq.survey.in_memory import network_from_tables
-from obseq.survey.initial.initial_values import InitialValues, initial_values
-from obseq.survey.kinds.kind import ObservationKind
-from obseq.survey.kinds.registry import KINDS, kind_of_formula
-from obseq.survey.model import (
-    FieldBook,
-    Observations,
-    Orientation,
-    Points,
-    Stations,
-    automatic_fix,
-    join,
-    make_points,
-    merge_points,
-)
-from obseq.survey.network import Network
-from obseq.survey.planning.design import Plan, plan
-from obseq.survey.planning.simulation import simulate
+Names are loaded when they are first used: who adjusts a network does not load what plans one.
+"""
 
-__getattr__ = find
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from obseq.survey.adjustment.adjusted import Adjustment
+    from obseq.survey.adjustment.datum import Datum
+    from obseq.survey.adjustment.instruments import estimating
+    from obseq.survey.adjustment.quality import Quality
+    from obseq.survey.epochs.comparison import Comparison, compare
+    from obseq.survey.files.cor import read_cor, write_cor
+    from obseq.survey.files.obs import read_obs, write_obs
+    from obseq.survey.files.point import PointFileOptions, read_points
+    from obseq.survey.in_memory import network_from_tables
+    from obseq.survey.initial.initial_values import InitialValues, initial_values
+    from obseq.survey.kinds.kind import ObservationKind
+    from obseq.survey.kinds.registry import KINDS, kind_of_formula
+    from obseq.survey.model import (
+        FieldBook,
+        Observations,
+        Orientation,
+        Points,
+        Stations,
+        automatic_fix,
+        join,
+        make_points,
+        merge_points,
+    )
+    from obseq.survey.network import Network
+    from obseq.survey.planning.design import Plan, plan
+    from obseq.survey.planning.simulation import simulate
+
+_HOMES = {
+    "Adjustment": "adjustment.adjusted",
+    "Comparison": "epochs.comparison",
+    "Datum": "adjustment.datum",
+    "FieldBook": "model",
+    "InitialValues": "initial.initial_values",
+    "KINDS": "kinds.registry",
+    "Network": "network",
+    "ObservationKind": "kinds.kind",
+    "Observations": "model",
+    "Orientation": "model",
+    "Plan": "planning.design",
+    "PointFileOptions": "files.point",
+    "Points": "model",
+    "Quality": "adjustment.quality",
+    "Stations": "model",
+    "automatic_fix": "model",
+    "compare": "epochs.comparison",
+    "estimating": "adjustment.instruments",
+    "initial_values": "initial.initial_values",
+    "join": "model",
+    "kind_of_formula": "kinds.registry",
+    "make_points": "model",
+    "merge_points": "model",
+    "network_from_tables": "in_memory",
+    "plan": "planning.design",
+    "read_cor": "files.cor",
+    "read_obs": "files.obs",
+    "read_points": "files.point",
+    "simulate": "planning.simulation",
+    "write_cor": "files.cor",
+    "write_obs": "files.obs",
+}
 
 __all__ = [
     "KINDS",
@@ -63,3 +101,13 @@ __all__ = [
     "write_cor",
     "write_obs",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"obseq.survey.{_HOMES[name]}"), name)
+    return importlib.import_module("obseq.survey.former").find(name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlaceRecord:
     """The place of a camera in its rigid block.
 
@@ -30,7 +30,7 @@ class PlaceRecord:
     sigmas: tuple[float, ...] | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ExposureRecord:
     """How two cameras stood to each other at an exposure, minus their places, in the frame of the first."""
 
@@ -43,7 +43,7 @@ class ExposureRecord:
     sigma_rotation: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PairRecord:
     """A pair of cameras over all exposures: quadratic means per coordinate."""
 
@@ -53,7 +53,7 @@ class PairRecord:
     rms_rotation: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RigidRecord:
     """An adjusted rigid block."""
 
@@ -64,7 +64,7 @@ class RigidRecord:
     exposures: tuple[ExposureRecord, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ClinometerRecord:
     """An adjusted clinometer.
 

@@ -181,7 +181,7 @@ class Equations:
         for cluster in self._book.clusters:
             rest = cluster.among(observations.active)
             if rest.rows.size:
-                families = {BY_CODE[code].group for code in np.unique(observations.types[rest.rows]).tolist()}
+                families = {BY_CODE[code].group for code in set(observations.types[rest.rows].tolist())}
                 found.setdefault(GROUP if len(families) > 1 else families.pop(), []).append(rest)
         return found
 
@@ -240,7 +240,7 @@ class Equations:
     def _kinds(self, rows: IntArray) -> Iterator[tuple[ObservationKind, IntArray]]:
         """The kinds of some observations, each with the positions of its own."""
         types = self._book.observations.types[rows]
-        for code in np.unique(types).tolist():
+        for code in sorted(set(types.tolist())):
             yield BY_CODE[code], np.flatnonzero(types == code)
 
     def _blocks(self, rows: IntArray) -> dict[str, IntArray]:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from obseq.errors import InputError
     from obseq.survey.files.xml_file import Element
 
-ROOT = "DnaXmlFormat"
 _MEMBERS = {"G": "GPSBaseline", "X": "GPSBaseline", "Y": "Clusterpoint"}
 _CROSSED = {"GPSBaseline": "GPSCovariance", "Clusterpoint": "PointCovariance"}
 

@@ -3,43 +3,53 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.survey.files import tables
-from obseq.survey.files.comp3d import read_comp3d
-from obseq.survey.files.dynadjust import MSR, STN, read_dna, read_dynaml
-from obseq.survey.files.dynaml import ROOT
-from obseq.survey.files.gama import read_gama
-from obseq.survey.files.landxml import ROOT as LANDXML
-from obseq.survey.files.landxml import read_landxml
 from obseq.survey.files.project import Reading, only_one
-from obseq.survey.files.sinex import SUFFIX, read_sinex
-from obseq.survey.files.starnet import read_starnet
 from obseq.survey.files.text import quoted, read_bytes
-from obseq.survey.files.xml_file import read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.survey.files.project import Project, Reader
 
+
+def _reader(module: str, name: str) -> Reader:
+    """The reader of that name, which is loaded when it reads."""
+
+    def read(paths: Sequence[Path], reading: Reading) -> Project:
+        project: Project = getattr(import_module(f"obseq.survey.files.{module}"), name)(paths, reading)
+        return project
+
+    return read
+
+
+def _read_comp3d(paths: Sequence[Path], reading: Reading) -> Project:
+    from obseq.survey.files.comp3d import read_comp3d
+
+    return read_comp3d(only_one(tuple(paths)), reading)
+
+
+_read_dna, _read_gama = _reader("dynadjust", "read_dna"), _reader("gama", "read_gama")
+
 READERS: dict[str, Reader] = {
-    ".comp": lambda paths, reading: read_comp3d(only_one(paths), reading),
-    ".gkf": read_gama,
-    SUFFIX: read_sinex,
-    tables.SUFFIX: tables.read_tables,
-    ".dat": read_starnet,
-    STN: read_dna,
-    MSR: read_dna,
+    ".comp": _read_comp3d,
+    ".gkf": _read_gama,
+    ".snx": _reader("sinex", "read_sinex"),
+    ".csv": _reader("tables", "read_tables"),
+    ".dat": _reader("starnet", "read_starnet"),
+    ".stn": _read_dna,
+    ".msr": _read_dna,
 }
 """Who reads the files with each suffix."""
 ROOTS: dict[str, Reader] = {
-    ROOT: read_dynaml,
-    "gama-local": read_gama,
-    "gama-xml": read_gama,
-    LANDXML: read_landxml,
+    "DnaXmlFormat": _reader("dynadjust", "read_dynaml"),
+    "gama-local": _read_gama,
+    "gama-xml": _read_gama,
+    "LandXML": _reader("landxml", "read_landxml"),
 }
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
@@ -84,7 +94,7 @@ def reader_of(path: Path) -> Reader:
 def _reader_of_root(path: Path) -> Reader:
     """By the first element; the whole file is looked at only where that is not found at its start."""
     found = _FIRST_ELEMENT.search(read_bytes(path)[:_START].decode("utf-8", "replace"))
-    name = found.group(1).rpartition(":")[2] if found else read_xml(path).name
+    name = found.group(1).rpartition(":")[2] if found else _root(path)
     reader = ROOTS.get(name)
     if reader is None:
         raise InputError(
@@ -92,3 +102,10 @@ def _reader_of_root(path: Path) -> Reader:
             f"{', '.join(ROOTS)}"
         )
     return reader
+
+
+def _root(path: Path) -> str:
+    """The name of the first element, however far from the start it is."""
+    from obseq.survey.files.xml_file import read_xml
+
+    return read_xml(path).name

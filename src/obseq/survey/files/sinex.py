@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from obseq.survey.files.text import TextFile
     from obseq.survey.model import Points
 
-SUFFIX = ".snx"
 TYPES = {"STAX": 0, "STAY": 1, "STAZ": 2}
 KINDS = (GEO_X, GEO_Y, GEO_Z)
 MATRIX = "SOLUTION/MATRIX_ESTIMATE"

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.formulas import FormulaKind
     from obseq.survey.kinds.kind import ObservationKind
 
-SUFFIX = ".csv"
 OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
 MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
 MORE_OF_OBSERVATIONS = (
