@@ -102,4 +102,4 @@ def _compared(
         reference=arguments.reference,
         a_priori=arguments.a_priori,
     )
-    return found.record(), all(epoch.record().is_complete for epoch in epochs)
+    return found.record(), all(epoch.is_complete for epoch in epochs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,17 +23,14 @@ from obseq.arguments import (
     instance,
 )
 from obseq.dataclass import dataclass
-from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.stopwatch import Stopwatch
-from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
-from obseq.survey.adjustment.computation import Computation, equations_of, replaced_coordinates
-from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held, is_free_standing, without_azimuths
+from obseq.survey.adjustment.computation import Computation
+from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html
-from obseq.survey.adjustment.first_places import with_first_places
 from obseq.survey.adjustment.frame import Frame, frame_of
-from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
+from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
@@ -42,8 +38,7 @@ from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
-from obseq.survey.initial.initial_values import InitialValues, initial_values
-from obseq.survey.initial.left_out import Determined, leave_out
+from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.model import join, merge_points
 
 if TYPE_CHECKING:
@@ -51,12 +46,10 @@ if TYPE_CHECKING:
 
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.findings import GrossError
 
 MAX_ITERATIONS = 25
-_LOG = logging.getLogger(__name__)
 QUALITY = Quality()
 GIVEN = Datum()
 
@@ -237,7 +230,12 @@ class Network:
     @property
     def point_system(self) -> PointSystem:
         """The coordinates of points in the system of their files."""
-        return PointSystem(self.frame.system, self.points_crs)
+        return self.fieldwork.point_system
+
+    @property
+    def fieldwork(self) -> Fieldwork:
+        """What an adjustment works on."""
+        return Fieldwork(self.points, self.book, self.frame, self.points_crs)
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""
@@ -252,16 +250,9 @@ class Network:
         Raises:
             InputError: Some points or stations cannot be placed; the message lists them with the reasons.
         """
-        initial = self._initial_values()
+        initial = self.fieldwork.initial_values()
         initial.require_complete()
         return initial
-
-    def _initial_values(self) -> InitialValues:
-        return self._started(self.points, self.book)
-
-    def _started(self, points: Points, book: FieldBook) -> InitialValues:
-        """Initial values of points and observations in the frame of the network."""
-        return initial_values(with_first_places(self.frame, points, book), book, self.frame.plumb)
 
     @expecting(
         max_iterations=WHOLE,
@@ -308,94 +299,9 @@ class Network:
         computation = Computation(
             self.frame, self.points_crs, self.unit_sigma, max_iterations, tolerance, watch, quality
         )
-        if chosen.kind is DatumKind.INNER:
-            adjustment = self._adjusted_freely(chosen, computation, strict=strict)
-        else:
-            network = self if chosen.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
-            adjustment = network._adjusted_as_given(computation, strict=strict, start=start)
+        adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds)
-
-    def _adjusted_freely(self, datum: Datum, computation: Computation, *, strict: bool) -> Adjustment:
-        """Adjusts by inner constraints, from where known coordinates, if there are any, put the points."""
-        points, before = self.points, None
-        if not is_free_standing(points):
-            before = self._adjusted_as_given(computation.plain(), strict=strict)
-            points = before.points.points
-        place = points.coordinates if before is None else before.points.coordinates
-        book, told = without_azimuths(self.book)
-        free, book = join(freed(points, place, datum), book)
-        network = replace(self, points=free, book=book)
-        adjustment = network._adjusted_as_given(computation, strict=strict)
-        if before is None:
-            return replace(adjustment, warnings=(*told, *adjustment.warnings))
-        return replace(
-            adjustment,
-            warnings=(*told, *before.warnings),
-            left_out=before.left_out,
-            replaced=before.replaced,
-            gross_errors=before.gross_errors,
-        )
-
-    def _adjusted_as_given(
-        self, computation: Computation, *, strict: bool, start: InitialValues | None = None
-    ) -> Adjustment:
-        """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.screening.search import blame, refuse
-
-        with computation.watch.phase("initial values"):
-            self._check_datum()
-            given = Determined(self.points, self.book, start or self._initial_values())
-            if strict:
-                given.initial.require_complete()
-                check_counts(self.points, self.book)
-            replaced = replaced_coordinates(self.points, self.point_system, given.initial)
-            given = leave_out(given, given.initial.unplaced)
-        errors = self._announced(given, computation.watch, strict=strict)
-        try:
-            adjustment = computation.determined(given, strict=strict)
-        except ObseqError as error:
-            blame(error, errors or self.gross_errors())
-        if not errors and not adjustment.is_honest:
-            errors = self.gross_errors()
-            if strict and errors:
-                refuse(errors)
-        return adjustment.announcing(errors, replaced)
-
-    def _check_datum(self) -> None:
-        """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""
-        try:
-            check_datum(self.points, self.book)
-        except InputError as error:
-            start = Determined(self.points, self.book, self._initial_values())
-            if start.initial.unplaced:
-                raise
-            try:
-                self._equations(start).system.solve(max_iterations=1)
-            except SingularSystemError as free:
-                raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
-            raise
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""
-        from obseq.survey.screening.robust import Model
-        from obseq.survey.screening.search import gross_errors
-
-        model = Model(self._started, self._equations)
-        return gross_errors(model, self.point_system, self.points, self.book)
-
-    def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:
-        """The gross errors, looked for where some observation does not fit the initial values."""
-        from obseq.survey.screening.search import is_doubtful, refuse
-
-        check_sights(start.book, start.initial)
-        Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
-        with watch.phase("gross errors"):
-            errors = self.gross_errors() if is_doubtful(start, self._equations(start)) else ()
-        for error in errors:
-            _LOG.info("%s", error.sentence())
-        if strict and errors:
-            refuse(errors)
-        return errors
-
-    def _equations(self, start: Determined) -> Equations:
-        return equations_of(self.frame, self.point_system, start)
+        return self.fieldwork.gross_errors()

@@ -151,6 +151,11 @@ class Adjustment:
         return self.converged and largest < _LARGEST_HONEST
 
     @property
+    def is_complete(self) -> bool:
+        """Whether it converged, with everything that was given, without gross errors."""
+        return self.converged and not self.left_out and not self.gross_errors
+
+    @property
     def normalised_residuals(self) -> FloatArray:
         """(n,) residual over sigma; NaN for inactive observations."""
         return np.asarray(self.residuals / self.sigmas)

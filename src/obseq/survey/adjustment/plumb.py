@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.kinds.lengths import DH
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class Plumb:
     def _require_deflections(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:
         observations = book.observations
         active = observations.active
-        levelled = active & (observations.types == DH.code)
+        levelled = active & np.isin(observations.types, codes_where(lambda kind: kind.needs_deflections))
         plumb = orientations != Orientation.BASC
         needed = np.zeros(len(self.points), np.bool_)
         needed[book.stations.origins[plumb]] = True

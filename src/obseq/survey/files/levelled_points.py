@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.kinds.equalities import EQUAL_DH
 from obseq.survey.kinds.lengths import DH
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import make_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.survey.model import FieldBook, Points
+    from obseq.arrays import BoolArray
+    from obseq.survey.model import FieldBook, Observations, Points
 
 
 def levelled_points(points: Points, book: FieldBook, place: Sequence[float]) -> Points:
@@ -26,7 +27,7 @@ def levelled_points(points: Points, book: FieldBook, place: Sequence[float]) -> 
         place: Coordinates of which the first two become theirs.
     """
     observations = book.observations
-    by_height = np.isin(observations.types, (DH.code, EQUAL_DH.code))
+    by_height = _says_heights_only(observations)
     n = len(book.point_names)
     levelled, other = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for ends in (observations.from_points, observations.to_points):
@@ -49,7 +50,7 @@ def hold_plans(points: Points, book: FieldBook) -> Points:
         book: The observations.
     """
     rows = book.observations
-    in_plan = rows.active & ~np.isin(rows.types, (DH.code, EQUAL_DH.code))
+    in_plan = rows.active & ~_says_heights_only(rows)
     seen = rows.counts(in_plan, len(book.point_names)) > 0
     named = dict(zip(book.point_names, seen.tolist(), strict=True))
     levelled = np.array([named.get(name) is False for name in points.names], np.bool_)
@@ -79,6 +80,10 @@ def with_heights(points: Points, book: FieldBook) -> Points:
     for row in np.flatnonzero(lacking).tolist():
         coordinates[row, 2] = heights.get(points.names[row], np.nan)
     return replace(points, coordinates=coordinates)
+
+
+def _says_heights_only(rows: Observations) -> BoolArray:
+    return np.isin(rows.types, codes_where(lambda kind: kind.is_levelled))
 
 
 def _heights(points: Points, book: FieldBook) -> dict[int, float]:

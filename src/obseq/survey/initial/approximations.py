@@ -10,15 +10,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from obseq.dataclass import dataclass
 from obseq.record import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
-from obseq.survey.kinds.components import DX, DY, DZ
-from obseq.survey.kinds.directions import HZ, ZEN
-from obseq.survey.kinds.lengths import DIST, DIST_HZ
-from obseq.survey.kinds.registry import codes
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import codes_for
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -84,12 +83,12 @@ class Approximations:
             observations.stations[rows], np.flatnonzero(self.orientations == Orientation.BASC)
         )
         zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
-        wrong = (kinds == DIST.code) & (np.abs(length - values) > _FAR * np.abs(values))
-        wrong |= (kinds == DIST_HZ.code) & (np.abs(flat - values) > _FAR * np.abs(values))
-        wrong |= (kinds == ZEN.code) & is_plumb & (zenith > _FAR)
-        shifts = np.isin(kinds, codes(DX, DY, DZ))
+        wrong = _gives(kinds, Start.DISTANCE) & (np.abs(length - values) > _FAR * np.abs(values))
+        wrong |= _gives(kinds, Start.FLAT) & (np.abs(flat - values) > _FAR * np.abs(values))
+        wrong |= _gives(kinds, Start.ZENITH) & is_plumb & (zenith > _FAR)
+        shifts = _gives(kinds, Start.DX, Start.DY, Start.DZ)
         wrong |= shifts & (np.abs(values) > (1.0 + _FAR) * length + 1.0)
-        readings = (kinds == HZ.code) & is_plumb & (flat > 0.0)
+        readings = _gives(kinds, Start.HZ) & is_plumb & (flat > 0.0)
         wrong[readings] |= self._turned(rows[readings], np.arctan2(local[readings, 0], local[readings, 1]))
         return np.asarray(wrong)
 
@@ -114,6 +113,11 @@ class Approximations:
             # of two readings that disagree, either may be the wrong one
             wrong[members] = far if len(own) > 2 or not any(far) else [True] * len(own)
         return wrong
+
+
+def _gives(kinds: npt.NDArray[np.int16], *uses: Start) -> BoolArray:
+    """Of observations of these kinds (codes), whether initial values have these things of them."""
+    return np.isin(kinds, codes_for(*uses))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.lengths import DH
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import group_by_station
 
 if TYPE_CHECKING:
@@ -125,7 +125,8 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     active = _still_active(given, bad_points, bad_stations)
     count = rows.counts(active, n)
     free = given.points.is_free.sum(axis=1)
-    others = rows.counts(active & (rows.types != DH.code), n)
+    levelled = np.isin(rows.types, codes_where(lambda kind: kind.is_levelled))
+    others = rows.counts(active & ~levelled, n)
     hints = np.where((count > 0) & (others == 0) & (free == 3), _ONLY_LEVELLED, "")
     return [
         Unplaced(

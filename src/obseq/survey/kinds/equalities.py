@@ -70,7 +70,13 @@ class EqualDistances(ObservationKind):
 
 
 EQUAL_DH = EqualHeightDifferences(
-    "EqualDH", 21, "equal height difference", "TopoDHParam", takes_heights=False, is_line=False
+    "EqualDH",
+    21,
+    "equal height difference",
+    "TopoDHParam",
+    takes_heights=False,
+    is_line=False,
+    is_levelled=True,
 )
 EQUAL_DIST = EqualDistances(
     "EqualDist", 22, "equal distance", "Dist3DParam", takes_heights=False, is_line=False

@@ -147,6 +147,8 @@ class ObservationKind:
         is_absolute: Whether one observation says where its point is, not how points lie to each other.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
+        is_levelled: Whether it says how heights differ, and nothing of the plan.
+        needs_deflections: Whether, where deflections of the vertical are given, both its ends need one.
     """
 
     name: str
@@ -161,6 +163,8 @@ class ObservationKind:
     is_absolute: bool = False
     takes_heights: bool = True
     is_line: bool = True
+    is_levelled: bool = False
+    needs_deflections: bool = False
 
     @property
     def group(self) -> str:

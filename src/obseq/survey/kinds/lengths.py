@@ -81,7 +81,14 @@ class HeightDifference(ObservationKind):
 
 DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE)
 DH = HeightDifference(
-    "DH", 4, "height of the target above the origin", "TopoDH", start=Start.RISE, takes_heights=False
+    "DH",
+    4,
+    "height of the target above the origin",
+    "TopoDH",
+    start=Start.RISE,
+    takes_heights=False,
+    is_levelled=True,
+    needs_deflections=True,
 )
 DIST_HZ0 = ReducedDistance(
     "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", takes_heights=False

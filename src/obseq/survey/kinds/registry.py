@@ -22,8 +22,10 @@ from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.kernels import Kernel
-    from obseq.survey.kinds.kind import ObservationKind
+    from obseq.survey.kinds.kind import ObservationKind, Start
 
 KINDS: tuple[ObservationKind, ...] = (
     *(DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ),
@@ -77,6 +79,16 @@ def _next_code(formula: str | Kernel) -> int:
         most = len(IS_ANGLE) - FIRST_OF_FORMULAS
         raise InputError(f"formula {formula}: more than {most} formulas are used as observations")
     return code
+
+
+def codes_where(is_wanted: Callable[[ObservationKind], bool]) -> list[int]:
+    """The codes of the kinds that answer yes, those of formulas too."""
+    return [code for code, kind in BY_CODE.items() if is_wanted(kind)]
+
+
+def codes_for(*uses: Start) -> list[int]:
+    """The codes of the kinds that give these things to initial values."""
+    return codes_where(lambda kind: kind.start in uses)
 
 
 def codes(*kinds: ObservationKind) -> list[int]:

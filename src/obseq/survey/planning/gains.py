@@ -108,8 +108,7 @@ class _Weighing:
         self._network = network
         self._rows = np.flatnonzero(counted & ~network.points.is_held.all(axis=1))
         variances = np.diagonal(solution.covariance(blocks[self._rows], a_priori=True), axis1=1, axis2=2)
-        self._table = solution.cofactors.table
-        self._blocks = blocks[self._rows]
+        self._scalars = solution.cofactors.table.scalars(blocks[self._rows], "planning")
         self._variances = variances.sum(axis=1)
         self._n = int(np.count_nonzero(variances > 0.0))
         self.total = float(self._variances.sum())
@@ -121,10 +120,10 @@ class _Weighing:
         whitened = state.rows(batch, chosen)[:, 0] * FAINT
         moved = state.solve(np.ascontiguousarray(whitened.T))
         below = 1.0 + np.einsum("ku,uk->k", whitened, moved)
-        scalars = self._table.scalars(self._blocks, "planning")
+        numbers = state.equations.free.number[self._scalars]
         for k, row in enumerate(rows.tolist()):
-            shares = np.square(state.all_unknowns(moved[:, k])[scalars]).sum(axis=1) / below[k]
-            yield self._record(row, shares)
+            moves = np.where(numbers >= 0, moved[numbers, k], 0.0)
+            yield self._record(row, np.square(moves).sum(axis=1) / below[k])
 
     def _record(self, row: int, shares: FloatArray) -> GainRecord:
         book = self._network.book

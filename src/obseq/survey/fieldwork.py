@@ -1,0 +1,166 @@
+"""From points and observations to an adjustment: first values, gross errors, what nothing determines."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from obseq.dataclass import dataclass
+from obseq.errors import InputError, ObseqError, SingularSystemError
+from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
+from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
+from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
+from obseq.survey.adjustment.first_places import with_first_places
+from obseq.survey.adjustment.plumb import Plumb
+from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.initial.initial_values import InitialValues, initial_values
+from obseq.survey.initial.left_out import Determined, leave_out
+from obseq.survey.model import join
+
+if TYPE_CHECKING:
+    from obseq import crs
+    from obseq.stopwatch import Stopwatch
+    from obseq.survey.adjustment.adjusted import Adjustment
+    from obseq.survey.adjustment.computation import Computation
+    from obseq.survey.adjustment.datum import Datum
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.screening.findings import GrossError
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Fieldwork:
+    """Points and observations in one frame.
+
+    Attributes:
+        points: All points; coordinates in the frame.
+        book: The observations, numbered like the points.
+        frame: The computation frame.
+        points_crs: The coordinate system of the point files.
+    """
+
+    points: Points
+    book: FieldBook
+    frame: Frame
+    points_crs: crs.CoordinateSystem
+
+    @property
+    def point_system(self) -> PointSystem:
+        """The coordinates of points in the system of their files."""
+        return PointSystem(self.frame.system, self.points_crs)
+
+    def initial_values(self) -> InitialValues:
+        """Initial values as far as they go."""
+        return self._started(self.points, self.book)
+
+    def _started(self, points: Points, book: FieldBook) -> InitialValues:
+        """Initial values of points and observations in the frame."""
+        return initial_values(with_first_places(self.frame, points, book), book, self.frame.plumb)
+
+    def gross_errors(self) -> tuple[GrossError, ...]:
+        """What contradicts the rest grossly, with likely causes, the worst first."""
+        from obseq.survey.screening.robust import Model
+        from obseq.survey.screening.search import gross_errors
+
+        model = Model(self._started, self._equations)
+        return gross_errors(model, self.point_system, self.points, self.book)
+
+    def adjusted(
+        self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
+    ) -> Adjustment:
+        """The adjustment on a datum.
+
+        Args:
+            datum: What it rests on.
+            computation: How it is computed.
+            strict: Refuse what would have to be left out, and gross errors.
+            start: Where the iterations start; initial values of its own when None. Not for inner constraints.
+
+        Raises:
+            InputError: Something in the input makes the adjustment impossible.
+            SingularSystemError: The observations do not determine some unknowns, which the message names.
+        """
+        if datum.kind is DatumKind.INNER:
+            return self._adjusted_freely(datum, computation, strict=strict)
+        given = self if datum.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
+        return given._adjusted_as_given(computation, strict=strict, start=start)
+
+    def _adjusted_freely(self, datum: Datum, computation: Computation, *, strict: bool) -> Adjustment:
+        """Adjusts by inner constraints, from where known coordinates, if there are any, put the points."""
+        points, before = self.points, None
+        if not is_free_standing(points):
+            before = self._adjusted_as_given(computation.plain(), strict=strict)
+            points = before.points.points
+        place = points.coordinates if before is None else before.points.coordinates
+        book, told = without_azimuths(self.book)
+        free, book = join(freed(points, place, datum), book)
+        adjustment = replace(self, points=free, book=book)._adjusted_as_given(computation, strict=strict)
+        if before is None:
+            return replace(adjustment, warnings=(*told, *adjustment.warnings))
+        return replace(
+            adjustment,
+            warnings=(*told, *before.warnings),
+            left_out=before.left_out,
+            replaced=before.replaced,
+            gross_errors=before.gross_errors,
+        )
+
+    def _adjusted_as_given(
+        self, computation: Computation, *, strict: bool, start: InitialValues | None = None
+    ) -> Adjustment:
+        """Adjusts with the known coordinates, or the datum, that the points have."""
+        from obseq.survey.screening.search import blame, refuse
+
+        with computation.watch.phase("initial values"):
+            self._check_datum()
+            given = Determined(self.points, self.book, start or self.initial_values())
+            if strict:
+                given.initial.require_complete()
+                check_counts(self.points, self.book)
+            replaced = replaced_coordinates(self.points, self.point_system, given.initial)
+            given = leave_out(given, given.initial.unplaced)
+        errors = self._announced(given, computation.watch, strict=strict)
+        try:
+            adjustment = computation.determined(given, strict=strict)
+        except ObseqError as error:
+            blame(error, errors or self.gross_errors())
+        if not errors and not adjustment.is_honest:
+            errors = self.gross_errors()
+            if strict and errors:
+                refuse(errors)
+        return adjustment.announcing(errors, replaced)
+
+    def _check_datum(self) -> None:
+        """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""
+        try:
+            check_datum(self.points, self.book)
+        except InputError as error:
+            start = Determined(self.points, self.book, self.initial_values())
+            if start.initial.unplaced:
+                raise
+            try:
+                self._equations(start).system.solve(max_iterations=1)
+            except SingularSystemError as free:
+                raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
+            raise
+
+    def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:
+        """The gross errors, looked for where some observation does not fit the initial values."""
+        from obseq.survey.screening.search import is_doubtful, refuse
+
+        check_sights(start.book, start.initial)
+        Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
+        with watch.phase("gross errors"):
+            errors = self.gross_errors() if is_doubtful(start, self._equations(start)) else ()
+        for error in errors:
+            _LOG.info("%s", error.sentence())
+        if strict and errors:
+            refuse(errors)
+        return errors
+
+    def _equations(self, start: Determined) -> Equations:
+        return equations_of(self.frame, self.point_system, start)
