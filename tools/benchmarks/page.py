@@ -1,7 +1,8 @@
 """The benches as one page: how many times as fast as its rival each part is, in one table and one JSON file.
 
 Runs the benches that have a rival on this machine, one after the other, and leaves out those whose rival is
-not here. All figures are ratios of CPU time in interleaved rounds: what is above 1 is faster than the rival.
+not here. All figures are ratios of CPU time (with two threads, of the clock) in interleaved rounds: what is
+above 1 is faster than the rival.
 With `--baseline`, the file of an earlier run, says what has become slower by more than noise; returns 1 then.
 
     python tools/benchmarks/page.py --quick
@@ -22,6 +23,7 @@ from typing import Any
 FOLDER = Path(__file__).parent
 TRAFALGAR = FOLDER.parents[2] / "shared" / "data" / "bal-trafalgar-21" / "problem-21-11315-pre.txt"
 FEW = ("Dist3D", "TopoHz", "BlocRigid", "EqColinearityCamPPC_Stenope_Dist_Rad3_Dec1_XY1")
+SYNTHETIC = "50x10000x40000", "100x30000x150000", "40x100000x400000", "200x100000x500000"
 NOISE = 0.15
 """Share by which ratios differ from run to run."""
 
@@ -93,26 +95,44 @@ def bundles(content: Any) -> Iterator[Row]:
     """Bundle adjustments."""
     for name, figures in content.items():
         if "ratio" in figures:
-            yield Row(f"iteration of {name}", "Ceres, one thread", 1.0 / figures["ratio"], 1.0 / 0.6)
+            rival = f"Ceres, {figures['solver']}"
+            yield Row(f"iteration of {name}", rival, 1.0 / figures["ratio"], 1.0 / 0.6)
+
+
+def blocks(content: Any) -> Iterator[Row]:
+    """Blocks of images."""
+    for name, figures in content.items():
+        yield Row(f"objects, {name}", "the engine by hand", 1.0 / figures["ratio"], 1.0 / 1.05)
 
 
 BENCHES = (
     Bench("bench_kernels.py", kernels, ("--against", "rival"), (*FEW, "--against", "rival")),
     Bench("bench_evaluation.py", evaluation, (), (*FEW, "--rounds", "5")),
     Bench("bench_small.py", small, (), ("--rounds", "7")),
-    Bench("bench_bundle.py", bundles, (), ("--rounds", "3")),
-    Bench("bench_bundle.py", bundles, (str(TRAFALGAR),), (str(TRAFALGAR), "--rounds", "3")),
+    Bench(
+        "bench_bundle.py",
+        bundles,
+        (str(TRAFALGAR), "--threads", "1", "2"),
+        (str(TRAFALGAR), "--rounds", "3"),
+    ),
+    Bench(
+        "bench_bundle.py",
+        bundles,
+        ("--synthetic", *SYNTHETIC, "--threads", "1", "2", "--rounds", "5"),
+        ("--synthetic", SYNTHETIC[0], "--rounds", "3"),
+    ),
+    Bench("bench_blocks.py", blocks, (), ("--points", "20000", "--rounds", "3")),
 )
 
 
 def show(rows: Iterable[Row], before: dict[str, float]) -> None:
     """Prints the table."""
-    print(f"{'':44}{'rival':48}{'times as fast':>14}{'wanted':>8}" + (f"{'before':>9}" if before else ""))
+    print(f"{'':52}{'rival':48}{'times as fast':>14}{'wanted':>8}" + (f"{'before':>9}" if before else ""))
     for row in rows:
         wanted = f"{row.wanted:8.2f}" if row.wanted else " " * 8
         mark = " " if row.wanted is None or row.times_as_fast >= row.wanted else "*"
         former = f"{before[row.what]:9.2f}" if row.what in before else ""
-        print(f"{row.what:44}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}")
+        print(f"{row.what:52}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}")
 
 
 def main() -> int:
