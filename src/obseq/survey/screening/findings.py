@@ -18,6 +18,9 @@ class Cause(enum.StrEnum):
     SWAPPED_NAMES = "names swapped"
     WRONG_POINT = "wrong point"
     MISTYPED = "mistyped"
+    NEW_SETUP = "new set-up"
+    DISTANCES = "constant or scale of distances"
+    SIGMAS = "sigmas too small"
     HORIZONTAL = "horizontal for slope distance"
     UNKNOWN = "unknown"
 
@@ -33,6 +36,7 @@ class GrossError:
         size: misfit in sigmas, of the worst observation it explains.
         rows: the observations that it explains.
         points: the points that it concerns, by name.
+        is_one: whether only one of what is named is wrong.
     """
 
     what: str
@@ -41,6 +45,7 @@ class GrossError:
     size: float
     rows: tuple[int, ...] = ()
     points: tuple[str, ...] = ()
+    is_one: bool = False
 
     def record(self) -> GrossErrorRecord:
         """Its entry in the record of the adjustment."""
@@ -48,6 +53,6 @@ class GrossError:
 
     def sentence(self) -> str:
         """What is suspected and why."""
-        is_one = len(self.points) == 1 or (not self.points and len(self.rows) == 1)
+        is_one = self.is_one or len(self.points) == 1 or (not self.points and len(self.rows) == 1)
         verb = "contradicts" if is_one else "contradict"
         return f"{self.what} {verb} the other observations ({self.size:.3g} sigmas): {self.text}"

@@ -17,7 +17,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import BY_CODE, codes
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
@@ -37,6 +37,10 @@ _PROMISING = 0.8
 """Share of the contradictions at first sight, with initial values only, that a cause worth trying leaves."""
 _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
+_FEW, _SUSPECT_OF_FEW = 300, 0.15
+"""Observations up to which a group is small, and the share of suspects from which small ones are tried."""
+_SEVERAL = 4
+"""Suspects from which small groups are tried whatever that share."""
 _MOST_TRIALS, _FEWEST_TRIALS = 60, 4
 _MOST_WORK = 600_000
 """Observations in all trials of groups, and of known points: about a minute."""
@@ -89,7 +93,16 @@ class Trials:
 
     def explains(self, left: float) -> bool:
         """Whether a cause that leaves so many contradictions explains the network."""
-        return left <= REMAINS * self.before and self.before - left >= 1.5
+        return left <= REMAINS * self.before and self.before - left >= min(1.5, 0.65 * self.before)
+
+    def is_more_than_scaled(self, corrected: Estimate, factor: float) -> bool:
+        """Whether misfits became smaller by more than a factor makes everything smaller: a loop's as well.
+
+        Their sum is taken, which does not depend on how a misclosure is shared out.
+        """
+        if factor == 1.0:
+            return True
+        return float(corrected.ratios.sum()) <= REMAINS * factor * float(self.found.ratios.sum())
 
 
 def estimated(model: Model, points: Points, book: FieldBook, stages: Stages) -> Estimate | None:
@@ -113,12 +126,14 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
+        if not (trials.explains(left) and trials.is_more_than_scaled(corrected, mistake.factor)):
+            continue
         key = (round(left, 1), -len(group.rows))
         if best is None or key < best[:2]:
             best = (*key, group, mistake.text, mistake.cause, corrected)
         if trials.is_decisive(left):
             break
-    if best is None or not trials.explains(best[0]):
+    if best is None:
         return None
     _, _, group, text, cause, corrected = best
     names = tuple(found.book.label(int(row)) for row in group.rows[:1])
@@ -190,9 +205,21 @@ def _groups(found: Estimate) -> Iterator[Group]:
     for group in _possible_groups(found.book):
         key = group.rows.tobytes()
         share = float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
-        if len(group.rows) >= 2 and key not in seen and share >= _SUSPECT:
+        least = _least_share(found, group)
+        if len(group.rows) >= 2 and key not in seen and share > least:
             seen.add(key)
             yield group
+
+
+def _least_share(found: Estimate, group: Group) -> float:
+    """Share of suspects beyond which a group is tried.
+
+    Wrong angles contradict each other; lengths in another unit may contradict nothing but what is known.
+    """
+    if len(group.rows) > _FEW:
+        return _SUSPECT
+    is_angle = IS_ANGLE[found.book.observations.types[group.rows]].any()
+    return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
 
 
 def _possible_groups(book: FieldBook) -> Iterator[Group]:

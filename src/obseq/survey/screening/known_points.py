@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.kinds.components import DZ
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, Estimate
-from obseq.survey.screening.values import explained
+from obseq.survey.screening.values import FEET, explained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -68,6 +69,7 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
 def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
     """What may be wrong, the most particular first."""
     yield from _swapped(system, found.points, np.flatnonzero(found.points.has_coordinates), "all points")
+    yield from _in_feet(system, found.points)
     candidates = _candidates(found)
     for row in candidates:
         yield from _swapped(system, found.points, np.array([row]), "")
@@ -94,6 +96,21 @@ def _swapped(system: PointSystem, points: Points, rows: Rows, who: str) -> Itera
         text = f"easting and northing of {who or 'the point'} look swapped"
         which = tuple(rows.tolist())
         yield _Trial(Cause.SWAPPED_COORDINATES, text, replace(points, coordinates=coordinates), which)
+
+
+def _in_feet(system: PointSystem, points: Points) -> Iterator[_Trial]:
+    """All points with heights, or all coordinates, that are in feet where metres are meant."""
+    rows = np.flatnonzero(points.has_coordinates)
+    given = system.coordinates(points.coordinates[rows])
+    for axes, what in (((2,), "heights"), ((0, 1, 2), "coordinates")):
+        if len(axes) > 1 and system.system.kind is not crs.Kind.LOCAL:
+            continue
+        right = given.copy()
+        right[:, axes] *= FEET
+        coordinates = points.coordinates.copy()
+        coordinates[rows] = system.placed(right)
+        text = f"{what} of all points look like feet instead of metres"
+        yield _Trial(Cause.UNITS, text, replace(points, coordinates=coordinates), tuple(rows.tolist()))
 
 
 def _candidates(found: Estimate) -> list[int]:

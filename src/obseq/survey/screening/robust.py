@@ -31,7 +31,7 @@ Stages = tuple[tuple["Loss", int], ...]
 """Losses and the most iterations with each."""
 WHOLE: Stages = ((Huber(1.5), 14), (GemanMcClure(8.0), 6), (GemanMcClure(4.0), 6))
 QUICK: Stages = ((Huber(1.5), 6),)
-GLANCE: Stages = ()
+GLANCE: Stages = ((Huber(1.5), 1),)
 _ARRIVED = 0.05
 """Iterations end when no unknown moves by more than this share of its standard deviation."""
 _FOLLOW = 3
@@ -68,6 +68,7 @@ class Estimate:
         misfits: (k,) computed minus observed, m or rad; NaN where it is not known.
         ratios: (k,) size of the misfits in sigmas; 0 where it is not known.
         scale: how many times larger than their sigmas the misfits of good observations are, 1 to 4.
+        instruments: names and values (m, parts) of the unknowns of instruments, where there are any.
     """
 
     points: Points
@@ -77,6 +78,7 @@ class Estimate:
     misfits: FloatArray
     ratios: FloatArray
     scale: float
+    instruments: tuple[tuple[str, float], ...] = ()
 
     @property
     def computed(self) -> FloatArray:
@@ -154,7 +156,16 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
     for rows, batch in equations.batches.values():
         misfits[rows] = equations.system.residuals(batch)[:, 0]
         ratios[rows] = np.abs(misfits[rows]) / sigmas_of(batch)
-    return Estimate(points, book, coordinates, rotations, misfits, ratios, _scale(ratios, equations.system))
+    return Estimate(
+        points,
+        book,
+        coordinates,
+        rotations,
+        misfits,
+        ratios,
+        _scale(ratios, equations.system),
+        tuple(equations.shared.of_instruments(equations.system)),
+    )
 
 
 def _kept_stations(before: FieldBook, after: FieldBook) -> list[int]:

@@ -9,11 +9,15 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.screening.ambiguous import Ambiguity
+from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
+from obseq.survey.screening.setups import setup_cause
 from obseq.survey.screening.sights import single_errors
+from obseq.survey.screening.sigmas import sigmas_cause
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
@@ -55,38 +59,61 @@ def gross_errors(
         errors.append(step[0])
         found = step[1]
         untried.clear()
-    singles = _left_over(found, untried)
-    return tuple(sorted([*errors, *singles], key=lambda error: -error.size))
+    ambiguous, suspects = _ambiguous(model, system, found)
+    singles = _left_over(found, suspects, untried)
+    return tuple(sorted([*errors, *ambiguous, *singles], key=lambda error: -error.size))
 
 
-def _left_over(found: Estimate, untried: list[str]) -> list[GrossError]:
+def _ambiguous(model: Model, system: PointSystem, found: Estimate) -> tuple[list[GrossError], list[int]]:
+    """Errors whose place is not known, or shared, and the suspects that they leave; none among too many."""
+    suspects = found.suspects.tolist()
+    errors, left = Ambiguity(system, found).errors(model, suspects)
+    if _are_too_many(found, suspects) and (len(errors) > _MOST_CAUSES or _are_too_many(found, left)):
+        return [], suspects
+    return errors, left
+
+
+def _are_too_many(found: Estimate, suspects: list[int]) -> bool:
+    """Whether suspects are too many to be taken one by one."""
+    return len(suspects) > max(3.0, _MOST_SINGLE * _count(found))
+
+
+def _count(found: Estimate) -> int:
+    return int(np.count_nonzero(found.book.observations.active))
+
+
+def _left_over(found: Estimate, suspects: list[int], untried: list[str]) -> list[GrossError]:
     """The remaining suspects one by one; together when they are too many for that."""
-    suspects, n = found.suspects.tolist(), int(np.count_nonzero(found.book.observations.active))
-    if len(suspects) > max(3.0, _MOST_SINGLE * n):
+    if _are_too_many(found, suspects):
         limits = f" (not tried, since the network is large: {' and '.join(untried)})" if untried else ""
-        return [_together(found, suspects, n, f"no single cause explains them{limits}")]
+        return [_together(found, suspects, f"no single cause explains them{limits}")]
     singles = single_errors(found, suspects[:_MOST_SINGLES])
     rest = suspects[_MOST_SINGLES:]
     text = f"only the {_MOST_SINGLES} worst are explained one by one"
-    return [*singles, _together(found, rest, n, text)] if rest else singles
+    return [*singles, _together(found, rest, text)] if rest else singles
 
 
-def _together(found: Estimate, rows: list[int], n: int, text: str) -> GrossError:
+def _together(found: Estimate, rows: list[int], text: str) -> GrossError:
     """Observations, the worst first, of which no cause is known."""
     worst = ", ".join(found.book.label(row) for row in rows[:_MOST_NAMED])
-    what, size = f"{len(rows)} of {n} observations", float(found.ratios[rows[0]])
+    what = f"{len(rows)} of {_count(found)} observations"
+    size = float(found.ratios[rows[0]])
     return GrossError(what, Cause.UNKNOWN, f"{text}; the worst are {worst}", size, tuple(rows))
 
 
 def _cause_of_many(
     model: Model, system: PointSystem, found: Estimate, untried: list[str]
 ) -> tuple[GrossError, Estimate] | None:
-    """The one mistake, of a group or of a known point, that removes most contradictions."""
-    if len(found.suspects) < 2:
+    """The one mistake that removes most contradictions; of equal ones the first, which estimates nothing."""
+    if not len(found.suspects):
         return None
     trials = Trials(model, found, untried)
-    steps = [step for step in (known_point_cause(trials, system), group_cause(trials)) if step is not None]
-    return min(steps, key=lambda step: step[1].disagreement(GROSS), default=None)
+    steps = [group_cause(trials)]
+    if len(found.suspects) > 1:
+        steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
+    found_steps = [step for step in steps if step is not None]
+    best = min(found_steps, key=lambda step: round(step[1].disagreement(GROSS), 1), default=None)
+    return best or sigmas_cause(trials)
 
 
 def is_doubtful(start: Determined, equations: Equations) -> bool:

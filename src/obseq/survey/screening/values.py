@@ -8,6 +8,7 @@ in a number of ways, and each hits with the tolerance over the range of values.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
 
 GON = 200.0 / math.pi
-_FEET = 0.3048
+FEET = 0.3048
+"""Metres in a foot."""
 _DECIMALS = {True: 5, False: 4}
 """Decimals of angles (gon) and of lengths (m) in which digits are looked for."""
 LIKELY = 0.02
@@ -35,11 +37,13 @@ class Mistake:
         cause: its kind.
         text: in words.
         right: the value read (m, rad) -> what it should have been.
+        factor: by which that multiplies it, where it does and the value becomes smaller.
     """
 
     cause: Cause
     text: str
     right: Callable[[float], float]
+    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,10 @@ _ANGLES = (
     ),
 )
 _LENGTHS = (
-    Mistake(Cause.UNITS, "millimetres instead of metres", lambda v: v / 1000.0),
-    Mistake(Cause.UNITS, "centimetres instead of metres", lambda v: v / 100.0),
+    Mistake(Cause.UNITS, "millimetres instead of metres", lambda v: v / 1000.0, 1e-3),
+    Mistake(Cause.UNITS, "centimetres instead of metres", lambda v: v / 100.0, 1e-2),
     Mistake(Cause.UNITS, "kilometres instead of metres", lambda v: v * 1000.0),
-    Mistake(Cause.UNITS, "feet instead of metres", lambda v: v * _FEET),
+    Mistake(Cause.UNITS, "feet instead of metres", lambda v: v * FEET, FEET),
 )
 _SIGN = Mistake(Cause.SENSE, "the sign, or the order of the two points, is wrong", lambda v: -v)
 _OF_ZENITH = (
@@ -142,12 +146,15 @@ def _by_digits(
     decimals = _DECIMALS[kind.is_angle]
     whole = 400.0 if kind.is_angle and kind.start is not Start.ZENITH else 0.0
     tried = list(variants(read, decimals, margin))
+    slips = Counter(text for text, _ in tried)
     for text, right in tried:
         gap = right - expected * unit
         if whole:
             gap = math.remainder(gap, whole)
         if abs(gap) <= margin:
-            yield Explanation(Cause.MISTYPED, text, len(tried) * 2.0 * tolerance / span)
+            # a slip of which there are few ways to happen is not made likelier to hit by those with many
+            ways = min(len(tried), len(slips) * slips[text])
+            yield Explanation(Cause.MISTYPED, text, ways * 2.0 * tolerance / span)
 
 
 def variants(read: float, decimals: int, margin: float) -> Iterator[tuple[str, float]]:
@@ -167,11 +174,12 @@ def variants(read: float, decimals: int, margin: float) -> Iterator[tuple[str, f
             if other != digit:
                 changed = shown[:k] + other + shown[k + 1 :]
                 yield from _kept("one digit is wrong", sign * float(changed), read, margin)
-    for k in range(len(shown) - 1):
+    padded = f"0{shown}"
+    for k in range(len(padded) - 1):
         a = k
-        b = k + 1 if shown[k + 1] != "." else k + 2
-        if shown[a] != "." and b < len(shown) and shown[a] != shown[b]:
-            text = list(shown)
+        b = k + 1 if padded[k + 1] != "." else k + 2
+        if padded[a] != "." and b < len(padded) and padded[a] != padded[b]:
+            text = list(padded)
             text[a], text[b] = text[b], text[a]
             yield from _kept("two digits are exchanged", sign * float("".join(text)), read, margin)
     for power in (-2, -1, 1, 2):

@@ -1,0 +1,131 @@
+"""Errors in one of several places that nothing tells apart, and places that explain several misfits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.survey.kinds.components import DZ
+from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.screening.alternatives import Alternative, alternatives
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.values import GON, Explanation, explained
+
+if TYPE_CHECKING:
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.screening.robust import Estimate, Model
+
+_MOST = 12
+"""Suspects for which it is asked what else could be wrong."""
+_MOST_WORK = 100_000
+"""Observations in all the adjustments that this takes."""
+_NAMED = 6
+_TOLERANCE = 5.0
+"""Sigmas within which two estimates of an error agree."""
+_HIT = 3.0
+"""Sigmas of such an estimate within which an explanation must hit."""
+_AXES = ("x", "y", "height")
+
+Place = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """How places of errors are described.
+
+    Attributes:
+        system: the coordinates of the point files.
+        found: the network.
+    """
+
+    system: PointSystem
+    found: Estimate
+
+    def errors(self, model: Model, suspects: list[int]) -> tuple[list[GrossError], list[int]]:
+        """Errors in one of several places, or in one that explains several suspects; and other suspects."""
+        n = max(len(self.found.book.observations), 1)
+        asked = suspects[: min(_MOST, _MOST_WORK // n)]
+        choices = {row: alternatives(model, self.found, row, suspects) for row in asked}
+        errors: list[GrossError] = []
+        left = list(suspects)
+        for row in asked:
+            if row not in left:
+                continue
+            covered = {_place(one): self._explained(one, left, choices) for one in choices[row]}
+            most = max(map(len, covered.values()), default=0)
+            places = [one for one in choices[row] if len(covered[_place(one)]) == most]
+            if most > 1 or len(places) > 1:
+                rows = covered[_place(places[0])]
+                errors.append(self._error(rows, places))
+                left = [other for other in left if other not in rows]
+        return errors, left
+
+    def _explained(
+        self, one: Alternative, left: list[int], choices: dict[int, list[Alternative]]
+    ) -> list[int]:
+        """The suspects that the same error, of the same size, would explain."""
+        return [row for row in left if any(self._agree(one, other) for other in choices.get(row, []))]
+
+    def _agree(self, one: Alternative, other: Alternative) -> bool:
+        spread = _TOLERANCE * self.found.scale * float(np.hypot(one.sigma, other.sigma))
+        return _place(one) == _place(other) and abs(one.off - other.off) <= spread
+
+    def _error(self, rows: list[int], places: list[Alternative]) -> GrossError:
+        size = float(self.found.ratios[rows].max())
+        told = sorted(
+            ((one, found) for one in places if (found := self._explanation(one))),
+            key=lambda pair: pair[1].chance,
+        )
+        points = tuple(dict.fromkeys(self.found.points.names[one.point] for one in places if one.point >= 0))
+        concerned = tuple(dict.fromkeys([*rows, *(one.row for one in places if one.row >= 0)]))
+        cause = told[0][1].cause if told else Cause.UNKNOWN
+        if len(places) == 1:
+            text = f"{self._gap(places[0])}; {_likely(told)}"
+            return GrossError(self._name(places[0]), cause, text, size, concerned, points)
+        names = ", ".join(self._name(one) for one in places[:_NAMED])
+        more = f" and {len(places) - _NAMED} more" if len(places) > _NAMED else ""
+        text = "nothing tells them apart, an error in any one of them explains it all: "
+        if told:
+            text += "; or ".join(
+                f"{self._name(one)}: {self._gap(one)}, likely: {why.text}" for one, why in told[:3]
+            )
+        else:
+            text += f"{self._gap(places[0])} if it is the first; no usual slip points to one of them"
+        return GrossError(f"one of {names}{more}", cause, text, size, concerned, points, is_one=True)
+
+    def _name(self, one: Alternative) -> str:
+        if one.row >= 0:
+            return self.found.book.label(one.row)
+        points = self.found.points
+        return f"{_AXES[one.component]} of known point {points.names[one.point]} ({points.place(one.point)})"
+
+    def _values(self, one: Alternative) -> tuple[float, float, float]:
+        """The value as read, what would fit (m, rad, or the unit of the points), and what one unit is."""
+        if one.row >= 0:
+            value = float(self.found.book.observations.values[one.row])
+            return value, value - one.off, 1.0
+        here = self.found.points.coordinates[[one.point]]
+        given = float(self.system.coordinates(here)[0, one.component])
+        unit = float(self.system.axes(here)[1][0, one.component])
+        return given, given - one.off / unit, unit
+
+    def _gap(self, one: Alternative) -> str:
+        value, fits, _ = self._values(one)
+        is_angle = one.row >= 0 and BY_CODE[int(self.found.book.observations.types[one.row])].is_angle
+        factor, name = (GON, " gon") if is_angle else (1.0, " m" if one.row >= 0 else "")
+        return f"the others give {factor * fits:.4f}{name}, it is {factor * (value - fits):.4f}{name} off"
+
+    def _explanation(self, one: Alternative) -> Explanation | None:
+        kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else DZ
+        value, fits, unit = self._values(one)
+        return explained(kind, value, fits, _HIT * self.found.scale * one.sigma / unit)
+
+
+def _place(one: Alternative) -> Place:
+    return one.row, one.point, one.component
+
+
+def _likely(told: list[tuple[Alternative, Explanation]]) -> str:
+    return f"likely: {told[0][1].text}" if told else "no usual slip explains it"

@@ -1,0 +1,75 @@
+"""All distances together: a wrong constant of the prism, a wrong scale, a map taken for a plane."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq import crs
+from obseq.errors import InputError
+from obseq.survey.adjustment.instruments import estimating
+from obseq.survey.kinds.lengths import DIST
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.robust import GROSS
+
+if TYPE_CHECKING:
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.screening.groups import Trials
+    from obseq.survey.screening.robust import Estimate
+
+_LEAST = 4
+"""Distances from which an unknown of all of them says something."""
+_MAP_SCALE = 3e-3
+"""Scales of maps, and reductions to height 0, differ from 1 by less than this."""
+
+
+def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
+    """What all distances have in common, with the network in which it is estimated; None for nothing."""
+    rows = trials.found.book.observations
+    mine = np.flatnonzero((rows.types == DIST.code) & rows.active)
+    if len(mine) < _LEAST or not (trials.found.ratios[mine] > GROSS).any():
+        return None
+    best: tuple[float, str, Estimate] | None = None
+    for what in ("constant", "scale"):
+        try:
+            book = estimating(trials.found.book, [what])
+        except InputError:
+            continue
+        corrected = trials.tried(trials.found.points, book)
+        if corrected is None:
+            continue
+        left = corrected.disagreement(GROSS)
+        if trials.explains(left) and (best is None or left < best[0]):
+            best = left, what, corrected
+    if best is None:
+        return None
+    _, what, corrected = best
+    size = float(trials.found.ratios[mine].max())
+    label = trials.found.book.label(int(mine[0]))
+    name = f"all {len(mine)} {DIST.name} observations (the first: {label})"
+    values = [value for part, value in corrected.instruments if part == what]
+    text = _of_constant(values) if what == "constant" else _of_scale(values, system)
+    return GrossError(name, Cause.DISTANCES, text, size, tuple(mine.tolist())), corrected
+
+
+def _of_constant(values: list[float]) -> str:
+    shown = ", ".join(f"{value:.4f} m" for value in values)
+    return f"a constant added to all of them fits ({shown}): likely the constant of the prism"
+
+
+def _of_scale(values: list[float], system: PointSystem) -> str:
+    """What a common scale may come from."""
+    shown = ", ".join(f"{1e6 * value:.1f} ppm" for value in values)
+    text = f"one scale for all of them fits ({shown} to add): likely "
+    if max(map(abs, values), default=0.0) > _MAP_SCALE:
+        return text + "another unit of length"
+    if system.system.kind is crs.Kind.LOCAL:
+        return text + (
+            "coordinates of a map, which are not of a plane in true size: give their system (--points-crs); "
+            "or a correction in ppm that is wrong"
+        )
+    return text + (
+        f"coordinates of a plane of the site, not in {system.system.definition}: leave --points-crs "
+        "out; or a correction in ppm that is wrong, or distances that are reduced to the map already"
+    )

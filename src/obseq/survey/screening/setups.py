@@ -1,0 +1,106 @@
+"""Two set-ups under one: from some direction on, all of them are turned by one angle.
+
+A code 5 where a new round begins, an instrument that was bumped, a circle that was set anew: each direction
+after it contradicts those before, and all by the same angle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.kinds.directions import HZ
+from obseq.survey.model import Stations, group_by_station
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.robust import GROSS
+from obseq.survey.screening.values import GON
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.survey.model import FieldBook
+    from obseq.survey.screening.groups import Trials
+    from obseq.survey.screening.robust import Estimate
+
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+_LEAST = 2
+"""Directions that a set-up needs for its turn to show."""
+_LEFT = 0.1
+"""Share of the misfits that may be left when each part of a set-up has its own turn."""
+
+
+def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
+    """The set-up that is two, with the network in which it is; None when there is none."""
+    best: tuple[float, Rows, int, Estimate] | None = None
+    for number, (rows, first) in enumerate(_splits(trials.found)):
+        if number == trials.most:
+            trials.untried.append("set-ups that are two")
+            break
+        corrected = trials.tried(trials.found.points, _split(trials.found.book, int(rows[first])))
+        if corrected is None:
+            continue
+        left = corrected.disagreement(GROSS)
+        if trials.explains(left) and (best is None or left < best[0]):
+            best = left, rows, first, corrected
+    if best is None:
+        return None
+    _, rows, first, corrected = best
+    return _described(trials.found, rows, first, corrected), corrected
+
+
+def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
+    """Directions of set-ups in which suspects are, and the first of those that a turn of their own fits."""
+    observations = found.book.observations
+    chosen = observations.active & (observations.types == HZ.code) & np.isfinite(found.misfits)
+    suspects = chosen & (found.ratios > GROSS)
+    for station in np.unique(observations.stations[suspects & (observations.stations >= 0)]).tolist():
+        members = found.book.stations.observations(station)
+        rows = members[chosen[members]].astype(np.intp)
+        if len(rows) < 2 * _LEAST:
+            continue
+        misfits = _turned(found.misfits[rows])
+        spreads = [_spread(misfits[:k]) + _spread(misfits[k:]) for k in range(_LEAST, len(rows) - _LEAST + 1)]
+        if min(spreads) <= _LEFT * _spread(misfits):
+            yield rows, _LEAST + int(np.argmin(spreads))
+
+
+def _turned(angles: FloatArray) -> FloatArray:
+    """Angles from the first of them, in [-pi, pi]."""
+    return np.asarray(np.remainder(angles - angles[0] + math.pi, 2.0 * math.pi) - math.pi)
+
+
+def _spread(values: FloatArray) -> float:
+    return float(np.abs(values - np.median(values)).sum())
+
+
+def _split(book: FieldBook, first: int) -> FieldBook:
+    """The observations, with a new set-up from one of them on."""
+    station = int(book.observations.stations[first])
+    members = book.stations.observations(station)
+    stations = book.observations.stations.copy()
+    stations[members[int(np.flatnonzero(members == first)[0]) :]] = len(book.stations)
+    grouped = Stations(
+        np.append(book.stations.origins, book.stations.origins[station]),
+        np.append(book.stations.orientations, book.stations.orientations[station]),
+        *group_by_station(stations, len(book.stations) + 1),
+    )
+    return replace(book, observations=replace(book.observations, stations=stations), stations=grouped)
+
+
+def _described(found: Estimate, rows: Rows, first: int, corrected: Estimate) -> GrossError:
+    before = corrected.rotations[found.book.observations.stations[rows[0]]]
+    zero = before.T @ corrected.rotations[-1][:, 1]
+    turn = -GON * math.atan2(zero[0], zero[1])
+    label, point = found.book.label(int(rows[first])), found.book.observations.from_points[rows[0]]
+    what = f"set-up of {found.book.point_names[point]}, from {label} on"
+    text = (
+        f"the {len(rows) - first} directions from there on are all turned by {turn:.4f} gon against the "
+        f"{first} before: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
+    )
+    size = float(found.ratios[rows].max())
+    return GrossError(what, Cause.NEW_SETUP, text, size, tuple(rows[first:].tolist()))
