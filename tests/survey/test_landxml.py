@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from obseq.cli.main import main
@@ -112,3 +113,38 @@ def test_a_file_needs_units_control_and_observations(tmp_path):
         read(tmp_path, units=UNITS.replace('"meter"', '"rod"'))
     with pytest.raises(InputError, match="given twice"):
         read(tmp_path, points=POINTS.replace('"B"', '"A"'))
+
+
+REDUCED = """<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">
+<Units><Metric linearUnit="meter" angularUnit="decimal dd.mm.ss" directionUnit="decimal dd.mm.ss" /></Units>
+<CgPoints>
+<CgPoint name="1" state="existing" pntSurv="control" oID="7">0 0</CgPoint>
+<CgPoint name="2" state="existing" pntSurv="control" oID="8">100 0</CgPoint>
+<CgPoint name="3" state="proposed" pntSurv="boundary" oID="9">61 79</CgPoint>
+</CgPoints>
+<Survey><SurveyHeader name="plan"/>
+<InstrumentSetup id="IS-1" stationName="1" instrumentHeight="0"> <InstrumentPoint pntRef="1"/>
+</InstrumentSetup>
+<InstrumentSetup id="IS-2" stationName="2" instrumentHeight="0"> <InstrumentPoint pntRef="2"/>
+</InstrumentSetup>
+<InstrumentSetup id="IS-3" stationName="3" instrumentHeight="0"> <InstrumentPoint pntRef="3"/>
+</InstrumentSetup>
+<ObservationGroup id="OG-1">
+<ReducedObservation name="1" setupID="IS-1" targetSetupID="IS-3" azimuth="53.0748" horizDistance="100.003"
+ distanceType="measured" azimuthType="measured" purpose="boundary" equipmentUsed="EDM" distanceAccuracy="1"/>
+<ReducedObservation name="2" setupID="IS-2" targetSetupID="IS-3" azimuth="116.3354" horizDistance="89.443"
+ distanceType="measured" azimuthType="computed" purpose="normal"/>
+</ObservationGroup></Survey></LandXML>
+"""
+
+
+def test_reduced_observations_are_taken_on_request(tmp_path, capsys):
+    path = tmp_path / "plan.xml"
+    path.write_text(REDUCED)
+    sigmas = ["distance=5mm", "azimuth=20sec"]
+    assert main(["adjust", str(path), "--sigmas", *sigmas]) == 2
+    assert "--ignore reductions takes them as measured" in capsys.readouterr().err
+    network = Network.read_project(path, sigmas=sigmas, ignore=["reductions"])
+    assert network.book.observations.n_inactive == 1  # the azimuth that was computed
+    adjusted = network.adjust()
+    np.testing.assert_allclose(adjusted.points.coordinates[2, :2], (80, 60), atol=0.01)

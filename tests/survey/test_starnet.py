@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from obseq import crs
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import KINDS, Network
@@ -199,7 +200,10 @@ WRONG = {
     "DB A": "open direction set",
     "TB B": "open traverse",
     "T A 50 1 90": "begins with TB",
-    "G1 A-P 1 2 3": "GNSS vectors",
+    "G1 A-P 1 2 3": "no covariance",
+    "G2 1 2 3": "G2 stands where G1 is expected",
+    ".GPS FACTOR 2 VERT 3": "the same in plan and height",
+    ".D ON": "is not known here",
     "P A 50 10 100": "geographic coordinates",
     "XX A-P 1": "unknown code",
     ".GRID utm": "is not known here",
@@ -221,3 +225,82 @@ def test_default_sigmas_need_a_unit(tmp_path):
     for text in ("distance=2", "distance=2sec", "length=2mm", "angle=0sec", "angle=x"):
         with pytest.raises(InputError, match=f"--sigmas {text}"):
             read(tmp_path, PLANE, sigmas=[text])
+
+
+def test_a_traverse_may_begin_and_end_on_a_bearing(tmp_path):
+    # from A the backsight is due south; 233 07 48.4 clockwise from it is 53 07 48.4 from north
+    lines = "TB S00-00-00W\nT A 233-07-48.4 100 3 .002\nTE P 53-07-48.4 N00-00-00E 4\n"
+    found = rows(read(tmp_path, PLANE + lines))[3:]
+    azimuth = (53 + 7 / 60 + 48.4 / 3600) * math.pi / 180
+    assert found[0][:3] == ("Azim", "A", "P")
+    assert found[0][3] == pytest.approx(azimuth, abs=1e-12)
+    assert found[0][4] == pytest.approx(3 * SECOND)
+    assert found[1][:4] == ("DistHz", "A", "P", 100.0)
+    # at P an angle of 53 07 48.4 from A to north: A is at 360 - 53 07 48.4
+    assert found[2][:3] == ("Azim", "P", "A")
+    assert found[2][3] == pytest.approx(2 * math.pi - azimuth, abs=1e-12)
+
+
+def test_options_are_abbreviated_and_instruments_named(tmp_path):
+    text = PLANE.replace(".UNITS", ".U").replace("M A-B-P", ".INST TS 15\nM A-B-P")
+    network = read(tmp_path, text + "D A-P 100\n", sigmas=["distance=2mm"])
+    assert [group.name for group in network.book.groups] == ["TS 15"]
+    assert any("instruments (TS 15)" in said for said in network.book.warnings)
+    assert not any("no .UNITS" in said for said in network.book.warnings)
+    assert rows(network)[-1][4] == pytest.approx(0.002)
+
+
+VECTORS = """.3D
+.UNITS Meters DMS
+.ORDER EN
+C A 700000 6600000 50 ! ! !
+C P 700100 6600100 50
+.GPS WEIGHT {weight}
+.GPS FACTOR 2
+G0 'session 1
+G1 A-P {x:.5f} {y:.5f} {z:.5f} 'fixed
+G2 {diagonal}
+G3 {corners}
+"""
+
+
+def vectors(weight, diagonal, corners):
+    ends = np.array([[700000.0, 6600000.0, 50.0], [700120.0, 6600110.0, 55.0]])
+    x, y, z = np.subtract(*crs.parse("EPSG:2154").to_geocentric(ends)[::-1])
+    return VECTORS.format(weight=weight, x=x, y=y, z=z, diagonal=diagonal, corners=corners)
+
+
+@pytest.mark.parametrize("weight", ["COVARIANCE", "STDERRCORRELATION"])
+def test_vectors_have_a_place_on_the_earth(tmp_path, weight):
+    covariance = 1e-6 * np.array([[4.0, 1.0, -0.5], [1.0, 9.0, 2.0], [-0.5, 2.0, 16.0]])
+    sigmas = np.sqrt(np.diag(covariance))
+    whole = covariance / np.outer(sigmas, sigmas) if weight.startswith("STD") else covariance
+    diagonal = sigmas if weight.startswith("STD") else np.diag(covariance)
+    corners = [whole[0, 1], whole[0, 2], whole[1, 2]]
+    texts = (" ".join(f"{value:.12g}" for value in values) for values in (diagonal, corners))
+    network = read(tmp_path, vectors(weight, *texts), points_crs="EPSG:2154")
+    np.testing.assert_allclose(network.book.clusters[0].covariance, 4.0 * covariance, rtol=1e-9)
+    adjusted = network.adjust()
+    np.testing.assert_allclose(adjusted.points.crs_coordinates[1], (700120, 6600110, 55), atol=2e-4)
+
+
+def test_vectors_without_a_place_are_refused(tmp_path):
+    with pytest.raises(InputError, match="a place on the Earth"):
+        read(tmp_path, vectors("COV", "1e-6 1e-6 1e-6", "0 0 0")).adjust()
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("G1 A-P 1 2 3\nG3 1 2 3", "n.dat:3: G3 stands where G2 is expected"),
+        (
+            "G1 A-P 1 2 3\nG2 1 1 1\nG3 2 0 0",
+            "n.dat:3: the covariance of the vector is not positive definite",
+        ),
+        ("G1 A-P 1 2 3\nG2 1 1 1\nG1 A-P 1 2 3", "n.dat:2: the vector has no covariance"),
+        ("G1 A-P 1 2\nG2 1 1 1\nG3 0 0 0", "n.dat:2: G1 holds names and three numbers"),
+    ],
+)
+def test_vectors_that_are_not_whole_are_refused(tmp_path, lines, message):
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, ".3D\n" + lines + "\n")

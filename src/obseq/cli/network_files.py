@@ -17,7 +17,7 @@ Options: TypeAlias = dict[str, Any]
 """Arguments of a reader, by name."""
 
 
-IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames")
+IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames", "reductions")
 
 
 @dataclass(frozen=True)

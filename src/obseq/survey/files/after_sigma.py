@@ -25,6 +25,7 @@ IGNORABLE = {
     "heights": "heights of instrument and target in OBS lines",
     "deflections": "deflections of the vertical in COR lines",
     "frames": "reference frames and epochs of single observations",
+    "reductions": "that observations of LandXML are reduced already (ReducedObservation)",
 }
 """What may be left out on demand: what the user says, and what it is."""
 

@@ -50,15 +50,16 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
         if element.name in ("CgPoints", "Survey"):
             table.read_all(element)
     columns = Columns()
-    reader = SurveyReader(columns, columns.open_file(root.file), units, reading.sigmas, table)
+    file, takes_reduced = columns.open_file(root.file), "reductions" in reading.ignore
+    reader = SurveyReader(columns, file, units, reading.sigmas, table, takes_reduced=takes_reduced)
     for survey in root.named("Survey"):
         reader.read(survey)
     if not len(columns):
-        raise root.error("the file holds no raw observation of a survey")
+        left_out = " ".join(reader.warnings(root.file.name))
+        raise root.error(f"the file holds no raw observation of a survey. {left_out}".strip())
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
-    system = _system(root)
     points = hold_plans(table.points(root, book), book)
-    return Project(points, book, None if system else "Local", system or "Local")
+    return Project(points, book, None, _system(root))
 
 
 def _system(root: Element) -> str | None:

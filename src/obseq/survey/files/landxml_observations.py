@@ -33,6 +33,14 @@ KNOWN = (
     *("zenithAngle", "horizDistance", "vertDistance", "azimuth", "unused", "directFace", "timeStamp"),
     *("coordGeomRefs", "oID", "desc", "date", "time", "equipmentUsed", "MSLDistance", "spherDistance"),
 )
+KNOWN_OF_REDUCED = (
+    *(*KNOWN, "name", "distanceType", "azimuthType", "azimuthAccuracy", "distanceAccuracy", "angleAccuracy"),
+    *("targetSetup2ID", "adoptedAzimuthSurvey", "adoptedDistanceSurvey", "azimuthAdoptionFactor"),
+    *("distanceAdoptionFactor", "azimuthAccClass", "distanceAccClass", "distanceClass", "azimuthClass"),
+)
+REDUCED = "ReducedObservation"
+NOT_MEASURED = ("computed", "derived", "calculated")
+"""Types of distances and azimuths that come from other observations: they have no influence."""
 LENGTHS: tuple[tuple[str, ObservationKind, str], ...] = (
     ("slopeDistance", DIST, "distance"),
     ("horizDistance", DIST_HZ, "distance"),
@@ -67,10 +75,18 @@ class SurveyReader:
     """Reads surveys into columns."""
 
     def __init__(
-        self, columns: Columns, file: int, units: Units, sigmas: Mapping[str, float], places: Places
+        self,
+        columns: Columns,
+        file: int,
+        units: Units,
+        sigmas: Mapping[str, float],
+        places: Places,
+        *,
+        takes_reduced: bool,
     ) -> None:
         self._columns, self._file, self._units = columns, file, units
         self._sigmas, self._places = sigmas, places
+        self._taken = ("RawObservation", REDUCED) if takes_reduced else ("RawObservation",)
         self._left_out: dict[str, list[int]] = {}
 
     def read(self, survey: Element) -> None:
@@ -112,28 +128,39 @@ class SurveyReader:
         own: str | None = None,
     ) -> None:
         for element in group.children:
-            if element.name in ("ReducedObservation", "Backsight"):
-                self._left_out.setdefault(element.name, []).append(element.line)
-            elif element.name == "RawObservation":
+            if element.name in self._taken:
                 number = element.get("setupID") or group.get("setupID") or own
                 if number is None or number not in set_ups:
                     raise element.error(
                         f"its set-up {number or '(none)'} is no InstrumentSetup of the survey"
                     )
-                self._observation(element, group, set_ups[number], targets)
+                target = self._target(element, group, set_ups)
+                self._observation(element, group, (set_ups[number], target), targets)
+            elif element.name in (REDUCED, "Backsight"):
+                self._left_out.setdefault(element.name, []).append(element.line)
+
+    def _target(self, element: Element, group: Element, set_ups: Mapping[str, _SetUp]) -> str:
+        """The name of the target: its point, or that of the set-up on it."""
+        place = element.first("TargetPoint")
+        seen = set_ups.get(element.get("targetSetupID") or group.get("targetSetupID") or "")
+        target = self._name(place) if place is not None else seen.point if seen is not None else None
+        if target is None:
+            raise element.error(
+                f"<{element.name}> has no TargetPoint with a pntRef or a name, nor a set-up as target"
+            )
+        if place is not None:
+            self._places.take(place, target)
+        return target
 
     def _observation(
-        self, element: Element, group: Element, set_up: _SetUp, targets: Mapping[str, float | None]
+        self, element: Element, group: Element, ends: tuple[_SetUp, str], targets: Mapping[str, float | None]
     ) -> None:
-        element.allow(KNOWN, ("TargetPoint", "OffsetVals", "Feature", "FieldNote"))
+        known = KNOWN_OF_REDUCED if element.name == REDUCED else KNOWN
+        element.allow(known, ("TargetPoint", "OffsetVals", "Feature", "FieldNote"))
         self._refuse_others(element)
-        place = element.first("TargetPoint")
-        target = self._name(place) if place is not None else None
-        if place is None or target is None:
-            raise element.error("<RawObservation> has no TargetPoint with a pntRef or a name")
+        set_up, target = ends
         if target == set_up.point:
             raise element.error(f"{target} is observed from itself; correct one of the names")
-        self._places.take(place, target)
         lift = self._length(element, "targetHeight")
         if lift is None:
             lift = targets.get(element.get("targetSetupID") or group.get("targetSetupID") or "")
@@ -141,7 +168,9 @@ class SurveyReader:
         is_active = element.get("unused") != "true" and element.get("purpose") != "check"
         heights = (set_up.height, lift or 0.0)
         for kind, value, name in self._values(element):
-            self._add(element, set_up, rows, (kind, value, name), heights, is_active)
+            own = element.get("azimuthType" if kind is AZIM else "distanceType")
+            counts = is_active and own not in NOT_MEASURED
+            self._add(element, set_up, rows, (kind, value, name), heights, counts)
 
     @staticmethod
     def _refuse_others(element: Element) -> None:
@@ -203,7 +232,7 @@ class SurveyReader:
     def warnings(self, file: str) -> Iterator[str]:
         """One sentence for each sort of elements that have no part."""
         reasons = {
-            "ReducedObservation": "are reduced already, from raw ones or not",
+            REDUCED: "are reduced already, from raw ones or not (--ignore reductions takes them as measured)",
             "Backsight": "say how a set-up was oriented, which the adjustment finds",
         }
         for name, lines in self._left_out.items():

@@ -52,7 +52,7 @@ def _packed(element: Element, name: str, text: str) -> float:
     degrees, _, decimals = text.lstrip("+-").partition(".")
     decimals = decimals.ljust(4, "0")
     minutes, seconds = decimals[:2], f"{decimals[2:4]}.{decimals[4:]}"
-    if not (degrees + decimals).isdigit() or int(minutes) >= 60 or float(seconds) >= 60.0:
+    if not (degrees + decimals).isdecimal() or int(minutes) >= 60 or float(seconds) >= 60.0:
         raise element.error(f"<{element.name}> {name} {quoted(text)} is not ddd.mmss with both below 60")
     size = int(degrees) * 3600 + int(minutes) * 60 + float(seconds)
     return (-size if text.startswith("-") else size) * math.pi / 648_000.0

@@ -15,7 +15,9 @@ from obseq.survey.files.levelled_points import hold_plans, with_heights
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.starnet_observations import CODES, ObservationLines
 from obseq.survey.files.starnet_points import PointLines
-from obseq.survey.files.starnet_values import Line, Options, changed
+from obseq.survey.files.starnet_values import Line, Options, changed, full_name
+from obseq.survey.files.starnet_vectors import CODES as VECTORS
+from obseq.survey.files.starnet_vectors import VectorLines
 from obseq.survey.files.text import read_text
 
 if TYPE_CHECKING:
@@ -29,13 +31,9 @@ REFUSED = {
     "ph": "geographic coordinates need a datum, which such a file does not name; give grid coordinates (C)",
     "ch": "ellipsoidal heights need a geoid, which such a file does not name; give elevations (C)",
     "eh": "ellipsoidal heights need a geoid, which such a file does not name; give elevations (E)",
-    "g0": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
-    "g1": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
-    "g2": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
-    "g3": "GNSS vectors need the place of the project on the Earth; give them in a DNA or DynaML file",
 }
 """Codes that are known and not read, with the reason."""
-IGNORED_OPTIONS = (".title", ".loststations", ".pswt", ".plot")
+IGNORED_OPTIONS = (".title", ".loststations", ".pswt", ".plot", ".ellipse", ".relative")
 """Options that change nothing of an adjustment."""
 
 
@@ -64,6 +62,8 @@ class _Reader:
         self._files: dict[str, int] = {}
         self._points = PointLines()
         self._observations = ObservationLines(self._columns, self._files, reading.sigmas)
+        self._vectors = VectorLines(self._columns, self._files)
+        self._has_defaults = bool(reading.sigmas)
         self._skipped: list[int] = []
         self._has_units = self._is_over = False
         self._first: TextFile | None = None
@@ -79,7 +79,7 @@ class _Reader:
             if self._is_over or not fields:
                 continue
             line = Line(file, index, fields, self._options)
-            if len(fields[0]) >= 4 and ".include".startswith(fields[0].lower()):
+            if full_name(fields[0].lower()) == ".include":
                 if len(fields) != 2 or depth == DEEPEST:
                     raise line.error(
                         f".INCLUDE names one file, {DEEPEST} levels deep at most; is there a loop?"
@@ -91,12 +91,8 @@ class _Reader:
     def read(self, line: Line) -> None:
         """Takes one line."""
         word = line.fields[0].lower()
-        if word == ".end":
-            self._is_over = True
-        elif word.startswith("."):
-            self._has_units |= word.startswith(".uni")
-            if not any(name.startswith(word) and len(word) > 3 for name in IGNORED_OPTIONS):
-                self._options = changed(self._options, line)
+        if word.startswith("."):
+            self._read_option(line, full_name(word))
         elif not self._options.is_on:
             self._skipped.append(line.index + 1)
         elif word in REFUSED:
@@ -105,12 +101,21 @@ class _Reader:
             )
         elif word in ("c", "e"):
             self._settle(self._points.read(line))
+        elif word in VECTORS:
+            self._vectors.read(line)
         elif word in CODES:
             self._observations.read(line)
         else:
             raise line.error(
                 f"unknown code {line.fields[0][:20]!r} (known: C, E, {', '.join(CODES).upper()})"
             )
+
+    def _read_option(self, line: Line, name: str) -> None:
+        self._has_units |= name == ".units"
+        if name == ".end":
+            self._is_over = True
+        elif name not in IGNORED_OPTIONS:
+            self._options = changed(self._options, line)
 
     def _settle(self, is_plane: bool | None) -> None:
         """Takes the dimension of the network from its first point where no option has said it."""
@@ -121,6 +126,7 @@ class _Reader:
         """The network, once all lines are read."""
         assert self._first is not None
         self._observations.finish()
+        self._vectors.finish()
         if not len(self._columns):
             raise self._first.error(0, "the file holds no observation")
         is_plane = bool(self._options.is_plane)
@@ -129,12 +135,19 @@ class _Reader:
         points = with_heights(hold_plans(points, book), book)
         told = (*self._told(), *self._folder.warnings(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
-        return Project(points, replace(book, warnings=told), "Local", "Local", refraction)
+        system = "Local" if is_plane else None  # heights can have a place on the Earth, which the user gives
+        return Project(points, replace(book, warnings=told), system, system, refraction)
 
     def _told(self) -> Iterator[str]:
         name = self._first.name if self._first else ""
         if not self._has_units:
             yield f"{name}: no .UNITS: metres and degrees are taken"
+        named = [group.name for group in self._columns.groups]
+        if named and self._has_defaults:
+            yield (
+                f"{name}: instruments ({', '.join(named)}): their standard errors are in the project file, "
+                "which is not read; those of --sigmas are taken for all of them where a line has none"
+            )
         if self._skipped:
             lines = ", ".join(str(line) for line in self._skipped[:8])
             yield f"{name}: {len(self._skipped)} lines are switched off by .DATA OFF ({lines}...)"

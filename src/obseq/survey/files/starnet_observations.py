@@ -38,7 +38,7 @@ class _Leg:
     """A line of a traverse, whose foresight is the next one's point."""
 
     line: Line
-    back: str
+    back: str | float
 
 
 class ObservationLines:
@@ -53,7 +53,7 @@ class ObservationLines:
         self._set: tuple[str, int] | None = None
         self._plumb: dict[int, int] = {}
         self._leg: _Leg | None = None
-        self._back: str | None = None
+        self._back: str | float | None = None
         self._last: Line | None = None
         self._shots: list[tuple[Line, str]] = []
         self.warnings: list[str] = []
@@ -68,7 +68,7 @@ class ObservationLines:
 
     def finish(self) -> None:
         """Looks at what must not be open at the end; side shots become observations of their points."""
-        if self._last is not None and (self._set or self._leg or self._back):
+        if self._last is not None and (self._set or self._leg or self._back is not None):
             open_one = "direction set (DB without DE)" if self._set else "traverse (TB without TE)"
             raise self._last.error(f"the file ends in an open {open_one}")
         named = set(self._columns.names)
@@ -149,9 +149,13 @@ class ObservationLines:
         at, back, to = line.three(line.fields[1])
         self._add_angle_and_more(line, at, back, to)
 
-    def _add_angle_and_more(self, line: Line, at: str, back: str, to: str) -> None:
+    def _add_angle_and_more(self, line: Line, at: str, back: str | float, to: str) -> None:
         texts, sigmas, heights = self._values(line, 2)
-        if texts[0] != NOT_MEASURED:
+        if texts[0] == NOT_MEASURED:
+            pass
+        elif isinstance(back, float):
+            self._add(line, AZIM, at, to, (back + line.angle(texts[0])) % FULL_TURN, sigmas[0])
+        else:
             self._add(line, ANGLE, at, to, line.angle(texts[0]) % FULL_TURN, sigmas[0], backsight=back)
         self._add_polar(line, at, to, texts, sigmas, heights)
 
@@ -193,11 +197,17 @@ class ObservationLines:
     # Traverses
 
     def _read_tb(self, line: Line) -> None:
-        if self._leg or self._back:
+        if self._leg or self._back is not None:
             raise line.error("a traverse is open: it ends with TE")
         if len(line.fields) != 2:
-            raise line.error("TB is followed by the backsight; for an azimuth write B and M lines")
-        (self._back,) = line.names(line.fields[1], 1)
+            raise line.error("TB is followed by the backsight: its name, or a bearing")
+        self._back = self._backsight(line, line.fields[1])
+
+    @staticmethod
+    def _backsight(line: Line, text: str) -> str | float:
+        """The name of a backsight, or its azimuth."""
+        azimuth = line.fixed_bearing(text)
+        return line.names(text, 1)[0] if azimuth is None else azimuth
 
     def _read_t(self, line: Line) -> None:
         (at,) = line.names(line.fields[1], 1)
@@ -215,12 +225,18 @@ class ObservationLines:
         if len(line.fields) > 2:
             if len(line.fields) < 4:
                 raise line.error("TE is: TE name, or TE name angle target [standard error]")
-            (to,) = line.names(line.fields[3], 1)
-            (sigma,), _ = split_rest(line, line.fields[4:], (True,))
-            assert self._back is not None
-            value = line.angle(line.fields[2]) % FULL_TURN
-            self._add(line, ANGLE, at, to, value, sigma, backsight=self._back)
+            assert isinstance(self._back, str)
+            self._close(line, at, self._back)
         self._leg = self._back = None
+
+    def _close(self, line: Line, at: str, back: str) -> None:
+        """The last angle of a traverse: to a point, or to a fixed bearing."""
+        (sigma,), _ = split_rest(line, line.fields[4:], (True,))
+        value, to = line.angle(line.fields[2]), self._backsight(line, line.fields[3])
+        if isinstance(to, float):
+            self._add(line, AZIM, at, back, (to - value) % FULL_TURN, sigma)
+        else:
+            self._add(line, ANGLE, at, to, value % FULL_TURN, sigma, backsight=back)
 
     def _continue(self, line: Line, target: str) -> None:
         """The line before, now that its foresight is known."""
@@ -300,8 +316,9 @@ class ObservationLines:
             station = self._columns.open_station(origin, Orientation.FIX)
         spread, relative = self._spread(line, kind, sigma)
         third = self._row(line, backsight) if backsight else -1
+        group = self._columns.instrument(line.options.instrument)
         measure = Measure(
-            kind, origin, target, value, spread, sigma.is_active, relative, *heights, station, -1, third
+            kind, origin, target, value, spread, sigma.is_active, relative, *heights, station, group, third
         )
         self._columns.append(measure, self._files[line.file.name], line.index)
 

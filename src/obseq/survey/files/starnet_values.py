@@ -42,6 +42,9 @@ class Options:
         separator: Between the names of points.
         refraction: Coefficient of zenith angles (k, twice that of STAR*NET).
         is_on: Whether data lines are read.
+        instrument: Name of the instrument; empty for none.
+        correlations: Whether GNSS vectors have standard errors and correlations, not covariances.
+        factor: What the standard errors of GNSS vectors are multiplied by.
     """
 
     metres: float = 1.0
@@ -53,6 +56,9 @@ class Options:
     separator: str = "-"
     refraction: float = 0.14
     is_on: bool = True
+    instrument: str = ""
+    correlations: bool = False
+    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,15 @@ class Line:
         angle = self.angle(found[2])
         from_north = angle if found[1].upper() == "N" else math.pi - angle
         return from_north if found[3].upper() == "E" else -from_north
+
+    def fixed_bearing(self, text: str) -> float | None:
+        """The bearing or azimuth that stands in place of the name of a backsight; None for a name.
+
+        As in STAR*NET it is one when it has dashes and can be read so.
+        """
+        found = _BEARING.fullmatch(text)
+        is_bearing = _DASHED.fullmatch(found[2] if found else text) is not None
+        return self.bearing(text) if is_bearing else None
 
     def names(self, text: str, count: int) -> list[str]:
         """Names of points in one text.
@@ -200,13 +215,19 @@ def changed(options: Options, line: Line) -> Options:
     simple: Mapping[str, dict[str, object]] = {".2d": {"is_plane": True}, ".3d": {"is_plane": False}}
     if word in simple and not rest:
         return replace(options, **simple[word])  # type: ignore[arg-type]  # names and kinds are those above
-    for name, change in _CHANGES.items():
-        if len(word) >= 3 and name.startswith(word):
-            return change(options, line, rest)
+    change = _CHANGES.get(full_name(word))
+    if change is not None:
+        return change(options, line, rest)
     raise line.error(
         f"the option {quoted(line.fields[0])} is not known here (known: .2D, .3D, .INCLUDE, .END, "
         f"{', '.join(_CHANGES).upper()}); remove it, or say what it says in another way"
     )
+
+
+def full_name(word: str) -> str:
+    """The name of an option that may be abbreviated as far as it stays the only one; else the word itself."""
+    found = [name for name in NAMES if name.startswith(word)]
+    return word if word in NAMES or len(found) != 1 else found[0]
 
 
 def _units(options: Options, line: Line, rest: list[str]) -> Options:
@@ -255,6 +276,24 @@ def _refraction(options: Options, line: Line, rest: list[str]) -> Options:
     return replace(options, refraction=2.0 * line.number(rest[0]))
 
 
+def _instrument(options: Options, line: Line, rest: list[str]) -> Options:
+    return replace(options, instrument=" ".join(line.fields[1:]))
+
+
+def _gps(options: Options, line: Line, rest: list[str]) -> Options:
+    if len(rest) == 2 and rest[0] == "weight":
+        for name, correlations in (("covariance", False), ("stderrcorrelation", True)):
+            if name.startswith(rest[1]):
+                return replace(options, correlations=correlations)
+    is_one_factor = len(rest) == 2 or (len(rest) == 4 and rest[2] == "vert" and rest[3] == rest[1])
+    if rest[:1] == ["factor"] and is_one_factor and line.number(rest[1]) > 0.0:
+        return replace(options, factor=line.number(rest[1]))
+    raise line.error(
+        ".GPS is followed by WEIGHT COVARIANCE, WEIGHT STDERRCORRELATION, or FACTOR and a number above zero, "
+        "the same in plan and height"
+    )
+
+
 _CHANGES: dict[str, Callable[[Options, Line, list[str]], Options]] = {
     ".units": _units,
     ".order": _order,
@@ -262,5 +301,23 @@ _CHANGES: dict[str, Callable[[Options, Line, list[str]], Options]] = {
     ".data": lambda options, line, rest: replace(options, is_on=_switch(line, rest)),
     ".sep": _separator,
     ".refraction": _refraction,
+    ".instrument": _instrument,
+    ".gps": _gps,
 }
-"""What the options change, by their full names; three letters and more are enough."""
+"""What the options change, by their full names."""
+NAMES = (
+    *(".2d", ".3d", *_CHANGES, ".include", ".end", ".title", ".loststations", ".pswt", ".plot", ".alias"),
+    *(".average", ".copyexternal", ".curvature", ".edm", ".elevation", ".ellipse", ".geoid", ".lweight"),
+    *(
+        ".mapmode",
+        ".mapscale",
+        ".measure",
+        ".multiplier",
+        ".network",
+        ".prism",
+        ".relative",
+        ".scale",
+        ".vscale",
+    ),
+)
+"""Options of STAR*NET: those that are not read make abbreviations ambiguous."""
