@@ -29,9 +29,18 @@ print(tile.reshape(4, 40)[:, :3])
 """
 SOLVERS = """
 import numpy as np
-from obseq.leastsquares.solvers.tree import supernodes
-chain = np.array([1, 2, 3, 4, 5, -1])
-print(supernodes(chain, np.array([2, 2, 2, 2, 2, 1]), np.ones(6, np.int64), False))
+from obseq.leastsquares.solvers.blas import routine_addresses
+from obseq.leastsquares.solvers.numeric import factor_panel
+panel = np.zeros(1)
+factor_panel(panel, 0, 1, 1, np.zeros(1), np.zeros(1), 0, 1e-10, routine_addresses())
+print(panel)
+"""
+TILES = """
+import numpy as np
+from obseq.kernels.tiles import fill_lanes
+tiles = np.zeros(4 * 40)
+fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0)
+print(tiles.reshape(4, 40)[:, :3])
 """
 
 
@@ -60,20 +69,35 @@ def printed(copy: Path, script: str) -> str:
     return done.stdout
 
 
-CASES = [
-    (KERNELS, "kernels/functions.py", "HALF_PI, HALF_PI_TAIL = 1.57", "HALF_PI, HALF_PI_TAIL = 2.57"),
-    (
-        LOOPS,
-        "kernels/vector_instructions.py",
-        "(builder, a, b, [0, 4, 2, 6])",
-        "(builder, a, b, [4, 0, 6, 2])",
+TURNED = "(builder, a, b, [0, 4, 2, 6])", "(builder, a, b, [4, 0, 6, 2])"
+CASES = {
+    "generated": (
+        KERNELS,
+        "kernels/functions.py",
+        "HALF_PI_TAIL = 1.57",
+        "HALF_PI_TAIL = 2.57",
     ),
-    (SOLVERS, "leastsquares/solvers/tree.py", "1.5e8, 5e-8", "1.5e8, 5e9"),
-]
+    "kernels": (TILES, "kernels/vector_instructions.py", *TURNED),
+    "leastsquares/loops": (LOOPS, "kernels/vector_instructions.py", *TURNED),
+    "leastsquares/solvers": (
+        SOLVERS,
+        "leastsquares/solvers/dense_loops.py",
+        "> 0.0 else 1.0",
+        "> 0.0 else 2.0",
+    ),
+}
+"""Of each room with compiled functions: what it computes, a helper in another file, and a change in it."""
 
 
-@pytest.mark.slow  # seven processes, six compilations
-@pytest.mark.parametrize(("script", "file", "before", "after"), CASES, ids=["kernels", "loops", "solvers"])
+def test_every_compiled_room_has_a_case() -> None:
+    package = ROOT / "src" / "obseq"
+    with_loops = [path for path in package.rglob("*.py") if "\n@compiled" in path.read_text(encoding="utf-8")]
+    rooms = {path.relative_to(package).parent.as_posix() for path in with_loops}
+    assert {"generated"} | rooms - {"compilation"} == CASES.keys()
+
+
+@pytest.mark.slow  # three processes and two compilations each
+@pytest.mark.parametrize(("script", "file", "before", "after"), CASES.values(), ids=CASES)
 def test_a_change_in_what_is_called_is_seen(
     copy: Path, script: str, file: str, before: str, after: str
 ) -> None:
