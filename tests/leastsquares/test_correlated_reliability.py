@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import obseq
+from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.reliability import reliability
+from obseq.leastsquares.statistics.snooping import snoop
 
 CORNERS = np.array(
     [[0, 0, 0], [100, 0, 5], [100, 80, 0], [0, 80, 8], [50, 40, 30], [20, 60, 15], [70, 10, 12]], dtype=float
@@ -66,3 +68,44 @@ def test_bias_and_leaving_out_of_correlated_residuals_equal_the_refits():
     refit = system.solve(tolerance=1e-10)
     np.testing.assert_allclose(refit.residuals(vectors)[3], left.residuals, rtol=2e-3)
     assert refit.cost == pytest.approx(left.cost, rel=1e-4)
+
+
+def clustered_heights(bias=0.0, left_out=None):
+    """Height differences of a mesh, correlated in threes; one of them with a bias, or left out."""
+    system = obseq.LeastSquares()
+    points = system.add_scalars([f"H{k}" for k in range(5)], np.zeros(5))
+    system.freeze(points[:1])
+    i, j = np.triu_indices(5, 1)
+    i, j = i[:9], j[:9]
+    errors = np.random.default_rng(5).normal(0.0, 0.002, 9)
+    errors[4] += bias
+    matrix = 1e-6 * np.array([[9.0, 2.0, 3.0], [2.0, 4.0, 1.0], [3.0, 1.0, 6.0]])
+    one = np.ones((9, 1))
+    batch = system.add_linear([points[i], points[j]], [-one, one], errors, 1.0)
+    batch.correlate_all([matrix] * 3)
+    if left_out is not None:
+        batch.set_active(left_out, False)
+    return system, batch, system.solve(covariance=True)
+
+
+def test_leaving_out_one_of_a_cluster_equals_the_adjustment_without_it():
+    system, batch, result = clustered_heights()
+    quality = reliability(system, result)
+    others, _, without = clustered_heights(left_out=4)
+    left = quality.left_out(batch, 4)
+    assert left.cost == pytest.approx(without.cost, rel=1e-9)
+    moved = others.unknowns.values - system.unknowns.values
+    np.testing.assert_allclose(left.change, moved, atol=1e-12)
+    assert left.residuals[0] == pytest.approx(quality.of(batch).left_out_residuals[4, 0], rel=1e-9)
+    biased, _, _ = clustered_heights(bias=0.01)
+    moved = biased.unknowns.values - system.unknowns.values
+    np.testing.assert_allclose(quality.effect_of_bias(batch, 4, bias=0.01), moved, atol=1e-12)
+    shifts = effects_of_biases(quality, batch, range(5)).shifts[4]
+    assert shifts[0] == pytest.approx(max(quality.effect_of_bias(batch, 4), key=abs), rel=1e-9)
+
+
+def test_snooping_leaves_out_a_blunder_among_correlated_observations():
+    system, batch, _ = clustered_heights(bias=0.04)
+    found = snoop(system)
+    assert [item.row for item in found.rejections] == [4]
+    assert not batch.active[4]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.final_state import whitening
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -36,8 +35,6 @@ class Effects:
 def effects_of_biases(quality: Reliability, batch: Batch, points: ArrayLike) -> Effects:
     """What the detectable biases of observations of one residual each do to points.
 
-    Observations that are correlated with others are left out (NaN).
-
     Args:
         quality: the reliability of a solved system.
         batch: the observations.
@@ -48,11 +45,10 @@ def effects_of_biases(quality: Reliability, batch: Batch, points: ArrayLike) -> 
     scalars = state.equations.table.scalars(points)
     numbers = state.equations.free.number[scalars]
     found = Effects(np.zeros(batch.n, np.int64), np.full((batch.n, numbers.shape[1]), np.nan))
-    wanted = np.flatnonzero(np.isfinite(biases) & batch.active & (batch.clusters is None))
+    wanted = np.flatnonzero(np.isfinite(biases) & batch.active)
     for first in range(0, len(wanted), BIASES_AT_A_TIME):
         rows = wanted[first : first + BIASES_AT_A_TIME]
-        weighted = biases[rows] * batch.robust_weights()[rows] * whitening(batch, rows)[:, 0, 0]
-        changes = state.solve(np.ascontiguousarray(state.rows(batch, rows)[:, 0].T * weighted))
+        changes = state.solve(np.ascontiguousarray(state.influences(batch, rows) * biases[rows]))
         shifts = np.where(numbers[:, :, None] >= 0, changes[np.maximum(numbers, 0)], 0.0)
         most = np.argmax(np.square(shifts).sum(axis=1), axis=0)
         found.places[rows] = most

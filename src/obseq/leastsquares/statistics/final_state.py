@@ -34,6 +34,23 @@ OBSERVATIONS_AT_A_TIME = 128 * LANES
 """Observations whose derivatives are in memory together: as many as stay in cache."""
 
 
+@dataclass(frozen=True, eq=False)
+class Alone:
+    """One observation as if it were independent of the others: what they are correlated with is taken off.
+
+    Attributes:
+        rows: (m, n_free) of the Jacobian, whitened.
+        residuals: (m,) whitened.
+        whitening: (m, m) U; U' U is its part of the inverse covariance of all observations.
+        weight: What a loss leaves of its weight, where that is not in the other parts.
+    """
+
+    rows: FloatArray
+    residuals: FloatArray
+    whitening: FloatArray
+    weight: float
+
+
 @dataclass(frozen=True)
 class FinalState:
     """A solved system at its solution, whatever became of the unknowns since.
@@ -137,6 +154,30 @@ class FinalState:
                 present = np.flatnonzero(columns[row] >= 0)
                 result[row][:, columns[row, present]] += weighted[:, role.row + present, row]
         return result
+
+    def influences(self, batch: Batch, chosen: IntArray) -> FloatArray:
+        """(n_free, k) what unit biases of observations (k,) of one residual do to the right-hand side."""
+        if batch.clusters is not None:
+            return np.asarray((self.cluster_rows(batch).T @ batch.whitening_matrix()[:, chosen]).toarray())
+        weights = batch.robust_weights()[chosen] * whitening(batch, chosen)[:, 0, 0]
+        return np.asarray(self.rows(batch, chosen)[:, 0].T * weights)
+
+    def alone(self, batch: Batch, row: int) -> Alone:
+        """One active observation of a batch, as what leaving it out, or a bias of it, needs it."""
+        if batch.clusters is not None:
+            return self._alone_in_cluster(batch, row)
+        whiten = whitening(batch, np.array([row]))[0]
+        residuals = whiten @ self.result.residuals(batch)[row]
+        return Alone(self.rows(batch, [row])[0], residuals, whiten, float(batch.robust_weights()[row]))
+
+    def _alone_in_cluster(self, batch: Batch, row: int) -> Alone:
+        """The same of an observation that is correlated with others: P = W' W is the inverse covariance."""
+        m, root = batch.shape.n_residuals, batch.whitening_matrix()
+        own = root[:, m * row : m * (row + 1)].toarray()
+        weighted = own.T @ (root @ np.nan_to_num(self.result.residuals(batch)).ravel())
+        upper = np.linalg.cholesky(own.T @ own).T
+        rows = (self.cluster_rows(batch).T @ own).T
+        return Alone(np.linalg.solve(upper.T, rows), np.linalg.solve(upper.T, weighted), upper, 1.0)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Q times right-hand sides (n_free,) or (n_free, k)."""

@@ -128,7 +128,8 @@ class LeftOut:
 
     Attributes:
         label: the observation.
-        residuals: (n_residuals,) its residuals against the unknowns that the other observations give.
+        residuals: (n_residuals,) its residuals against the unknowns that the other observations give, less
+            what those that it is correlated with let expect of them.
         change: (n_scalars,) what is added to all unknowns, zero where frozen; `Reliability.change_of` picks
             blocks.
         cost: sum of weighted squared residuals of the others.
@@ -232,9 +233,9 @@ class Reliability:
             bias = float(self.of(batch).detectable[row, component])
         if not np.isfinite(bias):
             raise InputError(f"{batch.label(row)}: nothing controls this observation; give the bias")
-        direction = whitening(batch, np.array([row]))[0, :, component]
-        weighted = bias * batch.robust_weights()[row] * direction
-        return self._unknowns(self._state.solve(weighted @ self._state.rows(batch, [row])[0]))
+        own = self._state.alone(batch, row)
+        weighted = bias * own.weight * own.whitening[:, component]
+        return self._unknowns(self._state.solve(weighted @ own.rows))
 
     def left_out(self, batch: Batch, row: int) -> LeftOut:
         """What remains when one observation is left out, by a solve; of first order when not linear.
@@ -244,18 +245,15 @@ class Reliability:
         """
         if not batch.active[row]:
             raise InputError(f"{batch.label(row)}: the observation is not active, it is left out already")
-        rows = self._state.rows(batch, [row])[0]
-        solved = self._state.solve(np.ascontiguousarray(rows.T))
-        weight = float(batch.robust_weights()[row])
-        remaining = np.eye(len(rows)) - weight * (rows @ solved)
+        own = self._state.alone(batch, row)
+        solved = self._state.solve(np.ascontiguousarray(own.rows.T))
+        remaining = np.eye(len(own.rows)) - own.weight * (own.rows @ solved)
         if np.linalg.eigvalsh(remaining)[0] < UNCONTROLLED:
             raise InputError(f"{batch.label(row)}: without this observation some unknowns are undetermined")
-        whiten = whitening(batch, np.array([row]))[0]
-        normalised = whiten @ self._state.result.residuals(batch)[row]
-        predicted = np.linalg.solve(remaining, normalised)
-        cost = self._state.result.cost - weight * float(normalised @ predicted)
-        change = self._unknowns(solved @ (weight * predicted))
-        return LeftOut(batch.label(row), np.linalg.solve(whiten, predicted), change, cost)
+        predicted = np.linalg.solve(remaining, own.residuals)
+        cost = self._state.result.cost - own.weight * float(own.residuals @ predicted)
+        change = self._unknowns(solved @ (own.weight * predicted))
+        return LeftOut(batch.label(row), np.linalg.solve(own.whitening, predicted), change, cost)
 
     def change_of(self, ids: ArrayLike, change: FloatArray) -> FloatArray:
         """(n, k) the part of a change of all unknowns that concerns blocks that are alike."""
