@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from obseq.errors import InputError
 from obseq.survey import Network
 from obseq.survey.screening import ambiguous
 from obseq.survey.screening.findings import Cause
@@ -180,3 +181,14 @@ def test_an_ambiguous_error_is_adjusted_and_recorded(tmp_path):
     record = Network.read(tmp_path / "l.obs", tmp_path / "l.cor").adjust().record()
     assert len(record.gross_errors) == 1 and record.gross_errors[0].what.startswith("one of ")
     assert not replace(record, left_out=()).is_complete
+
+
+def test_gross_errors_come_before_what_they_may_leave_undetermined(tmp_path):
+    (tmp_path / "r.cor").write_text("1 A 0 0 0 0.001\n1 B 100 0 0 0.001\n0 P 30 40 1\n", encoding="utf-8")
+    lines = "3 A P 50.0 0.002\n3 B P 500.0 0.002\n6 A P 100 0.001\n6 B P 100 0.001\n"
+    (tmp_path / "r.obs").write_text(lines, encoding="utf-8")
+    with pytest.raises(InputError) as refusal:
+        Network.read(tmp_path / "r.obs", tmp_path / "r.cor").adjust()
+    said = str(refusal.value)
+    assert said.startswith("gross errors are suspected")
+    assert said.index("Dist B -> P") < said.index("which may follow from them: the observations leave P")

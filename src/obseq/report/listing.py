@@ -58,8 +58,8 @@ def _head(record: AdjustmentRecord) -> Iterator[str]:
     if record.title:
         yield record.title
     yield f"Adjustment of {len(record.points)} points: {how_it_ended(record)}"
-    yield from left_out(record)
     yield from gross_errors(record, len(record.gross_errors))
+    yield from left_out(record)
     yield from (f"  {name:<14}{text}" for name, text in basis(record))
     yield f"  observations  {record.n_observations} ({kinds(record)})"
     yield f"  constraints   {record.n_constraints}"

@@ -53,7 +53,7 @@ def _outcome(record: AdjustmentRecord) -> list[str]:
     verdict = Verdict(record)
     lines = [
         (f"{len(record.points)} points, {how_it_ended(record)}", not record.is_complete),
-        *((line.strip(), True) for line in (*left_out(record), *gross_errors(record, 5))),
+        *((line.strip(), True) for line in (*gross_errors(record, 5), *left_out(record))),
         (f"{record.n_observations} observations ({kinds(record)}), redundancy {record.redundancy}", False),
         (f"sigma0 {significant(record.sigma0)}; {tested(record)}", not verdict.is_accepted),
         (verdict.explanation, False),

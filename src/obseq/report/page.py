@@ -69,6 +69,7 @@ def _outcome(record: AdjustmentRecord) -> Facts:
     sigma0 = f"{significant(record.sigma0)}; {tested(record)}"
     return [
         ("result", how_it_ended(record), "good" if record.converged else "bad"),
+        *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
         *(("", line.strip(), "bad") for line in left_out(record)),
         ("observations", f"{record.n_observations} ({kinds(record)})", ""),
         ("constraints", f"{record.n_constraints}", ""),
@@ -83,7 +84,6 @@ def _outcome(record: AdjustmentRecord) -> Facts:
 
 def _remarks(record: AdjustmentRecord) -> Facts:
     return [
-        *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
         *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
         *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
     ]

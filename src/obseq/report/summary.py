@@ -109,7 +109,10 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
     names = [item.what for item in record.left_out]
     if names:
         more = f" and {len(names) - MOST_POINTS} more" if len(names) > MOST_POINTS else ""
-        yield f"  LEFT OUT, because nothing determines them: {', '.join(names[:MOST_POINTS])}{more}"
+        why = "because nothing determines them"
+        if record.gross_errors:
+            why += " (which the gross errors may cause: correct these first)"
+        yield f"  LEFT OUT, {why}: {', '.join(names[:MOST_POINTS])}{more}"
 
 
 def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
@@ -138,8 +141,8 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 
 def _counts(record: AdjustmentRecord) -> Iterator[str]:
     yield f"{len(record.points)} points, {len(record.stations)} stations: {how_it_ended(record)}"
-    yield from left_out(record)
     yield from gross_errors(record, MOST_ERRORS)
+    yield from left_out(record)
     yield f"  observations {record.n_observations:>8}   {kinds(record)}"
     yield f"  constraints  {record.n_constraints:>8}   coordinates given with a sigma"
     yield f"  unknowns     {record.n_unknowns:>8}"

@@ -139,7 +139,8 @@ def refuse(errors: tuple[GrossError, ...]) -> NoReturn:
 def blame(error: ObseqError, errors: tuple[GrossError, ...]) -> NoReturn:
     """Raises an error of the adjustment again, with the gross errors that may be the reason."""
     if errors:
-        raise InputError(f"{error}\n{_listed(errors)}") from error
+        reason = f"the adjustment fails, which may follow from them: {error}"
+        raise InputError(f"{_listed(errors)}\n{reason}") from error
     raise error
 
 
