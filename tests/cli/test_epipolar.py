@@ -42,10 +42,27 @@ def test_a_pair_of_a_project_is_checked(folder, capsys):
         "residuals.html",
         "residuals.ply",
     ]
-    assert (folder / "check" / "percentiles.txt").read_text() == text
+    assert text.startswith("Standard deviation of 120 residuals: 0.1")
+    assert "expected of the measures: 0.354 px.\nGOOD: " in text
+    assert text.endswith("\n\n" + (folder / "check" / "percentiles.txt").read_text())
     table = np.loadtxt(folder / "check" / "residuals.csv", delimiter=",", skiprows=1)
     assert table.shape == (120, 8)
     assert (folder / "check" / "residuals.ply").read_bytes().startswith(b"ply\nformat binary_little_endian")
+
+
+def test_residuals_that_are_too_large_are_judged_poor(folder, capsys):
+    command = "epipolar a.tif b.tif --orientation Ori --ties TieP --tie-sigma 0.05".split()
+    assert main(command) == 1
+    assert "POOR: 4" in (shown := capsys.readouterr().out) and "no pattern explains it" in shown
+    turned = Poses.of(
+        list(POSES.images),
+        POSES.centres,
+        [POSES.rotations[0], POSES.rotations[1] @ exponential(np.array([0.0, 0.0, 2e-3]))],
+        cameras="Calib",
+    )
+    write_orientation(folder / "Ori", turned, {"Calib": CAMERA})
+    assert main(command[:7]) == 1
+    assert "POOR: " in (shown := capsys.readouterr().out) and "mostly a pattern over the image" in shown
 
 
 def test_points_without_residual_are_counted(folder, capsys):

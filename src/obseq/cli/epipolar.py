@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.parsing import Commands, add_command, positive_integer
+from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
 from obseq.cli.progress import Progress
 from obseq.errors import InputError
 from obseq.printable import printable
@@ -14,22 +14,25 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.images.epipolar import Fit, OrientedCamera
 
-LEFT_OUT = 1
-"""Exit code: points have no residual."""
+CHECK_FAILED = 1
+"""Exit code: residuals are larger than expected, or points have none."""
 HIGHEST = 5
 
 MORE = """
-Prints percentiles of the signed residual of each point across its epipolar line (pixels of the
-first image, half the distance to the line), before and after polynomials are fitted to the field.
-The orientation is a folder Ori of MMVII or of MicMac v1; the ties are a folder (TieP of MMVII,
-Homol of MicMac v1) or a file of lines 'x1 y1 x2 y2'."""
+Says whether the orientations agree: residuals against what the measures of the points announce
+(--tie-sigma), and whether they show a pattern. Then percentiles of the signed residual of each
+point across its epipolar line (pixels of the first image, half the distance to the line), before
+and after polynomials are fitted to the field. The orientation is a folder Ori of MMVII or of
+MicMac v1; the ties are a folder (TieP of MMVII, Homol of MicMac v1) or a file of lines
+'x1 y1 x2 y2'."""
 
 EXAMPLE = """\
 example:
   obseq epipolar im1.tif im2.tif --orientation MMVII-PhgrProj/Ori/BA --ties MMVII-PhgrProj/TieP/All --out
   check
 
-exit code: 0 done; 1 done, and points without residual were left out; 2 could not run"""
+exit code: 0 done; 1 done, and residuals are larger than expected or points without residual were left out; 2
+could not run"""
 
 
 def register(commands: Commands) -> None:
@@ -47,7 +50,16 @@ def register(commands: Commands) -> None:
         type=positive_integer,
         default=HIGHEST,
         metavar="N",
-        help=f"of the highest polynomial, at most {HIGHEST} ({HIGHEST})",
+        help="polynomials of degrees 0 to N in x and y are fitted to the residuals over the image, to show "
+        f"whether these follow a pattern; 1 to {HIGHEST} ({HIGHEST}). Percentiles are printed of what "
+        "degrees 0 to N - 1 leave; --out has maps of all",
+    )
+    command.add_argument(
+        "--tie-sigma",
+        type=positive_number,
+        default=0.5,
+        metavar="PX",
+        help="standard deviation of a measured coordinate of a tie point, pixels (0.5)",
     )
     command.add_argument(
         "--image",
@@ -74,11 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("computing"):
         report = _Report(arguments)
         write_all(dict(zip(outputs, report.files(), strict=True)) if outputs else {})
-    print(printable(report.text), end="")
+    print(f"{report.verdict.sentences()}\n\n{printable(report.text)}", end="")
     lost = report.n_lost
     if lost:
         print(f"{lost} of {report.n_given} points have no residual: at the epipole, or behind a camera")
-    return LEFT_OUT if lost else 0
+    return CHECK_FAILED if lost or not report.verdict.is_good else 0
 
 
 class _Report:
@@ -87,7 +99,7 @@ class _Report:
     def __init__(self, arguments: argparse.Namespace) -> None:
         import numpy as np
 
-        from obseq.images.epipolar import epipolar_residuals, fit_field, percentile_text
+        from obseq.images.epipolar import epipolar_residuals, fit_field, judged, percentile_text
 
         self.title = f"Epipolar residuals of {arguments.first} with {arguments.second}"
         self.camera = _camera(arguments.orientation, arguments.first)
@@ -108,6 +120,7 @@ class _Report:
         self.grey = _brightness(arguments.image, self.size) if arguments.image else None
         self.fits: list[Fit] = fit_field(self.pixels, self.values, arguments.degree)
         self.text = percentile_text(self.values, self.pixels, self.fits)
+        self.verdict = judged(self.values, self.pixels, self.fits, arguments.tie_sigma)
 
     @property
     def pixels(self) -> "FloatArray":

@@ -56,7 +56,10 @@ def _weakest(points: Sequence[WeakPointRecord]) -> Table:
         (item.point, units.millimetres(item.sigma), units.gon(item.azimuth), units.gon(item.elevation))
         for item in points
     )
-    title = "Weakest points: standard deviation (mm) in the worst direction, its azimuth and elevation (gon)"
+    title = (
+        "Weakest points: standard deviation (mm) along the direction in which the point is known worst (the "
+        "longest semi-axis of its ellipsoid), azimuth and elevation (gon) of that direction"
+    )
     return Table(title, ("point", "sigma", "azimuth", "elevation"), tuple(rows))
 
 
@@ -81,10 +84,11 @@ def _gains(record: PlanRecord) -> Iterator[str]:
         return
     before = units.millimetres(record.gains[0].before)
     title = (
-        f"What one more observation would bring (the best of {record.candidates} tried): mean standard "
-        f"deviation, {before} mm now, and the point that gains most (mm)"
+        f"What one more observation would bring (the best of {record.candidates} tried). Network: root mean "
+        f"square of the standard deviations of all coordinates, {before} mm now. Now and then: position in "
+        "space (root of sx^2 + sy^2 + sz^2) of the point that gains most (mm)"
     )
-    header = ("observation", "sigma", "mean", "point", "now", "then")
+    header = ("observation", "sigma", "network", "point", "now", "then")
     yield from lines_of(Table(title, header, tuple(map(_gain_cells, record.gains))))
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from obseq.images.epipolar.residual import EpipolarResiduals, epipolar_residuals
     from obseq.images.epipolar.satellites import CorrectedSensor, RationalSensor
     from obseq.images.epipolar.sensors import OrientedCamera, Pinhole, Sensor
+    from obseq.images.epipolar.verdict import EpipolarVerdict, judged
 
 _HOMES = {
     "field": ("Fit", "Polynomial", "exponents", "fit", "fit_field", "percentiles", "robust_weights"),
@@ -27,11 +28,13 @@ _HOMES = {
     "satellites": ("CorrectedSensor", "RationalSensor"),
     "residual": ("EpipolarResiduals", "epipolar_residuals"),
     "sensors": ("OrientedCamera", "Pinhole", "Sensor"),
+    "verdict": ("EpipolarVerdict", "judged"),
 }
 
 __all__ = [
     "CorrectedSensor",
     "EpipolarResiduals",
+    "EpipolarVerdict",
     "Fit",
     "OrientedCamera",
     "Pinhole",
@@ -43,6 +46,7 @@ __all__ = [
     "fit",
     "fit_cloud",
     "fit_field",
+    "judged",
     "percentile_text",
     "percentiles",
     "reduced",
