@@ -117,3 +117,10 @@ def test_a_datum_of_points_on_a_line_is_refused():
     block = _free(poses, points, 0.05, 0.005, "b.|p.|K3")
     with pytest.raises(InputError, match=r"datum.*choose"):
         block.solve(datum=["P0", "P1"])
+
+
+def test_a_datum_on_fewer_than_three_points_says_which_to_take():
+    poses, points = scenes.ring(8, 30)
+    block = _free(poses, points[:2], 0.01, 0.001, ".*")
+    with pytest.raises(InputError, match=r"datum on points fixes no position.*there are 2.*--datum centres"):
+        block.solve(datum="points")

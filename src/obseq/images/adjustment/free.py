@@ -81,14 +81,22 @@ def _move_back(
     try:
         scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations))
     except InputError as error:
-        name = datum if isinstance(datum, str) else "the points named"
-        raise InputError(
-            f"the datum on {name} fixes no position, orientation and scale: {error}; choose others, not all "
-            "on one line"
-        ) from None
+        raise InputError(_too_little(datum, str(error))) from None
     for ids in (equations.centres, equations.points):
         system.set_values(ids, motion.centre + scale * system.values(ids) @ motion.rotation.T)
     _turn(equations, motion)
+
+
+def _too_little(datum: str | Sequence[str], why: str) -> str:
+    """Why a datum fixes no position, orientation and scale, and what would."""
+    lacking = "fixes no position, orientation and scale"
+    if not isinstance(datum, str):
+        return f"the datum on {', '.join(datum[:5])} {lacking}: {why}; choose others, not all on a line"
+    other = "points" if datum == "centres" else "centres"
+    return (
+        f"the datum on {datum} {lacking}: {why}. It takes three that are not on one line; take the "
+        f"other (--datum {other}, datum='{other}' in Python), or measure more"
+    )
 
 
 def _turn(equations: Equations, motion: Pose) -> None:
