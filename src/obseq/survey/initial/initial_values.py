@@ -14,6 +14,8 @@ addresses.
 
 from __future__ import annotations
 
+import gc
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -32,6 +34,8 @@ from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stat
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.initial.closed_forms import Space
 
@@ -107,6 +111,25 @@ def initial_values(
     Raises:
         InputError: a #VERT station in a frame without vertical, or a point where the frame has no vertical.
     """
+    with _collector_at_rest():
+        return _all_values(points, book, vertical, recompute_free)
+
+
+@contextmanager
+def _collector_at_rest() -> Iterator[None]:
+    """Looks for no circles among the many small objects that are made: there are none, and it takes long."""
+    was_at_work = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_at_work:
+            gc.enable()
+
+
+def _all_values(
+    points: Points, book: FieldBook, vertical: Vertical | None, recompute_free: bool
+) -> InitialValues:
     orientations = automatic_fix(book)
     if vertical is None:
         _refuse_plumb_stations(book, orientations)

@@ -159,9 +159,9 @@ class Known:
         """Height above the reference point along the mean of the two plumb lines."""
         if self.reference is None:
             return 0.0
-        up, other = vertical[2], self.vertical_of(self.reference)[2]
-        offset = minus(position, self.position_of(self.reference))
-        return sum((u + v) / 2.0 * d for u, v, d in zip(up, other, offset, strict=True))
+        (a, b, c), (d, e, f) = vertical[2], self.vertical_of(self.reference)[2]
+        x, y, z = minus(position, self.position_of(self.reference))
+        return ((a + d) * x + (b + e) * y + (c + f) * z) / 2.0
 
     @property
     def reference_height(self) -> float:

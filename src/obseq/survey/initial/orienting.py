@@ -62,15 +62,18 @@ def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArra
         if orientation == Orientation.VERT and known.station_steps[k] is not None
     ]
     sights = [graph.sights[number] for k in plumb for number in graph.sights_from[k]]
-    sighted = [(s, reading[0]) for s in sights if known.is_placed(s.target) and (reading := s.reading())]
+    sighted = [s for s in sights if known.is_placed(s.target) and s.reading() is not None]
     if not sighted:
         return np.zeros(0, np.int64), np.zeros(0)
-    ends = np.array([(known.position_of(s.origin), known.position_of(s.target)) for s, _ in sighted])
-    verticals = np.array([known.vertical_of(s.origin) for s, _ in sighted])
-    east, north, up = np.einsum("nij,nj->in", verticals, ends[:, 1] - ends[:, 0])
+    rows = np.array([(s.station, s.origin, s.target) for s in sighted])
+    stations, starts, ends = rows.T
+    nowhere = (np.nan, np.nan, np.nan)
+    positions = np.array([nowhere if position is None else position for position in known.positions])
+    origins, numbers = np.unique(starts, return_inverse=True)
+    verticals = np.array([known.vertical_of(origin) for origin in origins.tolist()])
+    east, north, up = np.einsum("nij,nj->in", verticals[numbers], positions[ends] - positions[starts])
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
-    angles = np.arctan2(east, north) - np.array([reading for _, reading in sighted])
-    stations = np.array([s.station for s, _ in sighted])
+    angles = np.arctan2(east, north) - np.array([reading[0] for s in sighted if (reading := s.reading())])
     return stations[is_usable], _wrapped(angles[is_usable])
 
 

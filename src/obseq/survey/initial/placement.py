@@ -7,20 +7,19 @@ oriented, are looked at again. The time is therefore nearly proportional to the 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
-from obseq.survey.initial.known import Step, plus, transposed_times
+from obseq.survey.initial.known import Step, plus
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.relations import collect, station_g0s
 from obseq.survey.initial.traverse import (
     Link,
     Traverse,
+    in_frame,
     link_g0,
     link_rise,
-    polar_vector,
-    turned,
     vector_sigma,
 )
 from obseq.survey.model import Orientation
@@ -65,12 +64,11 @@ REST = (
 )
 
 
-@dataclass(frozen=True)
-class _Polar:
-    """A vector (frame) from a station to a point, and its expected errors (m), alone and in all."""
+class _Polar(NamedTuple):
+    """A vector (instrument) from a station to a point, and its expected errors (m), alone and in all."""
 
     sight: Sight
-    offset: Space
+    local: Space
     rows: tuple[int, ...]
     relative_sigma: float
     point_sigma: float
@@ -92,6 +90,7 @@ class Placement:
         self.known, self.graph, self.hints = known, graph, hints
         self.allowed = None if stations is None else frozenset(stations)
         self.traverse = Traverse(known, graph, self.allowed)
+        self.placed: set[int] = set()
         self.dirty_polar: set[int] = set()
         self.dirty_geometry: set[int] = set()
         self.best_positions: dict[int, tuple[tuple[float, bool], BestPosition]] = {}
@@ -203,21 +202,21 @@ class Placement:
         """Verticals of new points, then orientations, until no orientation places a further point."""
         while located:
             self.known.settle(located)
+            self.placed.update(filter(self.known.is_placed, located))
             self.touched_points.extend(located)
             for point in located:
                 self._spread_height(point)
-                self._touch_neighbours(point)
+                self._touch(self._neighbours(point))
             located = self._orient_around(located)
 
     def _orient_around(self, located: list[int]) -> list[int]:
         """Orients stations at or towards new points; returns origins that this has placed."""
         placed = []
-        new = set(located)
-        for station in self._stations_around(located):
+        for station, sights in sorted(self._sights_around(located).items()):
             origin = self.graph.origins[station]
             was_placed = self.known.is_placed(origin)
             if self.graph.orientations[station] == Orientation.VERT:
-                self.traverse.add_azimuths(station, self._targets_of(station) if origin in new else new)
+                self.traverse.add_azimuths(station, sorted(sights))
             elif orient(self.known, self.graph, station):
                 if not was_placed and self.known.has_height[origin] and not self.known.is_placed(origin):
                     placed.append(origin)
@@ -225,16 +224,16 @@ class Placement:
                 self._spread_orientation(station)
         return sorted(set(placed))
 
-    def _targets_of(self, station: int) -> set[int]:
-        return {self.graph.sights[number].target for number in self.graph.sights_from[station]}
-
-    def _stations_around(self, located: list[int]) -> list[int]:
-        """Stations without orientation at or towards some points."""
-        found: set[int] = set()
+    def _sights_around(self, located: list[int]) -> dict[int, list[int]]:
+        """Stations without orientation at or towards some points, with their sights that concern these."""
+        graph, steps = self.graph, self.known.station_steps
+        found: dict[int, list[int]] = {}
         for point in located:
-            found.update(self.graph.stations_at[point])
-            found.update(self.graph.sights[number].station for number in self.graph.sights_to[point])
-        return sorted(s for s in found if self._may_use(s) and self.known.station_steps[s] is None)
+            for number in graph.sights_to[point]:
+                found.setdefault(graph.sights[number].station, []).append(number)
+        for point in located:
+            found.update((station, graph.sights_from[station]) for station in graph.stations_at[point])
+        return {s: sights for s, sights in found.items() if steps[s] is None and self._may_use(s)}
 
     def _may_use(self, station: int) -> bool:
         return self.allowed is None or station in self.allowed
@@ -242,27 +241,24 @@ class Placement:
     def _spread_orientation(self, station: int) -> None:
         """Looks again at the targets of a station just oriented, and links its neighbours to it."""
         self.oriented.append(station)
-        for target in self._targets_of(station):
-            self._touch(target)
+        self._touch(self.graph.targets[station])
         if self.known.is_placed(self.graph.origins[station]):
             self.traverse.add_neighbours(station)
 
-    def _touch(self, point: int) -> None:
-        if not self.known.is_placed(point):
-            self.dirty_polar.add(point)
-            self.dirty_geometry.add(point)
-            self.best_positions.pop(point, None)
+    def _touch(self, points: set[int]) -> None:
+        """Looks again at points that are not placed; others are passed over when it is their turn."""
+        points = points - self.placed
+        self.dirty_polar |= points
+        self.dirty_geometry |= points
+        for point in self.best_positions.keys() & points:
+            del self.best_positions[point]
 
-    def _touch_neighbours(self, point: int) -> None:
+    def _neighbours(self, point: int) -> set[int]:
+        """The point, and those that observations join with it."""
         graph = self.graph
-        self._touch(point)
-        for station in graph.stations_at[point]:
-            for target in self._targets_of(station):
-                self._touch(target)
-        for number in graph.sights_to[point]:
-            self._touch(graph.sights[number].origin)
-        for other, _, _ in (*graph.distances[point], *graph.flats[point]):
-            self._touch(other)
+        found = {point, *[other for other, _, _ in graph.distances[point]]}
+        found.update([other for other, _, _ in graph.flats[point]], graph.observers[point])
+        return found.union(*[graph.targets[station] for station in graph.stations_at[point]])
 
     def _spread_height(self, point: int) -> None:
         """Carries heights along height differences, also to points without horizontal position."""
@@ -273,7 +269,7 @@ class Placement:
             if height is None:
                 continue
             for other, above, _ in self.graph.height_differences[start]:
-                self._touch(other)
+                self._touch({other})
                 if self.known.heights[other] is None:
                     self.known.heights[other] = height - above
                     self.known.point_sigmas[other] = self.known.point_sigmas[start]
@@ -294,24 +290,22 @@ class Placement:
 
     def _polar(self, sight: Sight) -> _Polar | None:
         """Vector of one sight; a plumb station may borrow the zenith angle of another on the same point."""
-        vector = sight.vector()
-        found = polar_vector(self.known, self.graph, sight)
-        if found is not None and vector is not None:
-            return self._expected(sight, found[0], vector[1], found[1])
-        g0, reading, lengths = self.known.g0[sight.station], sight.reading(), self._lengths(sight)
+        vector, g0 = sight.vector(), self.known.g0[sight.station]
+        if vector is not None and (g0 is not None or self.known.rotations[sight.station] is not None):
+            return self._expected(sight, vector[0], vector[1], sight.vector_sigma)
+        reading, lengths = sight.reading(), self._lengths(sight)
         if g0 is None or reading is None or lengths is None:
             return None
         (flat, rise), rows = lengths
-        local = turned((flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise), g0)
+        local = flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise
         every = tuple(dict.fromkeys(reading[1] + rows))
-        offset = transposed_times(self.known.vertical_of(sight.origin), local)
-        return self._expected(sight, offset, every, vector_sigma(self.graph, local, every))
+        return self._expected(sight, local, every, vector_sigma(self.graph, local, every))
 
-    def _expected(self, sight: Sight, offset: Space, rows: tuple[int, ...], relative_sigma: float) -> _Polar:
+    def _expected(self, sight: Sight, local: Space, rows: tuple[int, ...], relative_sigma: float) -> _Polar:
         """A vector with the expected error that orientation and origin add."""
-        moved = math.hypot(*offset) * self.known.azimuth_sigmas[sight.station]
+        moved = math.hypot(*local) * self.known.azimuth_sigmas[sight.station]
         point_sigma = math.hypot(self.known.point_sigmas[sight.origin] + moved, relative_sigma)
-        return _Polar(sight, offset, rows, relative_sigma, min(point_sigma, _LARGEST_SIGMA))
+        return _Polar(sight, local, rows, relative_sigma, min(point_sigma, _LARGEST_SIGMA))
 
     def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
@@ -339,7 +333,8 @@ class Placement:
 
     def _take_polar(self, point: int, polar: _Polar) -> None:
         known, sight = self.known, polar.sight
-        known.positions[point] = plus(known.position_of(sight.origin), polar.offset)
+        offset = in_frame(known, sight, polar.local)
+        known.positions[point] = plus(known.position_of(sight.origin), offset)
         known.has_height[point] = 1
         known.point_steps[point] = Step("azimuth and distance", polar.rows)
         known.parents[point], known.relative_sigmas[point] = sight.station, polar.relative_sigma

@@ -31,6 +31,9 @@ Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""
 
 
+Measured = tuple[int, int, int, float]
+"""Row, first point, second point and value (m, rad) of an observation."""
+
 Vector = tuple[tuple[float, float, float], tuple[int, ...]]
 """A vector (m) and the rows of its observations."""
 
@@ -59,16 +62,17 @@ class Sight:
 
     def complete(self, sigmas: Sequence[float]) -> None:
         """Makes the vector and its sigma from the measures, once they are all there."""
+        hz, zenith, distance = self.hz, self.zenith, self.distance
         if self.dx is not None and self.dy is not None and self.dz is not None:
             rows = (self.dx[1], self.dy[1], self.dz[1])
             self._vector = (self.dx[0], self.dy[0], self.dz[0]), rows
             self.vector_sigma = math.hypot(*(sigmas[row] for row in rows))
-        elif self.hz is not None and self.zenith is not None and self.distance is not None:
-            length, rows = self.distance[0], (self.hz[1], self.zenith[1], self.distance[1])
-            x, y, z = direction(self.hz[0], self.zenith[0], length)
-            self._vector = (x, y, z - self.lift), rows
-            angles = math.hypot(sigmas[rows[0]], sigmas[rows[1]])
-            self.vector_sigma = math.hypot(angles * length, sigmas[rows[2]])
+        elif hz is not None and zenith is not None and distance is not None:
+            length = distance[0]
+            x, y, z = direction(hz[0], zenith[0], length)
+            self._vector = (x, y, z - self.lift), (hz[1], zenith[1], distance[1])
+            across, around, along = sigmas[hz[1]] * length, sigmas[zenith[1]] * length, sigmas[distance[1]]
+            self.vector_sigma = math.hypot(across, around, along)
 
     def reading(self) -> tuple[float, tuple[int, ...]] | None:
         """Reading of the horizontal circle and its observations; from DX and DY when there is no Hz."""
@@ -111,6 +115,8 @@ class SightGraph:
         sight_of: index in `sights` of a station and a target.
         sights_from: of each station, indices in `sights`.
         sights_to: of each point, indices in `sights`.
+        targets: of each station, the points that it sights.
+        observers: of each point, the points from which it is sighted.
         stations_at: of each point, its stations.
         distances: of each point, (other point, distance, row), one per pair.
         height_differences: of each point, (other point, height above it, row).
@@ -125,6 +131,8 @@ class SightGraph:
     sight_of: dict[tuple[int, int], int] = field(default_factory=dict)
     sights_from: list[list[int]] = field(default_factory=list)
     sights_to: list[list[int]] = field(default_factory=list)
+    targets: list[set[int]] = field(default_factory=list)
+    observers: list[set[int]] = field(default_factory=list)
     stations_at: list[list[int]] = field(default_factory=list)
     distances: list[list[tuple[int, float, int]]] = field(default_factory=list)
     height_differences: list[list[tuple[int, float, int]]] = field(default_factory=list)
@@ -152,6 +160,8 @@ def build_graph(
         is_angle=IS_ANGLE[book.observations.types].tolist(),
         sights_from=[[] for _ in range(len(book.stations))],
         sights_to=[[] for _ in range(n_points)],
+        targets=[set() for _ in range(len(book.stations))],
+        observers=[set() for _ in range(n_points)],
         stations_at=[[] for _ in range(n_points)],
         distances=[[] for _ in range(n_points)],
         height_differences=[[] for _ in range(n_points)],
@@ -172,7 +182,7 @@ def _collect(graph: SightGraph, book: FieldBook, *, is_level: bool) -> None:
     observations = book.observations
     usable = np.flatnonzero(observations.active)
     of_sights = [kind.code for kind in KINDS if kind.start in _OF_SIGHTS]
-    _add_sights(graph, book, usable[np.isin(observations.types[usable], of_sights)])
+    sight_of = _add_sights(graph, book, usable[np.isin(observations.types[usable], of_sights)])
     distances: dict[tuple[int, int], Measure] = {}
     for kind in KINDS:
         rows = usable[observations.types[usable] == kind.code]
@@ -188,7 +198,7 @@ def _collect(graph: SightGraph, book: FieldBook, *, is_level: bool) -> None:
         elif kind.start is Start.RISE:
             _add_rises(graph, measured)
         else:
-            _add_measures(graph, book, kind, measured)
+            _add_measures(graph, book, kind, measured, sight_of[rows])
     for sight in graph.sights:
         if is_level and sight.zenith is None and sight.hz is not None:
             sight.zenith = math.pi / 2.0, sight.hz[1]
@@ -196,53 +206,51 @@ def _collect(graph: SightGraph, book: FieldBook, *, is_level: bool) -> None:
         sight.complete(graph.sigmas)
 
 
-def _start_values(book: FieldBook, kind: ObservationKind, rows: Rows) -> list[tuple[int, int, int, float]]:
+def _start_values(book: FieldBook, kind: ObservationKind, rows: Rows) -> list[Measured]:
     """Row, first point, second point and value of observations of one kind."""
     observations = book.observations
-    columns = (
-        rows,
-        observations.from_points[rows],
-        observations.to_points[rows],
-        observations.values[rows],
-        observations.from_heights[rows],
-        observations.to_heights[rows],
-    )
-    value = kind.start_value
-    return [
-        (row, origin, target, value(measured, low, high))
-        for row, origin, target, measured, low, high in zip(*(c.tolist() for c in columns), strict=True)
-    ]
+    heights = observations.from_heights[rows], observations.to_heights[rows]
+    values = kind.start_values(observations.values[rows], *heights)
+    columns = rows, observations.from_points[rows], observations.to_points[rows], values
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _add_sights(graph: SightGraph, book: FieldBook, rows: Rows) -> None:
-    """One sight for each station and target, in reading order."""
+def _add_sights(graph: SightGraph, book: FieldBook, rows: Rows) -> Rows:
+    """One sight for each station and target, in reading order; returns the one of each observation."""
     observations = book.observations
-    columns = (observations.stations[rows], observations.to_points[rows], observations.from_points[rows])
+    pairs = observations.stations[rows].astype(np.int64) * len(graph.sights_to) + observations.to_points[rows]
+    _, firsts, pair_of = np.unique(pairs, return_index=True, return_inverse=True)
+    order = np.argsort(firsts)
+    numbers = np.empty(len(order), np.intp)
+    numbers[order] = np.arange(len(order))
+    chosen = rows[firsts[order]]
+    columns = observations.stations[chosen], observations.to_points[chosen], observations.from_points[chosen]
     for station, target, origin in zip(*(column.tolist() for column in columns), strict=True):
-        if (station, target) not in graph.sight_of:
-            _add_sight(graph, station, target, origin)
+        _add_sight(graph, station, target, origin)
+    sight_of = np.full(len(observations), -1, np.intp)
+    sight_of[rows] = numbers[pair_of]
+    return sight_of
 
 
 def _add_measures(
-    graph: SightGraph, book: FieldBook, kind: ObservationKind, measured: list[tuple[int, int, int, float]]
+    graph: SightGraph, book: FieldBook, kind: ObservationKind, measured: list[Measured], numbers: Rows
 ) -> None:
-    """Gives each sight the first of its measures of a kind."""
-    slot, is_zenith = kind.start.value, kind.start is Start.ZENITH
-    observations, sights, sight_of = book.observations, graph.sights, graph.sight_of
-    rows = [row for row, _, _, _ in measured]
-    stations = observations.stations[rows].tolist()
-    lifts = (observations.to_heights[rows] - observations.from_heights[rows]).tolist()
-    for (row, _, target, value), station, lift in zip(measured, stations, lifts, strict=True):
-        sight = sights[sight_of[station, target]]
+    """Gives each sight, by its number, the first of its measures of a kind."""
+    slot, is_zenith, sights = kind.start.value, kind.start is Start.ZENITH, graph.sights
+    firsts = np.unique(numbers, return_index=True)[1].tolist()
+    for k, number in zip(firsts, numbers[firsts].tolist(), strict=True):
+        row, _, _, value = measured[k]
+        sight = sights[number]
         if getattr(sight, slot) is None:
             setattr(sight, slot, (value, row))
             if is_zenith:
-                sight.lift = lift
+                heights = book.observations.from_heights[row], book.observations.to_heights[row]
+                sight.lift = float(heights[1] - heights[0])
 
 
 def _add_distances(
     graph: SightGraph,
-    measured: list[tuple[int, int, int, float]],
+    measured: list[Measured],
     first: dict[tuple[int, int], Measure],
     of_points: list[list[tuple[int, float, int]]],
 ) -> None:
@@ -254,9 +262,7 @@ def _add_distances(
             of_points[target].append((origin, value, row))
 
 
-def _add_angles(
-    graph: SightGraph, measured: list[tuple[int, int, int, float]], backsights: list[int]
-) -> None:
+def _add_angles(graph: SightGraph, measured: list[Measured], backsights: list[int]) -> None:
     """Stations of their own: the backsight reads 0, the others their angles."""
     stations: dict[tuple[int, int], int] = {}
     for (row, origin, target, value), backsight in zip(measured, backsights, strict=True):
@@ -267,6 +273,7 @@ def _add_angles(
             graph.orientations.append(Orientation.VERT)
             graph.stations_at[origin].append(station)
             graph.sights_from.append([])
+            graph.targets.append(set())
             _add_sight(graph, station, target=backsight, origin=origin, hz=(0.0, row))
         if (station, target) not in graph.sight_of:
             _add_sight(graph, station, target=target, origin=origin, hz=(value, row))
@@ -277,9 +284,11 @@ def _add_sight(graph: SightGraph, station: int, target: int, origin: int, hz: Me
     graph.sights.append(Sight(station, origin, target, hz))
     graph.sights_from[station].append(number)
     graph.sights_to[target].append(number)
+    graph.targets[station].add(target)
+    graph.observers[target].add(origin)
 
 
-def _add_rises(graph: SightGraph, measured: list[tuple[int, int, int, float]]) -> None:
+def _add_rises(graph: SightGraph, measured: list[Measured]) -> None:
     for row, origin, target, value in measured:
         graph.height_differences[origin].append((target, -value, row))
         graph.height_differences[target].append((origin, value, row))

@@ -12,9 +12,8 @@ import heapq
 import itertools
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.known import Step, minus, plus, times, transposed_times
 from obseq.survey.model import Orientation
@@ -32,8 +31,7 @@ _DRIFT = 3.0
 """Spreads of points that were not given are enlarged by this factor: their errors are not independent."""
 
 
-@dataclass(frozen=True)
-class Link:
+class Link(NamedTuple):
     """A way to orient a plumb station.
 
     `origin` and `targets` are the station and its targets where the oriented station sees them (frame); the
@@ -49,8 +47,7 @@ class Link:
     rows: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class _Shared:
+class _Shared(NamedTuple):
     """One target of two stations: seen from the oriented one (local east, north, up), and by the other."""
 
     point: int
@@ -59,8 +56,7 @@ class _Shared:
     sight: Sight
 
 
-@dataclass(frozen=True)
-class _Way:
+class _Way(NamedTuple):
     """How an oriented station sees another: where (local east, north, up), and what gives its azimuth."""
 
     position: Space
@@ -70,17 +66,12 @@ class _Way:
     method: str
 
 
-def polar_vector(known: Known, graph: SightGraph, sight: Sight) -> tuple[Space, float] | None:
-    """Vector (frame) of a sight of an oriented station and its sigma (m); None when it is incomplete."""
-    vector = sight.vector()
-    rotation, g0 = known.rotations[sight.station], known.g0[sight.station]
-    vertical = known.verticals[sight.origin]
-    if vector is None or vertical is None or (rotation is None and g0 is None):
-        return None
-    relative_sigma = sight.vector_sigma
+def in_frame(known: Known, sight: Sight, local: Space) -> Space:
+    """A vector of an oriented instrument on a located point, in the frame."""
+    rotation = known.rotations[sight.station]
     if rotation is not None:
-        return times(rotation, vector[0]), relative_sigma
-    return transposed_times(vertical, turned(vector[0], g0 or 0.0)), relative_sigma
+        return times(rotation, local)
+    return transposed_times(known.vertical_of(sight.origin), turned(local, known.g0[sight.station] or 0.0))
 
 
 def turned(vector: Space, g0: float) -> Space:
@@ -105,7 +96,12 @@ class Traverse:
     """
 
     def __init__(self, known: Known, graph: SightGraph, stations: frozenset[int] | None) -> None:
-        self.known, self.graph, self.stations = known, graph, stations
+        self.known, self.graph = known, graph
+        self.may_link = [
+            orientation == Orientation.VERT and (stations is None or station in stations)
+            for station, orientation in enumerate(graph.orientations)
+        ]
+        self.surest = [math.inf] * len(graph.orientations)
         self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
 
@@ -118,24 +114,23 @@ class Traverse:
         return None
 
     def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
-        """Links are made only when it is their turn: most never are."""
+        """Links are made only when it is their turn; one that is less sure than another never is."""
+        if azimuth_sigma >= self.surest[station]:
+            return
+        self.surest[station] = azimuth_sigma
         heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
 
     def _is_open(self, station: int) -> bool:
-        return (
-            self.graph.orientations[station] == Orientation.VERT
-            and self.known.station_steps[station] is None
-            and (self.stations is None or station in self.stations)
-        )
+        return self.may_link[station] and self.known.station_steps[station] is None
 
-    def add_azimuths(self, station: int, targets: set[int]) -> None:
-        """Links of a station on a located point by the azimuths of some located targets."""
+    def add_azimuths(self, station: int, numbers: list[int]) -> None:
+        """Links of a station on a located point by the azimuths of some of its sights, to located targets."""
         origin = self.graph.origins[station]
         if self.known.verticals[origin] is None or not self._is_open(station):
             return
-        for number in self.graph.sights_from[station]:
+        for number in numbers:
             sight = self.graph.sights[number]
-            if sight.target in targets and self.known.verticals[sight.target] is not None:
+            if self.known.verticals[sight.target] is not None:
                 self._add_azimuth(sight)
 
     def _add_azimuth(self, sight: Sight) -> None:
@@ -161,25 +156,29 @@ class Traverse:
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
         seen = self._seen_from(station)
+        sights, steps, least = self.graph.sights, self.known.station_steps, self.known.azimuth_sigmas[station]
+        may_link, surest = self.may_link, self.surest
         found: dict[int, list[_Shared]] = {}
         for point, (vector, relative_sigma) in seen.items():
             for number in self.graph.sights_to[point][:_MOST_STATIONS]:
-                sight = self.graph.sights[number]
-                if sight.station != station and self._is_open(sight.station):
-                    found.setdefault(sight.station, []).append(_Shared(point, vector, relative_sigma, sight))
+                other = (sight := sights[number]).station
+                if least < surest[other] and steps[other] is None and may_link[other] and other != station:
+                    found.setdefault(other, []).append(_Shared(point, vector, relative_sigma, sight))
         for other, shared in found.items():
             self._add_link(station, other, seen, shared)
 
     def _seen_from(self, station: int) -> dict[int, tuple[Space, float]]:
         """Local east, north, up of the origin and of the targets with a complete vector, with their sigma."""
-        origin = self.graph.origins[station]
-        vertical = self.known.vertical_of(origin)
+        origin, rotation = self.graph.origins[station], self.known.rotations[station]
+        vertical, g0 = self.known.vertical_of(origin), self.known.g0[station] or 0.0
         seen: dict[int, tuple[Space, float]] = {origin: ((0.0, 0.0, 0.0), 0.0)}
         for number in self.graph.sights_from[station]:
             sight = self.graph.sights[number]
-            vector = polar_vector(self.known, self.graph, sight)
-            if vector is not None:
-                seen[sight.target] = (times(vertical, vector[0]), vector[1])
+            if (vector := sight.vector()) is not None:
+                local = turned(vector[0], g0)
+                if rotation is not None:
+                    local = times(vertical, times(rotation, vector[0]))
+                seen[sight.target] = local, sight.vector_sigma
         return seen
 
     def _add_link(
@@ -209,20 +208,19 @@ class Traverse:
 
     def _by_two_targets(self, shared: list[_Shared]) -> _Way | None:
         """Free station on two common targets that are far apart."""
-        complete = [item for item in shared if item.sight.vector() is not None]
+        complete = [(item, vector[0]) for item in shared if (vector := item.sight.vector()) is not None]
         if len(complete) < 2:
             return None
-        b = max(complete, key=lambda item: math.dist(complete[0].seen[:2], item.seen[:2]))
-        a = max(complete, key=lambda item: math.dist(b.seen[:2], item.seen[:2]))
-        own = [vector for item in (a, b) if (vector := item.sight.vector())]
-        base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own[0][0][:2], own[1][0][:2])
+        b, own_b = _farthest(complete, complete[0][0].seen)
+        a, own_a = _farthest(complete, b.seen)
+        base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own_a[:2], own_b[:2])
         relative_sigma = math.hypot(
             a.relative_sigma, b.relative_sigma, a.sight.vector_sigma, b.sight.vector_sigma
         )
         if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * relative_sigma:
             return None
-        g0 = _azimuth(a.seen, b.seen) - _azimuth(own[0][0], own[1][0])
-        ends = [minus(item.seen, turned(vector[0], g0)) for item, vector in zip((a, b), own, strict=True)]
+        g0 = _azimuth(a.seen, b.seen) - _azimuth(own_a, own_b)
+        ends = minus(a.seen, turned(own_a, g0)), minus(b.seen, turned(own_b, g0))
         middle = tuple((p + q) / 2.0 for p, q in zip(ends[0], ends[1], strict=True))
         position = (middle[0], middle[1], middle[2])
         azimuth_sigma = relative_sigma / base
@@ -253,6 +251,13 @@ class Traverse:
         return Link(
             origin, targets, total, way.relative_sigma, station, way.method, tuple(dict.fromkeys(rows))
         )
+
+
+def _farthest(complete: list[tuple[_Shared, Space]], place: Space) -> tuple[_Shared, Space]:
+    """The one of some targets, with their own vectors, that is horizontally farthest from a place."""
+    x, y, _ = place
+    away = [(item.seen[0] - x) ** 2 + (item.seen[1] - y) ** 2 for item, _ in complete]
+    return complete[away.index(max(away))]
 
 
 def link_g0(known: Known, graph: SightGraph, station: int, link: Link) -> float:

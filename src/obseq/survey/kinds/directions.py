@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import ObservationKind, Start
 
@@ -17,9 +19,11 @@ if TYPE_CHECKING:
 class ZenithAngle(ObservationKind):
     """A zenith angle, corrected for refraction."""
 
-    def start_value(self, value: float, from_height: float, to_height: float) -> float:
-        """Folded into [0, pi]: the same direction above the horizon."""
-        return abs(math.remainder(value, 2.0 * math.pi))
+    def start_values(
+        self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
+    ) -> FloatArray:
+        """Folded into [0, pi]: the same directions above the horizon."""
+        return np.asarray(np.abs(values - 2.0 * math.pi * np.round(values / (2.0 * math.pi))))
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The refraction."""

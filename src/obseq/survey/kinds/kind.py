@@ -190,9 +190,11 @@ class ObservationKind:
         """The unknowns that a group of such observations has of its own, from the rows of one group."""
         return {}
 
-    def start_value(self, value: float, from_height: float, to_height: float) -> float:
-        """What initial values make of a value: that between the points, on the axes of the station."""
-        return value
+    def start_values(
+        self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
+    ) -> FloatArray:
+        """What initial values make of values (k,): those between the points, on the axes of the station."""
+        return values
 
     def equation(self, suffix: str) -> str | Kernel:
         """Its formula, or the variant of it that a suffix names."""

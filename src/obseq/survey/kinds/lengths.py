@@ -52,9 +52,11 @@ class HorizontalDistance(Distance):
 class HeightDifference(ObservationKind):
     """A height difference: along the vertical of the ellipsoid, or of z in a plane frame."""
 
-    def start_value(self, value: float, from_height: float, to_height: float) -> float:
+    def start_values(
+        self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
+    ) -> FloatArray:
         """Between the points, not between instrument and target."""
-        return value + from_height - to_height
+        return np.asarray(values + from_heights - to_heights)
 
     def is_linear(self, site: Site) -> bool:
         """In a plane it is a difference of z."""

@@ -21,9 +21,11 @@ QUARTER = math.pi / 2.0
 class PolarAngle(ObservationKind):
     """An angle whose complement to a right angle is a direction or a zenith angle of the same axes."""
 
-    def start_value(self, value: float, from_height: float, to_height: float) -> float:
-        """The direction, or the zenith angle."""
-        return QUARTER - value
+    def start_values(
+        self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
+    ) -> FloatArray:
+        """The directions, or the zenith angles."""
+        return np.asarray(QUARTER - values)
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The complements."""
