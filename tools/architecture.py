@@ -71,6 +71,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
         "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "solvers"),
         "system": ("analysis", "iterations", "solution", "assembly", "problem"),
+        "helmert": ("system", "assembly", "diagnosis", "problem", "solvers"),
         "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
     },
     "survey": {

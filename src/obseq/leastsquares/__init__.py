@@ -17,6 +17,7 @@ from obseq.errors import (
 from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from obseq.leastsquares.helmert.adjustment import BlockSolution, solve_in_blocks
     from obseq.leastsquares.iterations.graduated import graduated
     from obseq.leastsquares.iterations.strategies import (
         Controlled,
@@ -84,6 +85,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.system import LeastSquares
 
 _HOMES = {
+    "helmert.adjustment": ("BlockSolution", "solve_in_blocks"),
     "iterations.graduated": ("graduated",),
     "iterations.strategies": ("Controlled", "Dogleg", "GaussNewton", "LevenbergMarquardt", "Strategy"),
     "problem.batches": ("Batch",),
@@ -131,6 +133,7 @@ __all__ = [
     "SOLVER_NAMES",
     "Attenuated",
     "Batch",
+    "BlockSolution",
     "Calibration",
     "Cauchy",
     "Component",
@@ -191,6 +194,7 @@ __all__ = [
     "relative_precision",
     "reliability",
     "snoop",
+    "solve_in_blocks",
     "variance_components",
 ]
 

@@ -1,0 +1,1 @@
+"""Networks larger than a machine: adjusted in Helmert blocks, a tree of eliminations for any executor."""
