@@ -11,7 +11,7 @@ from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
-from obseq.survey.adjustment.first_places import with_first_places
+from obseq.survey.adjustment.first_places import with_barycentres, with_first_places
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues, initial_values
@@ -59,7 +59,13 @@ class Fieldwork:
 
     def _started(self, points: Points, book: FieldBook) -> InitialValues:
         """Initial values of points and observations in the frame."""
-        return initial_values(with_first_places(self.frame, points, book), book, self.frame.plumb)
+        points = with_first_places(self.frame, points, book)
+        while True:
+            found = initial_values(points, book, self.frame.plumb)
+            more = with_barycentres(points, book, found.coordinates)
+            if more is None:
+                return found
+            points = more
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""

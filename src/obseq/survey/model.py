@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,12 +145,19 @@ class Group:
         parent: The group whose unknowns it has besides its own (an axis, of a turning target); -1 for none.
         numbers: What the formula of its observations takes before the value, where files give that.
         kind: What its observations are grouped by.
+        members: Rows of the field book's `point_names`: the points of a barycentre.
     """
 
     name: str
     parent: int = -1
     numbers: tuple[float, ...] = ()
     kind: GroupKind = GroupKind.UNKNOWNS
+    members: tuple[int, ...] = ()
+
+    def renumbered(self, numbers: IntArray) -> Group:
+        """The same with new rows of its members."""
+        members = numbers[list(self.members)].tolist() if self.members else ()
+        return replace(self, members=tuple(members))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +204,29 @@ class FieldBook:
         """`file:line` of an observation."""
         observations = self.observations
         return f"{self.files[observations.file_indices[row]]}:{observations.lines[row]}"
+
+    def naming(self, points: BoolArray) -> BoolArray:
+        """(k,) whether each observation, or its group, names one of some points (a mask)."""
+        touched = self.observations.naming(points)
+        for row, members in self.barycentres:
+            touched[row] |= points[members].any()
+        return touched
+
+    def counts(self, chosen: BoolArray, n: int) -> IntArray:
+        """(n,) how many chosen observations (a mask), or groups of them, name each of the first n points."""
+        found = self.observations.counts(chosen, n)
+        for row, members in self.barycentres:
+            if chosen[row]:
+                found[[member for member in members[1:] if member < n]] += 1
+        return found
+
+    @cached_property
+    def barycentres(self) -> list[tuple[int, list[int]]]:
+        """Rows of the conditions of barycentres, with the members."""
+        has_members = np.array([*(bool(group.members) for group in self.groups), False], np.bool_)
+        groups = self.observations.groups
+        rows = np.flatnonzero(has_members[groups])
+        return [(row, list(self.groups[groups[row]].members)) for row in rows.tolist()]
 
     def in_groups(self, *kinds: GroupKind) -> BoolArray:
         """(n,) whether each observation is in a group of these kinds."""
@@ -285,6 +316,8 @@ def _quoted_by_active(book: FieldBook) -> list[bool]:
     used[observations.from_points[observations.active]] = True
     used[observations.to_points[observations.active]] = True
     used[observations.backsights[observations.active & (observations.backsights >= 0)]] = True
+    for row, members in book.barycentres:
+        used[members] |= observations.active[row]
     return [bool(flag) for flag in used]
 
 
@@ -298,4 +331,5 @@ def _renumbered(book: FieldBook, numbers: IntArray, names: tuple[str, ...]) -> F
         ),
     )
     stations = replace(book.stations, origins=numbers[book.stations.origins])
-    return replace(book, point_names=names, observations=observations, stations=stations)
+    groups = tuple(group.renumbered(numbers) for group in book.groups)
+    return replace(book, point_names=names, observations=observations, stations=stations, groups=groups)

@@ -44,7 +44,7 @@ def check_datum(points: Points, book: FieldBook) -> None:
 def check_counts(points: Points, book: FieldBook) -> None:
     """Raises InputError naming the points that have fewer observations than free coordinates."""
     observations, n = book.observations, len(points)
-    count = observations.counts(observations.active, n)
+    count = book.counts(observations.active, n)
     lacking = np.flatnonzero(count < points.is_free.sum(axis=1))
     if lacking.size:
         listed = ", ".join(f"{points.names[row]} ({count[row]})" for row in lacking[:LISTED])

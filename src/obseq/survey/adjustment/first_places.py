@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.kinds.axes import AXIS_RADIUS
+from obseq.survey.kinds.barycentres import BARY_X
 from obseq.survey.kinds.geodetic import GEO_X
 from obseq.survey.kinds.vectors import LOCAL_X, VECTOR
 
@@ -43,6 +44,26 @@ def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
         if np.isnan(xyz[origin]).any() and len(placed):
             xyz[origin] = (placed.min(axis=0) + placed.max(axis=0)) / 2.0
     return replace(points, coordinates=xyz)
+
+
+def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Points | None:
+    """The points, with places for barycentres of points that have been placed; None when there are no more.
+
+    Args:
+        points: Those without some of the places.
+        book: The observations.
+        placed: (n, 3) places of the points, NaN for none.
+    """
+    observations, xyz = book.observations, points.coordinates.copy()
+    for row in np.flatnonzero((observations.types == BARY_X.code) & observations.active).tolist():
+        centre, members = (
+            observations.from_points[row],
+            list(book.groups[observations.groups[row]].members),
+        )
+        if np.isnan(placed[centre]).any() and np.isfinite(placed[members]).all():
+            xyz[centre] = placed[members].mean(axis=0)
+    is_more = np.isfinite(xyz).sum() > np.isfinite(points.coordinates).sum()
+    return replace(points, coordinates=xyz) if is_more else None
 
 
 def _triples(observations: Observations, lead: ObservationKind) -> tuple[IntArray, FloatArray]:

@@ -65,6 +65,16 @@ class NetworkSite:
         given = [self.book.groups[group].numbers for group in groups] if n else []
         return np.array(given, np.float64).reshape(len(rows), n)
 
+    def members(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """(n, k) blocks of the points of the group of each observation, and (n, k) their shares in it."""
+        most = max(len(group.members) for group in self.book.groups)
+        blocks, shares = np.zeros((len(rows), most), np.int64), np.zeros((len(rows), most))
+        for k, number in enumerate(self.book.observations.groups[rows].tolist()):
+            members = self.points[list(self.book.groups[number].members)]
+            blocks[k], blocks[k, : len(members)] = members[0], members
+            shares[k, : len(members)] = 1.0 / len(members)
+        return blocks, shares
+
     def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) observed height differences between the points, along the vertical of the frame."""
         return self.plumb.levelled(self.book, rows, coordinates)

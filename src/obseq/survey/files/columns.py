@@ -106,6 +106,11 @@ class Columns:
         self.groups.append(group if unnamed else replace(group, name=f"{group.name} ({seen})"))
         return len(self.groups) - 1
 
+    def open_barycentre(self, members: tuple[int, ...]) -> int:
+        """Index of a new group: the conditions of one barycentre."""
+        self.groups.append(Group("barycentre", members=members))
+        return len(self.groups) - 1
+
     def open_frame(self, name: str) -> int:
         """Index of a new group of the distances of a polar frame."""
         return self._add_group(Group(name, kind=GroupKind.FRAME))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.files.tables import TYPES
+from obseq.survey.files.tables import BARYCENTRES, TYPES
+from obseq.survey.files.text import check_writable
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import GroupKind, Orientation
 
@@ -52,12 +53,16 @@ def _rows(book: FieldBook) -> Iterator[tuple[str, ...]]:
     rows, named = book.observations, book.in_groups(GroupKind.INSTRUMENT)
     for row, code in enumerate(rows.types.tolist()):
         kind, station = BY_CODE[code], int(rows.stations[row])
-        ends = (rows.from_points[row], rows.to_points[row], rows.backsights[row])
+        names = [book.point_names[end] for end in (rows.from_points[row], rows.to_points[row])]
+        third = rows.backsights[row]
+        if kind in BARYCENTRES:
+            names[1] = _members(book, row)
         orientation = Orientation(book.stations.orientations[station]).name if station >= 0 else ""
         numbers = (rows.relative_sigmas[row], rows.from_heights[row], rows.to_heights[row])
         yield (
             kind.name,
-            *(book.point_names[end] if end >= 0 else "" for end in ends),
+            *names,
+            book.point_names[third] if third >= 0 else "",
             repr(float(rows.values[row])),
             repr(float(rows.sigmas[row])),
             kind.unit,
@@ -67,3 +72,11 @@ def _rows(book: FieldBook) -> Iterator[tuple[str, ...]]:
             *(repr(float(number)) if number else "" for number in numbers),
             "" if rows.active[row] else "0",
         )
+
+
+def _members(book: FieldBook, row: int) -> str:
+    """The names of the members of a barycentre, with blanks between them."""
+    names = [book.point_names[k] for k in book.groups[book.observations.groups[row]].members]
+    for name in names:
+        check_writable(name)
+    return " ".join(names)

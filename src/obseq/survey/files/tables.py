@@ -14,6 +14,7 @@ from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.project import Project
 from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted, read_text
+from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM
 from obseq.survey.kinds.geodetic import CHORD, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DIST_HZ
@@ -39,7 +40,9 @@ OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", "active", "remark
 OWN_OF_FORMULAS = (*OF_FORMULAS, *MORE_OF_FORMULAS)
 LENGTHS = {"m": 1.0, "mm": 1e-3, "km": 1e3}
 DEFAULT_UNITS = {True: "gon", False: "m"}
-ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD)
+BARYCENTRES, ALL_OF_BARYCENTRE = (BARY_X, BARY_Y, BARY_Z), "barycentre"
+"""The conditions of a barycentre, and what calls for all of them."""
+ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD, *BARYCENTRES)
 """Kinds that a row can hold, and no line of an OBS file."""
 TYPES = {kind.name.lower(): kind for kind in KINDS if kind.is_line or kind in ALONE}
 """Kinds that a row can hold, by name in small letters."""
@@ -183,16 +186,19 @@ class _Observations:
     def read(self) -> None:
         """Adds all rows."""
         for index, cells in self._table.rows():
-            self._columns.append(self._measure(index, cells), self._number, index)
+            for kind in self._kinds(index, cells):
+                self._columns.append(self._measure(index, cells, kind), self._number, index)
 
-    def _measure(self, index: int, cells: dict[str, str]) -> Measure:
-        table, kind = self._table, self._kind(index, cells)
+    def _measure(self, index: int, cells: dict[str, str], kind: ObservationKind) -> Measure:
+        table = self._table
         unit = table.unit(index, cells, kind)
         value = table.number(index, cells, "value") * unit
         sigma = table.number(index, cells, "sigma") * unit
         is_active = table.is_active(index, cells)
         if is_active:
             table.check_measure(index, kind, value, sigma)
+        if kind in BARYCENTRES:
+            return self._barycentre(index, cells, Measure(kind, -1, -1, value, sigma, is_active))
         ends = self._ends(index, cells, kind)
         return Measure(
             kind,
@@ -208,10 +214,26 @@ class _Observations:
             backsight=ends[2],
         )
 
+    def _barycentre(self, index: int, cells: dict[str, str], measure: Measure) -> Measure:
+        """The condition of a barycentre: its members stand in `to`, with blanks between them."""
+        names = [cells["from"], *cells["to"].split()]
+        if len(names) < 3 or len(set(names)) < len(names) or not cells["from"]:
+            raise self._table.file.error(
+                index,
+                f"{measure.kind.words}: from is a point, to two or more others with blanks between them",
+            )
+        centre, *members = (self._columns.point(self._table.file, index, name) for name in names)
+        group = self._columns.open_barycentre(tuple(members))
+        return measure._replace(origin=centre, target=members[0], group=group)
+
+    def _kinds(self, index: int, cells: dict[str, str]) -> tuple[ObservationKind, ...]:
+        name = cells["type"].lower()
+        return BARYCENTRES if name == ALL_OF_BARYCENTRE else (self._kind(index, cells),)
+
     def _kind(self, index: int, cells: dict[str, str]) -> ObservationKind:
         kind = TYPES.get(cells["type"].lower())
         if kind is None:
-            listed = ", ".join(found.name for found in TYPES.values())
+            listed = ", ".join([*(found.name for found in TYPES.values()), ALL_OF_BARYCENTRE.capitalize()])
             raise self._table.file.error(
                 index, f"type {quoted(cells['type'])!r} is unknown; there are {listed}"
             )

@@ -113,7 +113,7 @@ def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, Boo
 def _still_active(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> BoolArray:
     rows = given.book.observations
     padded = np.append(bad_points, np.zeros(len(given.book.point_names) - len(bad_points), np.bool_))
-    touched = rows.naming(padded)
+    touched = given.book.naming(padded)
     if len(bad_stations):
         touched |= (rows.stations >= 0) & bad_stations[rows.stations]
     return np.asarray(rows.active & ~touched)
@@ -123,7 +123,7 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     """Points that have fewer observations left than free coordinates."""
     rows, n = given.book.observations, len(given.points)
     active = _still_active(given, bad_points, bad_stations)
-    count = rows.counts(active, n)
+    count = given.book.counts(active, n)
     free = given.points.is_free.sum(axis=1)
     levelled = np.isin(rows.types, codes_where(lambda kind: kind.is_levelled))
     others = rows.counts(active & ~levelled, n)
@@ -172,7 +172,7 @@ def _stands_alone(given: Determined, item: Unplaced, bad_points: BoolArray) -> b
 def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
     rows = given.book.observations
     if item.station is None:
-        mine = rows.naming(np.arange(len(given.book.point_names)) == item.point)
+        mine = given.book.naming(np.arange(len(given.book.point_names)) == item.point)
     else:
         mine = rows.stations == item.station
     lost = np.flatnonzero(mine & rows.active & ~active)
@@ -235,6 +235,7 @@ def _book_without(
     return replace(
         book,
         point_names=tuple(book.point_names[row] for row in order.tolist()),
+        groups=tuple(group.renumbered(numbers) for group in book.groups),
         observations=replace(
             rows,
             from_points=numbers[rows.from_points],

@@ -92,6 +92,12 @@ class Site(Protocol):
     def backsights(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the third points of angles."""
 
+    def members(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """(n, k) blocks of the points of the group of each observation, and (n, k) their shares in it.
+
+        Groups of fewer points than others are filled up with points of no share.
+        """
+
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
 
