@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from scipy.special import ndtri
 from obseq.report import page, read_json, to_json
 from obseq.survey import Datum, Network, Quality
 
-ROOT = Path(__file__).resolve().parents[2]
+BENCH = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "bench_report.py"
 
 
 def module(path: Path) -> Any:
@@ -38,16 +39,11 @@ def demo() -> Network:
     return Network.read(str(data / "demo.obs"), str(data / "demo.cor"), points_crs="IGNF:LAMB93")
 
 
-def synthetic(folder: Path, count: int, observations: int) -> Network:
-    """A network of the bench, of any size."""
-    made = module(ROOT / "tools" / "benchmarks" / "make_network.py")
-    chance = np.random.default_rng(1)
-    true = made.terrain(count, 50.0, chance)
-    names = [f"P{row + 1}" for row in range(count)]
-    book = made.measured(names, true, made.sights(count, observations), chance)
-    made.write_obs(folder / "n.obs", book)
-    made.write_cor(folder / "n.cor", made.known_points(names, true, 100, made.FRAME, chance), "")
-    return Network.read(folder / "n.obs", folder / "n.cor", frame=made.FRAME)
+def synthetic(folder: Path) -> Network:
+    """The large network of the bench."""
+    sys.path.insert(0, str(BENCH.parent))  # benches import one another
+    found: Network = module(BENCH).synthetic(folder)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +60,7 @@ def pages(tmp_path_factory, browser):
         elif name == "polygon":
             network = Network.read_project(shared / "comp3d-polygone-k06" / "project.comp")
         else:
-            network = synthetic(folder, 10_000, 60_000)
+            network = synthetic(folder)
         is_small = name != "large"
         record = network.adjust(quality=Quality(relative=is_small, ellipsoids=is_small)).record()
         if is_small:

@@ -11,6 +11,9 @@ from obseq.report.quality import ellipse_level
 if TYPE_CHECKING:
     from obseq.record import AdjustmentRecord, ObservationRecord, PointRecord
 
+TOGETHER = 0.1
+"""Width (rad) of the bundles of rays that are drawn as one, with all their names."""
+
 KNOWN, STATION, UNDETERMINED = 1, 2, 4
 """Marks of points, added up; the script of the page has the same."""
 
@@ -89,13 +92,21 @@ def _rays(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float | s
     zeros: dict[str, set[float | None]] = {}
     for station in record.stations:
         zeros.setdefault(station.origin, set()).add(station.g0)
-    found: list[list[float | str]] = []
+    bundles: dict[tuple[int, int], list[tuple[float, str]]] = {}
     for sight in record.observations:
         bearing = _bearing(sight, zeros) if sight.target in lost else None
         if bearing is not None and rows[sight.origin] < len(record.points):
-            step = (round(math.sin(bearing), 6), round(math.cos(bearing), 6))
-            found.append([rows[sight.origin], *step, printable_line(sight.target)])
-    return found
+            bundle = rows[sight.origin], round(bearing % math.tau / TOGETHER)
+            bundles.setdefault(bundle, []).append((bearing, printable_line(sight.target)))
+    return [
+        [
+            row,
+            round(math.sin(rays[0][0]), 6),
+            round(math.cos(rays[0][0]), 6),
+            ", ".join(dict.fromkeys(name for _, name in rays)),
+        ]
+        for (row, _), rays in bundles.items()
+    ]
 
 
 def _bearing(sight: ObservationRecord, zeros: dict[str, set[float | None]]) -> float | None:
