@@ -1,6 +1,8 @@
 """Computes nodes of an expression graph on numbers, to test what the generator does to it."""
 
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -8,6 +10,10 @@ import pytest
 
 from obseq.codegen.expression_graph import CONSTANT, INPUT, ExpressionGraph
 from obseq.formulas import functions
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from vectorised import judging  # it lies beside the folder
 
 ARITHMETIC = {
     "add": lambda a, b: a + b,
@@ -45,3 +51,10 @@ def _evaluate(graph: ExpressionGraph, node: int, inputs: Mapping[str, Any]) -> A
 def evaluate() -> Callable[[ExpressionGraph, int, Mapping[str, Any]], Any]:
     """(graph, node, value of each input) -> value of the node, in the arithmetic of the inputs."""
     return _evaluate
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Kernels that are compiled here need not be compiled again to see whether they are vectorised."""
+    with judging(pytestconfig):
+        yield

@@ -1,16 +1,17 @@
 """The lane loops of kernels are vectorised: packed operations, no scalar floating-point arithmetic.
 
-The optimised code is read as LLVM has it; for a few kernels, as machine code. What is compiled for that is
-kept for the tests that run kernels, and a verdict until the code, the compiler or the rules change.
+The optimised code is read as LLVM has it; for a few kernels, as machine code. Each kernel is compiled once,
+here or where it is run (`vectorised.py`): what is compiled here is kept for the tests that run kernels, and
+a verdict until the code, the compiler or the rules change.
 """
 
 import re
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 import pytest
 from llvmlite import binding
+from vectorised import PACKED, SCALAR, Verdicts, is_vectorised
 
 from obseq.compilation import cache, host, numba_compiler
 from obseq.compilation.functions import Function
@@ -23,11 +24,6 @@ NO_AVX2 = not binding.get_host_cpu_features().get("avx2")
 pytestmark = pytest.mark.skipif(NO_AVX2, reason="asserted of processors with AVX2")
 
 KERNELS = ("value", "value_and_jacobian")
-
-SCALAR = re.compile(
-    r"= (?:tail )?(?:f(?:add|sub|mul|div|neg|rem) [^<\n]*\bdouble\b|load double|call [^<\n]*\bdouble @)"
-)
-PACKED = re.compile(r"= f\w+ [^\n]*<\d+ x double>")
 
 SCALAR_MACHINE = re.compile(r"\bv?(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d{3})sd\b")
 PACKED_MACHINE = re.compile(r"\bv?(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d{3})pd\b")
@@ -46,23 +42,6 @@ def _module(kernel: Routine) -> Any:
     return module
 
 
-@dataclass(frozen=True)
-class Verdicts:
-    """Kernels found vectorised by these rules, as these versions compile them for this processor."""
-
-    kept: Any
-
-    def __contains__(self, kernel: Routine) -> bool:
-        return self.kept is not None and self.kept.get(self._place(kernel), "") == RULES
-
-    def add(self, kernel: Routine) -> None:
-        if self.kept is not None:
-            self.kept.set(self._place(kernel), RULES)
-
-    def _place(self, kernel: Routine) -> str:
-        return f"obseq/vectorised/{cache.folder().name}/{kernel.symbol}"
-
-
 @pytest.fixture(scope="module")
 def verdicts(pytestconfig: pytest.Config) -> Verdicts:
     return Verdicts(getattr(pytestconfig, "cache", None))
@@ -73,15 +52,6 @@ def _along(name: str) -> str:
     module = ondemand.find(name)
     assert module is not None
     return _optimised(module, "directional")
-
-
-def _computes(module: ModuleType, function: str) -> bool:
-    """Whether a kernel does any arithmetic: that of a formula without residuals does none."""
-    values, everything = module.OPERATIONS
-    return bool(values if function == "value" else everything)
-
-
-RULES = f"{SCALAR.pattern} {PACKED.pattern}"
 
 
 @pytest.mark.parametrize(
@@ -95,14 +65,13 @@ def test_every_kernel_is_vectorised(name: str, verdicts: Verdicts) -> None:
     module = load(name).module
     for function in KERNELS:
         kernel = routine(module, function)
-        if kernel in verdicts:
+        if kernel.symbol in verdicts:
             continue
         code = str(_module(kernel))
         scalar = SCALAR.findall(code)
         assert not scalar, f"{name}.{function}: {len(scalar)} scalar operations, such as {scalar[0]}"
-        if _computes(module, function):
-            assert PACKED.search(code), f"{name}.{function}: no packed operation"
-        verdicts.add(kernel)
+        assert is_vectorised(kernel.function, code), f"{name}.{function}: no packed operation"
+        verdicts.add(kernel.symbol)
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,18 @@
 """Shared by the tests of formulas: exact derivatives, from high precision."""
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
 from obseq.formulas import Formula
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from vectorised import judging  # it lies beside the folder
 
 DIGITS = 80
 
@@ -32,3 +38,10 @@ def _exact(
             columns.append([(high - low) / (2 * step) for low, high in zip(*ends, strict=True)])
         values = formula.evaluate(u, o)
     return np.array(values, dtype=float), np.array(columns, dtype=float).T
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Kernels that are compiled here need not be compiled again to see whether they are vectorised."""
+    with judging(pytestconfig):
+        yield

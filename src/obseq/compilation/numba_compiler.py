@@ -1,4 +1,4 @@
-"""From functions to machine code by numba. The only module that imports it: not before something is compiled.
+"""From functions to machine code by numba, which is imported here: not before something is compiled.
 
 Numba gives the types and LLVM's text of a function and of all that it calls; they are put in one module,
 optimised once, together, and written as one object file that needs nothing of numba to run.
@@ -18,7 +18,7 @@ from numba.core import codegen, compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
-from obseq.compilation import host
+from obseq.compilation import front_end, host
 from obseq.compilation.functions import Function, Instruction, named_values
 from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 
@@ -103,7 +103,7 @@ def optimised(function: Function, signature: Signature, symbol: str, machine: Va
 
 def assembled(function: Function, signature: Signature, symbol: str) -> Value:
     """LLVM's module of a function and all that it calls, as numba writes it; the entry is the symbol."""
-    with global_compiler_lock:
+    with global_compiler_lock, front_end.remembering_types():
         context = cpu_target.target_context
         usual, context._internal_codegen = context._internal_codegen, _codegen()
         try:
@@ -139,6 +139,7 @@ def _compiled(function: Function, signature: Signature, context: Context) -> tup
         _number(signature.result),
         flags,
         {},
+        pipeline_class=front_end.Short,
     )
     return result.library, result.fndesc
 
@@ -155,7 +156,7 @@ def _options(function: Function) -> dict[str, object]:
 @cache
 def dispatcher(function: Function) -> Value:
     """A function as numba's own compiled functions call it."""
-    return njit(**_options(function))(_translated(function))
+    return njit(**_options(function), pipeline_class=front_end.Short)(_translated(function))
 
 
 def _translated(function: Function) -> FunctionType:

@@ -1,0 +1,41 @@
+"""The short way through numba gives the machine code of the whole one."""
+
+import re
+from contextlib import nullcontext
+
+import pytest
+
+from obseq.compilation import front_end, host, numba_compiler
+from obseq.compilation.routines import Routine
+from obseq.kernels import load
+from obseq.kernels.loading import routine
+from obseq.leastsquares.loops.shares import add_copies
+from obseq.leastsquares.solvers.dense_loops import factor_columns
+
+
+def machine_code(made: Routine) -> str:
+    """What the processor runs, without the names that numba numbers."""
+    machine = host.machine()
+    module = numba_compiler.optimised(made.function, made.signature, made.symbol, machine)
+    return re.sub(r"_ZN\w+", "callee", str(machine.emit_assembly(module)))
+
+
+@pytest.mark.parametrize(
+    "made",
+    [routine(load("TopoZen").module, "value_and_jacobian"), factor_columns.routine, add_copies.routine],  # type: ignore[attr-defined]
+    ids=["kernel", "factor", "copies"],
+)
+def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.MonkeyPatch) -> None:
+    short = machine_code(made)
+    monkeypatch.setattr(front_end, "LEFT_OUT", frozenset())
+    monkeypatch.setattr(front_end, "remembering_types", nullcontext)
+    numba_compiler.dispatcher.cache_clear()
+    assert machine_code(made) == short
+
+
+def test_every_pass_left_out_exists() -> None:
+    """Numba's names: one that is gone, or renamed, would be done again unseen."""
+    from numba.core import typed_passes, untyped_passes
+
+    known = {*vars(typed_passes), *vars(untyped_passes)}
+    assert known >= front_end.LEFT_OUT
