@@ -1,5 +1,7 @@
 """The calculator: plain arrays in and out, and errors that name the argument and the formula."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -161,3 +163,14 @@ def test_two_threads_give_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> Non
     together = formula.values_and_jacobian(u, o)
     np.testing.assert_array_equal(alone[0], together[0])
     np.testing.assert_array_equal(alone[1], together[1])
+
+
+def test_a_copy_carries_no_addresses_of_this_process() -> None:
+    one = obseq.calculator("Dist3D")
+    rows = np.arange(12.0).reshape(2, 6), np.ones((2, 1))
+    values, jacobian = one.values_and_jacobian(*rows)
+    other = pickle.loads(pickle.dumps(one))
+    assert set(vars(other)) == {"kernel", "name", "unknowns", "observations", "residuals"}
+    again = other.values_and_jacobian(*rows)
+    np.testing.assert_array_equal(again[0], values)
+    np.testing.assert_array_equal(again[1], jacobian)

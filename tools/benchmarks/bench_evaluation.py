@@ -2,8 +2,8 @@
 
 Both begin with rows of arguments and end with values and Jacobians in arrays that are there (`out=`). The
 rival (`rival.py`, g++ -O3 -march=native) copies rows into its buffer of at most 256 evaluations, evaluates,
-and copies its lines out, as programs that use it do. One thread, CPU time, interleaved rounds. Without names,
-the middle formula of every family.
+and copies its lines out, as programs that use it do, in a loop in C++: only ours pays for a call from Python.
+One thread, CPU time, interleaved rounds. Without names, the middle formula of every family.
 
     python tools/benchmarks/bench_evaluation.py
     python tools/benchmarks/bench_evaluation.py Dist3D BlocRigid --rows 1 100 --json evaluation.json

@@ -4,7 +4,7 @@ import functools
 import math
 import os
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +18,19 @@ from obseq.pools import thread_pool
 
 FLOAT = np.dtype(np.float64)
 
-SCRATCH_DOUBLES = 6 << 10
-"""Size of the scratch tiles of an evaluation: 48 KiB, as much as a first-level cache holds."""
+SCRATCH_DOUBLES = 2 << 10
+"""Size of the scratch tiles of an evaluation: 16 KiB, which leave room for rows in a first-level cache."""
 
 THREADED_ROWS = 32768
 """So many rows and more are shared by two threads, where there are two processors."""
+
+
+class _Run(NamedTuple):
+    """A kernel as it is run: its address, the rows of its tiles, and those that it does not write."""
+
+    address: int
+    rows: int
+    constants: tuple[tuple[int, float], ...]
 
 
 class Calculator:
@@ -41,6 +49,10 @@ class Calculator:
         self.unknowns = kernel.unknowns
         self.observations = kernel.observations
         self.residuals = kernel.residuals
+
+    def __reduce__(self) -> tuple[Any, tuple[Kernel]]:
+        """By its kernel: addresses are those of one process."""
+        return Calculator, (self.kernel,)
 
     def __repr__(self) -> str:
         return (
@@ -65,9 +77,9 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        kernel, n = self.kernel, len(u)
-        values = self._result(out, n, len(self.residuals))
-        self._evaluate(kernel.value_address, kernel.value_rows, False, u, o, values, np.empty((n, 0)))
+        n = len(u)
+        values = self._result(out, (n, len(self.residuals)))
+        self._evaluate(self._value, u, o, values, np.empty((n, 0)))
         return values
 
     def values_and_jacobian(
@@ -90,11 +102,10 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         u, o = self._arguments(unknowns, observations)
-        kernel, n, m, k = self.kernel, len(u), len(self.residuals), len(self.unknowns)
-        given = (None, None) if out is None else out
-        values, jacobian = self._result(given[0], n, m), self._result(given[1], n, m, k)
-        rows = jacobian.reshape(n, m * k)
-        self._evaluate(kernel.value_and_jacobian_address, kernel.rows, True, u, o, values, rows)
+        n, m, k = len(u), len(self.residuals), len(self.unknowns)
+        first, second = (None, None) if out is None else out
+        values, jacobian = self._result(first, (n, m)), self._result(second, (n, m, k))
+        self._evaluate(self._value_and_jacobian, u, o, values, jacobian.reshape(n, m * k))
         return values, jacobian
 
     def directional_derivative(
@@ -126,10 +137,10 @@ class Calculator:
         if len(d) != len(u):
             raise FormulaError(f"{self.name}: {len(u)} rows of unknowns but {len(d)} rows of direction")
         shape, to = (len(u), len(self.residuals)), (None, None) if out is None else out
-        values, along = self._result(to[0], *shape), self._result(to[1], *shape)
+        values, along = self._result(to[0], shape), self._result(to[1], shape)
         if address := self.kernel.directional_address:
-            given = np.hstack([o, d])
-            self._evaluate(address, self.kernel.directional_rows, False, u, given, values, along)
+            run = _Run(address, self.kernel.directional_rows, ())
+            self._evaluate(run, u, np.hstack([o, d]), values, along)
             return values, along
         _, jacobian = self.values_and_jacobian(u, o, (values, np.empty((*shape, len(self.unknowns)))))
         return values, np.einsum("nij,nj->ni", jacobian, d, out=along)
@@ -175,30 +186,29 @@ class Calculator:
             )
         return np.ascontiguousarray(array, dtype=np.float64)
 
+    @functools.cached_property
+    def _value(self) -> _Run:
+        return _Run(self.kernel.value_address, self.kernel.value_rows, ())
+
+    @functools.cached_property
+    def _value_and_jacobian(self) -> _Run:
+        kernel = self.kernel
+        return _Run(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows)
+
     def _evaluate(
-        self,
-        address: int,
-        rows: int,
-        has_constants: bool,
-        u: FloatArray,
-        o: FloatArray,
-        values: FloatArray,
-        derivatives: FloatArray,
+        self, run: _Run, u: FloatArray, o: FloatArray, values: FloatArray, derivatives: FloatArray
     ) -> None:
         """Writes residuals and what the kernel writes after them, a row for each row of arguments."""
         if not values.size:
             return
-
         n = len(u)
         if n < THREADED_ROWS or (os.cpu_count() or 1) < 2:
-            scratch = _scratch(self.kernel, address, rows, has_constants)
-            _tiles().evaluate(address, scratch, rows, u, o, values, derivatives)
+            _tiles().evaluate(run.address, _scratch(run), run.rows, u, o, values, derivatives)
             return
 
         def evaluate_part(first: int, last: int) -> None:
-            scratch = _scratch(self.kernel, address, rows, has_constants)
             arrays = (array[first:last] for array in (u, o, values, derivatives))
-            _tiles().evaluate(address, scratch, rows, *arrays)
+            _tiles().evaluate(run.address, _scratch(run), run.rows, *arrays)
 
         middle = n // (2 * LANES) * LANES
         with thread_pool(1) as pool:
@@ -206,33 +216,27 @@ class Calculator:
             evaluate_part(0, middle)
             second.result()
 
-    def _result(self, out: FloatArray | None, *shape: int) -> FloatArray:
+    def _result(self, out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
         """The array that results are written to: a new one, or the one given if it is as it must be."""
         if out is None:
             return np.empty(shape)
-        if not (
-            isinstance(out, np.ndarray)
-            and out.shape == shape
-            and out.dtype == np.float64
-            and out.flags.carray
-        ):
-            raise FormulaError(
-                f"{self.name}: out must be a writeable C-contiguous array of float64, of shape {shape}"
-            )
-        return out
+        if isinstance(out, np.ndarray) and out.shape == shape and out.dtype == FLOAT and out.flags.carray:
+            return out
+        raise FormulaError(
+            f"{self.name}: out must be a writeable C-contiguous array of float64, of shape {shape}"
+        )
 
 
 _KEPT = threading.local()
 
 
-def _scratch(kernel: Kernel, address: int, rows: int, has_constants: bool) -> FloatArray:
+def _scratch(run: _Run) -> FloatArray:
     """Scratch tiles of a kernel, kept by each thread, with the rows that the kernel does not write."""
     kept: dict[Any, Any] = _KEPT.__dict__
-    found: FloatArray | None = kept.get(address)
+    found: FloatArray | None = kept.get(run.address)
     if found is None:
-        constants = kernel.constant_rows if has_constants else ()
-        n_tiles = max(1, SCRATCH_DOUBLES // (rows * STRIDE))
-        found = kept[address] = _tiles().aligned_tiles(rows, n_tiles, constants)
+        n_tiles = max(1, SCRATCH_DOUBLES // (run.rows * STRIDE))
+        found = kept[run.address] = _tiles().aligned_tiles(run.rows, n_tiles, run.constants)
     return found
 
 

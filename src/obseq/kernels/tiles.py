@@ -44,46 +44,36 @@ def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float],
 
 @compiled
 def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
-    """Copies rows to the lanes of a tile, the last row again and again where there are no more."""
-    width = rows.shape[1]
-    if start + LANES <= len(rows):
-        step = U(width)
-        for lane in range(0, LANES, 4) if width >= 4 else range(0):
-            row = U((start + lane) * width)
-            for quad in range(0, width, 4):
-                i = min(quad, width - 4)
-                a = row + U(i)
-                place = U(at + i * STRIDE + lane)
-                transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
-        for i in range(width if width < 4 else 0):
-            for lane in range(LANES):
-                tiles[at + i * STRIDE + lane] = rows[start + lane, i]
-    else:
-        last = len(rows) - 1
-        for lane in range(LANES):
-            row_here = min(start + lane, last)
-            for i in range(width):
-                tiles[at + i * STRIDE + lane] = rows[row_here, i]
+    """Copies rows to the lanes of a tile; where there are no more rows, lanes stay as they are."""
+    width, lanes = rows.shape[1], min(LANES, len(rows) - start)
+    whole = lanes // 4 * 4 if width >= 4 else 0
+    step = U(width)
+    for lane in range(0, whole, 4):
+        row = U((start + lane) * width)
+        for quad in range(0, width, 4):
+            i = min(quad, width - 4)
+            a = row + U(i)
+            place = U(at + i * STRIDE + lane)
+            transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
+    for i in range(width):
+        for lane in range(whole, lanes):
+            tiles[at + i * STRIDE + lane] = rows[start + lane, i]
 
 
 @compiled
 def read_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
-    width = rows.shape[1]
-    if start + LANES <= len(rows):
-        for lane in range(0, LANES, 4) if width >= 4 else range(0):
-            for quad in range(0, width, 4):
-                i = min(quad, width - 4)
-                a = U(at + i * STRIDE + lane)
-                place = U((start + lane) * width + i)
-                transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, U(width))
-        for i in range(width if width < 4 else 0):
-            for lane in range(LANES):
-                rows[start + lane, i] = tiles[at + i * STRIDE + lane]
-    else:
-        for lane in range(len(rows) - start):
-            for i in range(width):
-                rows[start + lane, i] = tiles[at + i * STRIDE + lane]
+    width, lanes = rows.shape[1], min(LANES, len(rows) - start)
+    whole = lanes // 4 * 4 if width >= 4 else 0
+    for lane in range(0, whole, 4):
+        for quad in range(0, width, 4):
+            i = min(quad, width - 4)
+            a = U(at + i * STRIDE + lane)
+            place = U((start + lane) * width + i)
+            transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, U(width))
+    for i in range(width):
+        for lane in range(whole, lanes):
+            rows[start + lane, i] = tiles[at + i * STRIDE + lane]
 
 
 @compiled
