@@ -10,7 +10,7 @@ import pytest
 from scipy import special
 
 from obseq.errors import InputError
-from obseq.report import listing, read_json, summary, to_json
+from obseq.report import listing, page, read_json, summary, to_json
 from obseq.survey import Network, Quality
 
 KNOWN = {"A": (0, 0, 0), "B": (100, 0, 2), "C": (90, 80, -3), "D": (-10, 70, 1)}
@@ -117,6 +117,22 @@ def test_relative_precisions_of_points_that_observations_join(demo) -> None:
     for item in record.relative:
         assert item.distance == pytest.approx(math.dist(places[item.first], places[item.second]))
         assert 0.0 < item.precision <= item.ellipse.semi_major * 1.0001
+
+
+def test_points_on_one_vertical_have_no_bearing_and_no_relative_precision(tmp_path) -> None:
+    (tmp_path / "n.obs").write_text("4 A P 0.0001 0.001\n4 A P 0.0 0.001\n", encoding="utf-8")
+    (tmp_path / "n.cor").write_text("1 A 0 0 0 0.001 0.001 0.001\n4 P 0 0 0\n", encoding="utf-8")
+    network = Network.read(tmp_path / "n.obs", tmp_path / "n.cor", frame="Local")
+    record = network.adjust(quality=Quality(relative=True)).record()
+    (pair,) = record.relative
+    assert pair.distance < pair.precision
+    assert pair.bearing_precision is None
+    (row,) = [line for line in listing(record).splitlines() if line.split()[:2] == ["A", "P"]]
+    assert row.split()[4:6] == ["-", "-"]
+    assert page(record)
+    (tmp_path / "n.obs").write_text("4 A P 0 0.001\n4 A P 0 0.001\n", encoding="utf-8")
+    network = Network.read(tmp_path / "n.obs", tmp_path / "n.cor", frame="Local")
+    assert network.adjust(quality=Quality(relative=True)).record().relative is None
 
 
 def test_ellipsoids_hold_the_whole_covariance_with_ends_above_the_horizon(demo) -> None:

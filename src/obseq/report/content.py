@@ -22,7 +22,7 @@ from obseq.report.columns import (
     table,
 )
 from obseq.report.plan import plan
-from obseq.report.quality import ellipse_level
+from obseq.report.quality import ellipse_level, parts_per_million
 from obseq.report.rows import short_names, unit_of
 
 if TYPE_CHECKING:
@@ -287,7 +287,7 @@ def _relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
         column("second", "point", (rows.get(row.second) for row in found)),
         column("distance", "length", (rounded(row.distance) for row in found)),
         field("s distance", "small_length", found, "precision"),
-        column("ppm", "number", (small(1e6 * row.precision / row.distance) for row in found)),
+        column("ppm", "number", (small(parts_per_million(row)) for row in found)),
         field("s bearing", "small_angle", found, "bearing_precision"),
         *ellipse_columns(row.ellipse for row in found),
     ]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from obseq.record import AdjustmentRecord, ObservationRecord, SnoopingRecord
+from obseq.record import AdjustmentRecord, ObservationRecord, RelativeRecord, SnoopingRecord
 from obseq.report import units
 from obseq.report.rows import Table
 
@@ -139,7 +139,7 @@ def _relative_table(record: AdjustmentRecord) -> Table:
             item.second,
             units.metres(item.distance),
             units.millimetres(item.precision),
-            units.fixed(1e6 * item.precision / item.distance, 1),
+            units.fixed(parts_per_million(item), 1),
             units.fixed(1e3 * units.GON_PER_RADIAN * (item.bearing_precision or math.nan), 3),
             units.millimetres(item.ellipse.semi_major),
             units.millimetres(item.ellipse.semi_minor),
@@ -150,6 +150,11 @@ def _relative_table(record: AdjustmentRecord) -> Table:
     header = ("first", "second", "distance", "s (mm)", "ppm", "s (mgon)", "major", "minor", "bearing")
     title = f"Points relative to each other; ellipses {ellipse_level(record)} (mm, gon)"
     return Table(title, header, tuple(rows), 2)
+
+
+def parts_per_million(item: RelativeRecord) -> float | None:
+    """The precision of a distance as a share of it; None where the two points are not told apart."""
+    return 1e6 * item.precision / item.distance if item.distance > item.precision else None
 
 
 def _bearing(radians: float) -> str:

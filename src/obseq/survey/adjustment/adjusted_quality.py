@@ -198,7 +198,8 @@ def _relative(found: Examination) -> Iterator[RelativeRecord]:
     relative, ellipses = found.relative, found.relative_ellipses()
     if relative is None or ellipses is None:
         return
-    bearing = np.where(np.isfinite(relative.bearing_precision), relative.bearing_precision, np.nan)
+    known = relative.bearing_precision < 2.0 * np.pi  # of points on one vertical it says nothing
+    bearing = np.where(known, relative.bearing_precision, np.nan)
     columns = (
         relative.first,
         relative.second,

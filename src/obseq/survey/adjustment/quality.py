@@ -187,11 +187,14 @@ def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any
 def _relative(
     equations: Equations, book: FieldBook, solution: LeastSquaresResult, a_priori: bool
 ) -> RelativePrecision | None:
+    """Of the pairs that observations join; None where no two of them are apart."""
     rows = book.observations
     ends = np.column_stack([rows.from_points, rows.to_points])[rows.active]
     pairs = np.unique(np.sort(ends, axis=1), axis=0)
     coordinates = solution.values(equations.points)
     apart = np.linalg.norm(coordinates[pairs[:, 1]] - coordinates[pairs[:, 0]], axis=1) > 0.0
+    if not apart.any():
+        return None
     first, second = equations.points[pairs[apart]].T
     return relative_precision(solution, first, second, a_priori or solution.variance_factor is None)
 
