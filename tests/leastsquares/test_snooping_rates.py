@@ -8,6 +8,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from obseq.report.quality import snooping_lines
+from obseq.survey import Quality
+
 BENCH = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "bench_snooping.py"
 DRAWS = 500
 NAMES = ("height differences", "directions, zenith angles and distances", "GNSS vectors")
@@ -45,6 +48,21 @@ def test_single_tests_reject_as_often_as_announced(bench, name) -> None:
     assert np.all(np.abs(rates.first - rates.first_expected) < chance)
     drawn = [of_chance(share, bench.THEORY_DRAWS) for share in rates.expected]
     assert np.all(rates.first_expected <= rates.expected + drawn)
+
+
+@pytest.mark.parametrize("name", NAMES[1:])
+def test_a_planted_blunder_is_named_first_and_explained(bench, name) -> None:
+    network = bench.NETWORKS[name]()
+    own, _ = bench.controls(network)
+    biases = bench.BIAS * np.sqrt(np.diag(network.covariance))
+    for row in np.flatnonzero(own > 4.0)[::6].tolist():
+        errors = np.where(np.arange(len(own)) == row, biases, 0.0)
+        record = network.adjusted(errors, Quality(snooping="w")).record()
+        (first, *_) = record.snooping.rejections
+        assert first.row == row
+        assert first.blunder == pytest.approx(biases[row], rel=1e-3)
+        (line,) = [text for text in snooping_lines(record) if first.observation in text]
+        assert "off by about" in line
 
 
 @pytest.mark.slow

@@ -51,19 +51,20 @@ class Surveyed:
     def _simulation(self) -> Simulation:
         return Simulation(self.network)
 
-    def _adjusted(self, errors: FloatArray, quality: Quality) -> Adjustment:
+    def adjusted(self, errors: FloatArray, quality: Quality) -> Adjustment:
+        """The network with these errors (n,) of its observations, adjusted."""
         changed = with_values(self.network, self._simulation.exact + errors)
         return changed.adjust(start=self._simulation.truth, quality=quality)
 
     def standardised(self, errors: FloatArray) -> FloatArray:
         """(n,) standardised residuals of observations with these errors (n,)."""
-        numbers = self._adjusted(errors, Quality()).quality.observations
+        numbers = self.adjusted(errors, Quality()).quality.observations
         assert numbers is not None
         return numbers.standardised
 
     def snooped(self, errors: FloatArray) -> list[int]:
         """Rows of observations with these errors (n,) that snooping leaves out, the first first."""
-        found = self._adjusted(errors, Quality(snooping="w", snooping_level=OVERALL)).quality.snooping
+        found = self.adjusted(errors, Quality(snooping="w", snooping_level=OVERALL)).quality.snooping
         assert found is not None
         return [item.row for item in found.rejections]
 
