@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from obseq.survey import Network
+
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 
 
@@ -21,3 +23,26 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
     assert failures == []
     assert counts["refused"] > 100
     assert counts["adjusted"] > 3
+
+
+@pytest.mark.slow  # reads a few hundred files, adjusts some
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex"])
+def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path, name):
+    monkeypatch.syspath_prepend(TOOLS)
+    bench, counts = importlib.import_module("fuzz_projects"), Counter()
+    found = bench.seeds(tmp_path, f"{name}.*")
+    assert len(found) == 1
+    failures = [said for number in range(200) if (said := bench.failure(found, number, 0.05, counts))]
+    assert failures == []
+    assert counts["refused"] > 50
+    assert counts["read"] + counts["adjusted"] > 5
+
+
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex"])
+def test_the_samples_without_mutation_are_adjusted(monkeypatch, tmp_path, name):
+    monkeypatch.syspath_prepend(TOOLS)
+    bench = importlib.import_module("fuzz_projects")
+    (seed,) = bench.seeds(tmp_path, f"{name}.*")
+    adjusted = Network.read_project(seed.paths, encoding="latin-1").adjust()
+    assert adjusted.converged
+    assert not adjusted.left_out
