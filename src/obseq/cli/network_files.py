@@ -174,6 +174,8 @@ def source_of(arguments: argparse.Namespace) -> Source:
             "give a project (before options that take several values), or observation files (--obs) and "
             "point files (--cor)"
         )
+    if arguments.geoid is not None:
+        reading["geoid"] = arguments.geoid
     if "sigmas" in reading:
         raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
     return Source(arguments.obs, arguments.cor, reading)

@@ -23,6 +23,7 @@ from obseq.arguments import (
     instance,
 )
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
@@ -34,6 +35,7 @@ from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
+from obseq.survey.files.geoid import read_geoid
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
@@ -101,6 +103,7 @@ class Network:
         point_format=TEXT | NOTHING,
         point_options=instance(PointFileOptions) | NOTHING,
         ignore=WORDS,
+        geoid=PATH | NOTHING,
     )
     def read(
         cls,
@@ -114,6 +117,7 @@ class Network:
         point_options: PointFileOptions | None = None,
         ignore: Collection[str] = (),
         refraction: float = crs.REFRACTION_COEFFICIENT,
+        geoid: str | Path | None = None,
     ) -> Network:
         """Reads OBS files and point files.
 
@@ -131,6 +135,7 @@ class Network:
             ignore: What is to be left out of the files, with a warning: "heights", "relative-sigmas",
                 "deflections", "after-sigma" (everything after the sigma of an observation).
             refraction: Coefficient k of zenith angles: rays are arcs of radius (radius of the Earth) / k.
+            geoid: Deflections of the vertical of points whose line gives none (see `with_deflections`).
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
@@ -145,7 +150,8 @@ class Network:
                 if point_sigma is not None:
                     options = replace(options, sigma=point_sigma)
                 points = _read_free_format(point_files, point_format, options)
-        return cls.assembled(points, book, frame, points_crs, refraction, watch)
+        network = cls.assembled(points, book, frame, points_crs, refraction, watch)
+        return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod
     @expecting(
@@ -180,7 +186,7 @@ class Network:
             encoding: Encoding of names in the files.
             points_crs: Definition of the system of the points, of files that do not say it (tables).
             outside: Whether files outside the folder of the project may be read.
-            geoid: Geoid heights and deflections, for files with heights above the geoid.
+            geoid: Geoid heights and deflections (see `with_deflections`); heights are for DynAdjust files.
             ignore: What is to be passed over, as for `read`; "frames": reference frames and epochs of single
                 observations that are not those of the network.
             sigmas: Standard deviations of observations whose file has none, such as "distance=2mm" (STAR*NET,
@@ -197,7 +203,32 @@ class Network:
         systems = project.systems(frame, points_crs)
         network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
-        return replace(network, unit_sigma=project.unit_sigma, datum=datum)
+        network = replace(network, unit_sigma=project.unit_sigma, datum=datum)
+        return network if place is None or project.has_geoid else network.with_deflections(place)
+
+    @expecting(geoid=PATH)
+    def with_deflections(self, geoid: str | Path) -> Network:
+        """The network with deflections of the vertical of a geoid, for points that have none of their own.
+
+        Points are looked up where files or first values put them, the others in the middle of these.
+
+        Args:
+            geoid: A grid (.gsb) or a list of stations (.geo); its heights have no part.
+
+        Raises:
+            InputError: The network has no place on the Earth, or the geoid says nothing of its points.
+        """
+        given = self.points.deflections
+        if not self.frame.has_place:
+            raise InputError(f"{geoid}: deflections need a place on the Earth: say the system of the points")
+        xyz = self.fieldwork.initial_values().coordinates
+        xyz = np.where(np.isfinite(xyz), xyz, np.nanmean(xyz, axis=0))
+        longitudes, latitudes, _ = self.frame.system.geodetic(xyz).T
+        found = read_geoid(geoid).at(self.points.names, longitudes, latitudes)[:, 1:]
+        if not np.isfinite(found).any():
+            raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")
+        deflections = np.where(np.isnan(given), found, given)
+        return replace(self, points=replace(self.points, deflections=deflections))
 
     def _repr_html_(self) -> str:
         return network_html(self.points, self.book, self.frame)

@@ -93,4 +93,5 @@ def _project(content: _Content, reading: Reading) -> Project:
     geoid = None if reading.geoid is None else read_geoid(reading.geoid, reading.encoding)
     stations = Stations(content.stations, header, geoid, content.files)
     book = field_book(stations, content.measurements, "frames" in reading.ignore)
-    return Project(stations.points(), book, points_crs=stations.definition, refraction=0.0)
+    definition = stations.definition
+    return Project(stations.points(), book, points_crs=definition, refraction=0.0, has_geoid=True)

@@ -30,6 +30,7 @@ class Project:
             reports; None when it does not.
         inner: With inner constraints, names of points that do not carry them, and of those whose coordinates
             stay known then; None without.
+        has_geoid: Whether the geoid that is given has been used.
     """
 
     points: Points
@@ -40,6 +41,7 @@ class Project:
     max_iterations: int | None = None
     unit_sigma: float | None = None
     inner: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    has_geoid: bool = False
 
     def systems(self, frame: str | None, points_crs: str | None) -> tuple[str | None, str | None]:
         """Definitions of the computation frame, and of the system of the points: those given, else its own.
