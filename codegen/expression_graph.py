@@ -7,6 +7,7 @@ that all quotients of one denominator share, multiples of one node are added, an
 is computed once, in whatever order it is asked for.
 """
 
+from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -251,13 +252,16 @@ class ExpressionGraph:
             return self.constant(fold(*known))
         return self.node(operator, *operands)
 
-    def reachable(self, outputs: list[int]) -> list[int]:
-        """The nodes that the outputs depend on, operands first, in order of creation."""
+    def reachable(self, outputs: list[int], known: Container[int] = ()) -> list[int]:
+        """The nodes that the outputs depend on, operands first, in order of creation.
+
+        Those that are `known` already are among them, and what they depend on is not.
+        """
         seen: set[int] = set()
         pending = list(outputs)
         while pending:
             node = pending.pop()
             if node not in seen:
                 seen.add(node)
-                pending.extend(self.nodes[node].operands)
+                pending.extend(() if node in known else self.nodes[node].operands)
         return sorted(seen)

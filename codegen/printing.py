@@ -88,7 +88,7 @@ class Printer:
             spilled: Nodes that an earlier loop computed, and the places where it left them.
         """
         outputs = [store.node for store in stores]
-        nodes = self._needed(outputs, spilled)
+        nodes = self.graph.reachable(outputs, spilled)
         computed = [node for node in nodes if node not in spilled]
         self._lines, self._text = [], {}
         self._uses = Counter(operand for node in computed for operand in self.graph.nodes[node].operands)
@@ -101,16 +101,6 @@ class Printer:
                 self._lines.append(self.dialect.comment.format(comment))
             self._lines.append(self.dialect.store.format(store.place, self._expression(store.node)[0]))
         return self._lines
-
-    def _needed(self, outputs: list[int], spilled: Mapping[int, str]) -> list[int]:
-        seen: set[int] = set()
-        pending = list(outputs)
-        while pending:
-            node = pending.pop()
-            if node not in seen:
-                seen.add(node)
-                pending.extend(() if node in spilled else self.graph.nodes[node].operands)
-        return sorted(seen)
 
     def _load(self, nodes: list[int], spilled: Mapping[int, str]) -> None:
         """One line per input used, in the order of the places, then one per spilled value."""

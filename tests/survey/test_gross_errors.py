@@ -14,7 +14,7 @@ from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.screening import groups, search
 from obseq.survey.screening.findings import Cause
-from obseq.survey.screening.values import GON, explained, variants
+from obseq.survey.screening.values import GON, explain, variants
 
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 
@@ -139,15 +139,15 @@ def test_only_the_worst_are_explained_one_by_one(planted, tmp_path, monkeypatch)
 def test_slips_that_turn_one_value_into_another(kind, read, expected, cause, words):
     unit = GON if kind.is_angle else 1.0
     tolerance = 0.005 / GON if kind.is_angle else 0.003
-    found = explained(kind, read / unit, expected / unit, tolerance)
+    found = explain(kind, read / unit, expected / unit, tolerance)
     assert found is not None
     assert (found.cause, words in found.text) == (cause, True), found
 
 
 def test_noise_and_accidents_are_not_explained():
-    assert explained(HZ, 1.0, 1.2345, 1e-4) is None
+    assert explain(HZ, 1.0, 1.2345, 1e-4) is None
     # with a tolerance of metres, every digit would do
-    assert explained(DIST, 100.0, 137.0, 5.0) is None
+    assert explain(DIST, 100.0, 137.0, 5.0) is None
 
 
 def test_variants_leave_out_what_noise_would_do():

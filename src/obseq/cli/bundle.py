@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
-        solution = _solved(block, datum, arguments, progress)
+        solution = _solve(block, datum, arguments, progress)
         progress("writing")
         record = record_of(solution)
         shown = summary(record, [str(path) for path in outputs.values()])
@@ -162,7 +162,7 @@ def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dic
     return files
 
 
-def _solved(
+def _solve(
     block: BundleAdjustment,
     datum: str | tuple[str, ...],
     arguments: argparse.Namespace,

@@ -263,7 +263,7 @@ class Camera:
             return q
         values, jacobian = self._distort.values_and_jacobian(q, self._rows(len(q)))
         for _ in range(NEWTON_STEPS):
-            step = _solved(jacobian, goal - values)
+            step = _solve_each(jacobian, goal - values)
             q = self._moved(q, step, goal, values)
             values, jacobian = self._distort.values_and_jacobian(q, self._rows(len(q)))
             if np.nanmax(np.abs(step), initial=0.0) <= NEWTON_TOLERANCE:
@@ -344,7 +344,7 @@ def are_in_front(
     return np.asarray(seen)
 
 
-def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:
+def _solve_each(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Solutions (n, 2) of systems (n, 2, 2) x = (n, 2), not finite where singular."""
     (a, b), (c, d) = matrices[:, 0].T, matrices[:, 1].T
     with np.errstate(divide="ignore", invalid="ignore"):

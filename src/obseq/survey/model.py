@@ -17,6 +17,7 @@ from obseq.survey.points import CoordinateCovariance as CoordinateCovariance
 from obseq.survey.points import Points as Points
 from obseq.survey.points import make_points as make_points
 from obseq.survey.points import merge_points as merge_points
+from obseq.survey.points import points_of_lines as points_of_lines
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray

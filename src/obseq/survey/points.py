@@ -14,7 +14,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
 
@@ -132,6 +132,21 @@ def make_points(
     points = Points(tuple(names), xyz, sigma, deflections, ("",) * n, (), nowhere, no_line)
     _require_unique(points)
     return points
+
+
+def points_of_lines(
+    names: Sequence[str],
+    coordinates: FloatArray,
+    sigmas: FloatArray,
+    file: str,
+    lines: Mapping[str, int],
+) -> Points:
+    """Points of one file, with the lines that they stand in; those without a line are named elsewhere."""
+    numbers = np.array([lines.get(name, 0) for name in names], np.int32)
+    indices = np.where(numbers > 0, 0, -1).astype(np.int32)
+    return replace(
+        make_points(names, coordinates, sigmas), files=(file,), file_indices=indices, lines=numbers
+    )
 
 
 def _table(what: str, numbers: npt.ArrayLike, n: int) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.geometry import sums_by_owner
 from obseq.images.aerial.frames import turned
-from obseq.images.aerial.rays import PARALLEL, meet, middle_jacobian, solved_by_point
+from obseq.images.aerial.rays import PARALLEL, meet, middle_jacobian, solve_by_point
 from obseq.images.initial.intersection import closest_to_rays
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def intersect_rays(
         left, jacobian = _linearised(found[point], eyes, turn, inner, pixels)
         normal = sums_by_owner(np.swapaxes(jacobian, 1, 2) @ jacobian, point, count)
         right = sums_by_owner(np.einsum("nij,ni->nj", jacobian, left), point, count)
-        step = solved_by_point(normal, right)
+        step = solve_by_point(normal, right)
         found = found + step
         if not (np.abs(step) > ARRIVED).any():
             break

@@ -73,7 +73,7 @@ def middle_jacobian(towards: FloatArray, along: FloatArray, pairs: RayPairs) -> 
     return np.asarray(0.5 * moved)
 
 
-def solved_by_point(matrices: FloatArray, right: FloatArray) -> FloatArray:
+def solve_by_point(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Solutions (n, 3) of small systems; nan where a matrix is singular to the rounding error."""
     good = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     scale = np.trace(matrices[good], axis1=1, axis2=2)

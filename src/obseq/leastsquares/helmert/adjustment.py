@@ -88,12 +88,12 @@ def solve_in_blocks(
     """
     parts = cut(system, depth)
     if folder is not None:
-        return _solved(system, parts, executor, max_iterations, tolerance, Path(folder))
+        return _solve(system, parts, executor, max_iterations, tolerance, Path(folder))
     with tempfile.TemporaryDirectory() as temporary:
-        return _solved(system, parts, executor, max_iterations, tolerance, Path(temporary))
+        return _solve(system, parts, executor, max_iterations, tolerance, Path(temporary))
 
 
-def _solved(
+def _solve(
     system: LeastSquares,
     parts: Cut,
     executor: Executor | None,

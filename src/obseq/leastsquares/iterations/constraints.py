@@ -134,7 +134,7 @@ class _Elimination:
 
     def add(self, row: Row) -> None:
         """Takes one more constraint."""
-        coefficients, value = self._substituted(row)
+        coefficients, value = self._substitute(row)
         largest = max((abs(c) for c in coefficients.values()), default=0.0)
         scale = max((abs(c) for c in row.coefficients.values()), default=0.0)
         if largest <= VANISHING * scale or not coefficients:
@@ -147,7 +147,7 @@ class _Elimination:
         self._replace(pivot, solved, value / leading)
         self.sources[pivot] = row.label
 
-    def _substituted(self, row: Row) -> tuple[dict[int, float], float]:
+    def _substitute(self, row: Row) -> tuple[dict[int, float], float]:
         coefficients: dict[int, float] = {}
         value = row.value
         for number, c in row.coefficients.items():

@@ -179,13 +179,13 @@ class _Rounds:
     ) -> VarianceComponents:
         factors, history, converged = np.ones(len(components)), [np.ones(len(components))], False
         for _ in range(max_rounds):
-            new = self._improved(factors, self._solved(factors))
+            new = self._improved(factors, self._solve(factors))
             converged = bool(np.max(np.abs(new / factors - 1.0)) <= tolerance)
             factors = new
             history.append(new)
             if converged:
                 break
-        result = self._solved(factors)
+        result = self._solve(factors)
         matrix, _, redundancy = self._equations(factors, result)
         return VarianceComponents(
             tuple(component.name for component in components),
@@ -199,7 +199,7 @@ class _Rounds:
             given,
         )
 
-    def _solved(self, factors: FloatArray) -> LeastSquaresResult:
+    def _solve(self, factors: FloatArray) -> LeastSquaresResult:
         for source, variances in self.equations.variances(factors):
             source.sigmas = np.sqrt(variances)
         return self.system.solve(covariance=True, **self.options)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.files.text import parse_number
+from obseq.survey.files.text import leading_numbers, parse_number
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -93,17 +93,10 @@ class AfterSigma:
 
     def _numbers(self, index: int, fields: list[str]) -> list[float]:
         """The numbers before the first word."""
-        numbers: list[float] = []
-        for text in fields:
-            try:
-                float(text)
-            except ValueError:
-                break
-            try:
-                numbers.append(parse_number(text))
-            except ValueError as error:
-                raise self.file.error(index, f"{error} (after the sigma)") from error
-        return numbers
+        try:
+            return leading_numbers(fields, parse_number)
+        except ValueError as error:
+            raise self.file.error(index, f"{error} (after the sigma)") from error
 
     def _ignore(self, name: str, is_something: bool) -> None:
         if is_something:

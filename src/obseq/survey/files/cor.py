@@ -36,6 +36,7 @@ from obseq.survey.files.text import (
     TextFile,
     check_default_sigma,
     check_writable,
+    leading_numbers,
     parse_number,
     quoted,
     read_text,
@@ -193,13 +194,7 @@ def _number(file: TextFile, index: int, text: str) -> float:
 
 def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Rest:
     """The numbers after the coordinates, by how many they are, and the text after them."""
-    numbers: list[float] = []
-    for text in fields:
-        try:
-            float(text)
-        except ValueError:
-            break
-        numbers.append(_number(file, index, text))
+    numbers = leading_numbers(fields, lambda text: _number(file, index, text))
     info = quoted(" ".join(fields[len(numbers) :]))
     if len(numbers) == 2 and not is_known:
         return _Rest((), _deflection(file, index, numbers), info)

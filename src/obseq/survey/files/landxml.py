@@ -19,7 +19,7 @@ from obseq.survey.files.landxml_units import Units, units_of
 from obseq.survey.files.levelled_points import hold_plans
 from obseq.survey.files.project import Project, Reading, only_one
 from obseq.survey.files.xml_file import Element, read_xml
-from obseq.survey.model import Points
+from obseq.survey.model import Points, points_of_lines
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,15 +132,4 @@ class PointTable:
         sigmas[held] = np.where(np.isnan(coordinates[held]), np.nan, 0.0)
         if not np.isin(book.observations.types, HEIGHTS).any():
             coordinates[:, 2], sigmas[:, 2] = 0.0, 0.0
-        lines = np.array([self._lines.get(name, 0) for name in names], np.int32)
-        n = len(names)
-        return Points(
-            names=tuple(names),
-            coordinates=coordinates,
-            sigmas=sigmas,
-            deflections=np.full((n, 2), np.nan),
-            infos=("",) * n,
-            files=(root.file.name,),
-            file_indices=np.where(lines > 0, 0, -1).astype(np.int32),
-            lines=lines,
-        )
+        return points_of_lines(names, coordinates, sigmas, root.file.name, self._lines)

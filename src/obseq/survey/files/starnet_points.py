@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.survey.files.starnet_values import DEFAULT, FIXED, FREE, MARKS
 from obseq.survey.files.text import quoted
-from obseq.survey.model import Points
+from obseq.survey.model import Points, points_of_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,15 +90,4 @@ class PointLines:
         sigmas = np.array([self._sigmas.get(name, _NOTHING) for name in names]).reshape(-1, 3)
         if is_plane:
             coordinates[:, 2], sigmas[:, 2] = 0.0, 0.0
-        lines = np.array([self._lines.get(name, 0) for name in names], np.int32)
-        n = len(names)
-        return Points(
-            names=tuple(names),
-            coordinates=coordinates,
-            sigmas=sigmas,
-            deflections=np.full((n, 2), np.nan),
-            infos=("",) * n,
-            files=(file,),
-            file_indices=np.where(lines > 0, 0, -1).astype(np.int32),
-            lines=lines,
-        )
+        return points_of_lines(names, coordinates, sigmas, file, self._lines)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
 _MARKS_OF_OTHER_ENCODINGS = ((b"\xff\xfe", "UTF-16"), (b"\xfe\xff", "UTF-16"))
 _LONGEST_QUOTE = 160
@@ -114,6 +118,18 @@ def quoted(text: str) -> str:
     """The text as it can be printed anywhere: unprintable characters escaped, cut when very long."""
     shown = printable(text.strip()[: 4 * _LONGEST_QUOTE])
     return shown if len(shown) <= _LONGEST_QUOTE else shown[:_LONGEST_QUOTE] + "..."
+
+
+def leading_numbers(fields: Sequence[str], parse: Callable[[str], float]) -> list[float]:
+    """The numbers before the first word among fields; `parse` refuses those that may not be."""
+    numbers: list[float] = []
+    for text in fields:
+        try:
+            float(text)
+        except ValueError:
+            break
+        numbers.append(parse(text))
+    return numbers
 
 
 def parse_number(text: str) -> float:

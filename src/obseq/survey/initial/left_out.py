@@ -29,7 +29,7 @@ _ONLY_LEVELLED = (
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class LeftOut(LeftOutRecord):
     """A point or a station that the adjustment does without.
 
     Attributes:
@@ -42,18 +42,9 @@ class LeftOut:
         directions: unit vectors along which its observations let the point move; None where they leave more.
     """
 
-    what: str
-    name: str
-    reason: str
-    observations: tuple[str, ...]
-    place: tuple[float, ...] | None = None
-    directions: tuple[tuple[float, ...], ...] | None = None
-
     def record(self) -> LeftOutRecord:
         """Its entry in the record of the adjustment."""
-        return LeftOutRecord(
-            self.what, self.name, self.reason, self.observations, self.place, self.directions
-        )
+        return LeftOutRecord(**vars(self))
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""

@@ -11,7 +11,7 @@ from obseq.survey.kinds.components import DZ
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.values import GON, Explanation, explained
+from obseq.survey.screening.values import GON, Explanation, explain
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
@@ -120,7 +120,7 @@ class Ambiguity:
     def _explanation(self, one: Alternative) -> Explanation | None:
         kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else DZ
         value, fits, unit = self._values(one)
-        return explained(kind, value, fits, _HIT * self.found.scale * one.sigma / unit)
+        return explain(kind, value, fits, _HIT * self.found.scale * one.sigma / unit)
 
 
 def _place(one: Alternative) -> Place:

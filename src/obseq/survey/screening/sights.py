@@ -11,7 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.values import GON, LIKELY, Explanation, difference, explained
+from obseq.survey.screening.values import GON, LIKELY, Explanation, difference, explain
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -72,7 +72,7 @@ def explanation_of(found: Estimate, row: int) -> Explanation | None:
         if abs(flat - value) <= tolerance < 0.5 * abs(expected - flat):
             text = "the horizontal distance instead of the slope distance"
             return Explanation(Cause.HORIZONTAL, text, tolerance / max(value, tolerance))
-    return explained(kind, value, expected, tolerance)
+    return explain(kind, value, expected, tolerance)
 
 
 def _of_same_sight(found: Estimate, row: int, suspects: dict[int, None]) -> list[int]:

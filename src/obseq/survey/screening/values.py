@@ -106,7 +106,7 @@ def _sexagesimal(value: float) -> float:
     return math.copysign(math.radians(degrees + minutes / 60.0 + seconds / 3600.0), value)
 
 
-def explained(kind: ObservationKind, value: float, expected: float, tolerance: float) -> Explanation | None:
+def explain(kind: ObservationKind, value: float, expected: float, tolerance: float) -> Explanation | None:
     """The most telling explanation of a value; None when none is likely.
 
     Args:
