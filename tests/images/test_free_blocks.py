@@ -62,7 +62,7 @@ def test_a_self_calibrated_aerial_block_without_control(freeze, relief):
     poses, points = _strips(3, 6, 900, relief)
     solution = _free(poses, points, 5.0, 0.03, freeze).solve(datum="centres")
     assert solution.converged
-    assert len(solution.iterations) < 25
+    assert len(solution.iterations) < 32
     assert 0.95 < solution.sigma0 < 1.05
     assert solution.result.redundancy == solution.result.n_observations - solution.result.n_unknowns + 7
     error = abs(solution.cameras["c"].focal - scenes.CAMERA.focal)
@@ -74,7 +74,7 @@ def test_a_single_strip_is_turned_back_about_its_own_line():
     poses, points = _strips(1, 10, 700, 15.0)
     solution = _free(poses, points, 5.0, 0.03, "b.|p.|K.|PP.").solve(datum="centres")
     assert solution.converged
-    assert len(solution.iterations) < 25
+    assert len(solution.iterations) < 32
     _is_on_its_datum(solution.poses.centres, solution.start.poses.centres)
 
 

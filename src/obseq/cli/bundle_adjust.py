@@ -8,8 +8,6 @@ from obseq.cli.progress import Progress, described
 from obseq.cli.results import INCOMPLETE
 from obseq.writing import check_writable, write_all
 
-MAX_ITERATIONS = 50
-
 MORE = """
 Options are MMVII's, Name=value, of today or of 2024:
   GCP3D=[[F,SG,Out?],...] GCP2D=[[F,SI,At?,Thr?,Exp?],...]   or GCPDir, GCPW, AddGCPW, GCPDirOut
@@ -65,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         block = assembled(tree, arguments.images, arguments.orientation, options)
         solution = block.solve(
-            max_iterations=options.iterations or MAX_ITERATIONS,
+            max_iterations=options.iterations,
             progress=lambda step: progress(f"adjusting: {described(step)}"),
         )
         record = record_of(solution)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, SingularSystemError
+from obseq.images.adjustment.approach import approach, drop_undetermined
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
 from obseq.images.adjustment.quality import search_blunders
@@ -21,10 +22,12 @@ from obseq.leastsquares import LeastSquares
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.quality import BlunderSearch
     from obseq.leastsquares import Iteration
 
-MAX_ITERATIONS = 50
+MAX_ITERATIONS, MOST_ROBUST = 50, 200
+TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
 
 
 class BundleAdjustment(Block):
@@ -41,8 +44,8 @@ class BundleAdjustment(Block):
 
     def solve(
         self,
-        max_iterations: int = MAX_ITERATIONS,
-        tolerance: float = 1e-6,
+        max_iterations: int | None = None,
+        tolerance: float | None = None,
         datum: str | Sequence[str] = "control",
         covariance: bool = True,
         eliminate: bool = True,
@@ -54,8 +57,10 @@ class BundleAdjustment(Block):
         """Adjusts the block; the block itself does not change.
 
         Args:
-            max_iterations: the iterations end at this number when they have not converged before.
-            tolerance: they end when no unknown moves any more by this share of its standard deviation.
+            max_iterations: the iterations end at this number when they have not converged before: 50, or 200
+                with robust weights.
+            tolerance: they end when no unknown moves any more by this share of its standard deviation: 1e-6,
+                or 1e-3 with robust weights, which come near their end slowly.
             datum: what fixes position, orientation and scale: "control" (control points, observed or held
                 poses), "centres" or "points" (a free block: the changes of all of them from the start are
                 least), names of points (of these), or "none" (nothing; no covariances).
@@ -78,19 +83,21 @@ class BundleAdjustment(Block):
         equations = Equations(self, start, system, eliminate and not keeps_points)
         shared = dict(zip(start.points, map(int, equations.points), strict=True))
         surveys = join_surveys(self.surveys, initial, system, shared)
-        solving: dict[str, Any] = {
-            "max_iterations": max_iterations,
-            "tolerance": tolerance,
+        solving: Solving = {
+            "max_iterations": max_iterations or (MOST_ROBUST if self._is_robust else MAX_ITERATIONS),
+            "tolerance": tolerance or (ROBUST_TOLERANCE if self._is_robust else TOLERANCE),
             "progress": progress,
         }
         solving["before_iteration"] = follower(surveys)
         wanted = True if covariance and datum != "none" else None
         try:
             if datum in ("control", "none"):
+                done = approach(equations, strategy, solving)
+                dropped = drop_undetermined(equations)
                 result = system.solve(strategy=strategy, covariance=wanted, **solving)
-                done = result.iterations
+                done += result.iterations
             else:
-                result, done = solve_free(equations, datum, strategy, wanted, solving)
+                result, done, dropped = solve_free(equations, datum, strategy, wanted, solving)
                 strategy = "gauss-newton"
             found = None
             if blunders is not None:
@@ -98,7 +105,12 @@ class BundleAdjustment(Block):
                 done += result.iterations
         except SingularSystemError as error:
             raise SingularSystemError(f"{error}\n{hint(self, start)}", error.unknowns) from None
-        return BundleSolution(self, start, equations, result, done, tuple(surveys), found)
+        return BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
+
+    @property
+    def _is_robust(self) -> bool:
+        """Whether some measures are weakened by their residuals."""
+        return any(part.weighting is not None and part.weighting.loss is not None for part in self.sets)
 
     def initialise(self) -> tuple[str, ...]:
         """Finds poses for the images that have measures and none; returns their names.

@@ -58,6 +58,7 @@ class Equations:
         control: batch of the coordinates of control points, and (n, 2) their point and component.
         rigid: rigid blocks.
         clinometers: the clinometers; None where nothing was read.
+        eliminated: blocks of the points that are taken out of the normal equations first.
     """
 
     def __init__(self, block: Block, start: Start, system: LeastSquares, eliminate: bool) -> None:
@@ -81,8 +82,9 @@ class Equations:
         if block.instruments.inclinations:
             self.clinometers = ClinometerEquations(system, block.instruments, images, poses)
         self._slow()
-        if eliminate:
-            self._eliminate()
+        self.eliminated = self._eliminated() if eliminate else self.points[:0]
+        if self.eliminated.size:
+            system.eliminate(self.eliminated)
 
     @property
     def instruments(self) -> list[IntArray]:
@@ -174,12 +176,10 @@ class Equations:
                 given = known if value is None else np.full_like(known, value)
                 self.system.add_prior([block], given, sigmas[None], PARAMETERS)
 
-    def _eliminate(self) -> None:
-        """Points that only image measures and their own coordinates concern are eliminated."""
+    def _eliminated(self) -> IntArray:
+        """Blocks of the points that only image measures and their own coordinates concern."""
         alone = ~are_among(self.start.points, self.block.joined_points)
-        chosen = self.points[alone & ~self.start.is_held.all(axis=1)]
-        if chosen.size:
-            self.system.eliminate(chosen)
+        return self.points[alone & ~self.start.is_held.all(axis=1)]
 
     # Equations
 

@@ -7,11 +7,12 @@ lengths, verticals or known places determine some of the seven) is done by steps
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.images.adjustment.approach import approach, drop_undetermined
 from obseq.images.initial.growth import similarity
 from obseq.images.names import index_of
 
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.geometry import Pose
+    from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.equations import Equations
+    from obseq.images.adjustment.start import LeftOut
     from obseq.leastsquares import Iteration, LeastSquaresResult
 
 SETTLINGS = 8
@@ -33,9 +36,9 @@ def solve_free(
     datum: str | Sequence[str],
     strategy: str,
     covariance: bool | None,
-    solving: dict[str, Any],
-) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
-    """The solution of a free block that is closest to its start on the datum, and all its iterations.
+    solving: Solving,
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...], tuple[LeftOut, ...]]:
+    """The solution of a free block closest to its start on the datum, its iterations, what was left out.
 
     Raises:
         InputError: what the datum rests on does not fix it.
@@ -46,8 +49,11 @@ def solve_free(
     chosen = datum_blocks(equations, datum)
     before, wanted = [system.values(ids) for ids in groups], system.values(chosen)
     done: tuple[Iteration, ...] = ()
+    dropped: tuple[LeftOut, ...] = ()
     if strategy == "levenberg-marquardt":
-        done = system.solve(strategy=strategy, **solving).iterations
+        done = approach(equations, strategy, solving)
+        dropped = drop_undetermined(equations)
+        done += system.solve(strategy=strategy, **solving).iterations
     _move_back(equations, chosen, wanted, datum)
     after = [system.values(ids) for ids in groups]
     for ids, values in zip(groups, before, strict=True):
@@ -61,7 +67,7 @@ def solve_free(
         if len(settled) == 1 and settled[0].max_step <= SETTLED:
             break
     result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
-    return result, done + result.iterations
+    return result, done + result.iterations, dropped
 
 
 def datum_blocks(equations: Equations, datum: str | Sequence[str]) -> IntArray:

@@ -95,6 +95,7 @@ class BundleSolution:
         iterations: all that led to it.
         surveys: the survey networks that share its points.
         blunders: what the search for blunders left out; None when none was asked for.
+        beyond: points that thresholds left too few measures.
     """
 
     block: Block
@@ -104,6 +105,7 @@ class BundleSolution:
     iterations: tuple[Iteration, ...]
     surveys: tuple[JoinedSurvey, ...] = ()
     blunders: BlundersFound | None = None
+    beyond: tuple[LeftOut, ...] = ()
 
     # The state
 
@@ -139,7 +141,7 @@ class BundleSolution:
     def left_out(self) -> tuple[LeftOut, ...]:
         """What took no part, and why."""
         rejected = () if self.blunders is None else self.blunders.rejected
-        return (*self.start.left_out, *(item.as_left_out() for item in rejected))
+        return (*self.start.left_out, *self.beyond, *(item.as_left_out() for item in rejected))
 
     @property
     def unpaired(self) -> tuple[LeftOut, ...]:

@@ -11,8 +11,10 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.camera import are_in_front
 from obseq.images.initial.intersection import intersect
+from obseq.images.initial.rough import ROUGH, misfit, usual_places
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
+from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +23,9 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
     from obseq.images.camera import Camera
     from obseq.images.parts import MeasureSet
-    from obseq.images.poses import Poses
 
+FAR_OFF = 10.0
+"""Sigmas by which a given centre may be off an observed one; it starts at the observation otherwise."""
 LEAST_RAYS = 2
 
 
@@ -78,6 +81,7 @@ class Start:
         is_control: (n,) whether a point is a control point.
         sets: the measures.
         left_out: what takes no part.
+        misfit: by how many pixels the rays miss the points that they placed, in the median.
     """
 
     poses: Poses
@@ -88,6 +92,7 @@ class Start:
     is_control: BoolArray
     sets: list[NumberedSet]
     left_out: tuple[LeftOut, ...]
+    misfit: float = 0.0
 
     @property
     def is_held(self) -> BoolArray:
@@ -112,7 +117,7 @@ def start_of(block: Block) -> Start:
         raise InputError("the block has no image measures: add some (add_measures)")
     images, left_out = _images(block)
     cameras = [block.cameras[block.camera_of[image]] for image in images]
-    poses = block.poses.select(images)
+    poses = _at_observed_centres(block, block.poses.select(images))
     names, sets = _numbered(block, images)
     control = are_among(names, block.control.names)
     covariances = _covariances(block, names)
@@ -124,7 +129,9 @@ def start_of(block: Block) -> Start:
         for k in np.flatnonzero(~fixed & (counts < LEAST_RAYS))
     }
     coordinates = _known_coordinates(block, names)
-    unplaced = _place(coordinates, reasons, poses, cameras, names, sets)
+    wanted = np.asarray(np.isnan(coordinates).any(axis=1))
+    wanted[list(reasons)] = False
+    unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
     _require_in_front(poses, cameras, names, sets, coordinates)
     kept = np.ones(len(names), dtype=bool)
@@ -144,7 +151,19 @@ def start_of(block: Block) -> Start:
         control[kept],
         used,
         tuple(left_out),
+        off,
     )
+
+
+def _at_observed_centres(block: Block, poses: Poses) -> Poses:
+    """The poses, with the centres that are observed much better than they are given."""
+    centres = poses.centres.copy()
+    for part in block.pose_observations:
+        rows = index_of(poses.images, part.poses.images, "observed poses: image")
+        off = np.abs(part.poses.centres - centres[rows])
+        far = (off > FAR_OFF * part.centre_sigmas).any(axis=1) & np.isfinite(part.centre_sigmas).all(axis=1)
+        centres[rows[far]] = part.poses.centres[far]
+    return Poses(poses.images, centres, poses.rotations, poses.cameras)
 
 
 def _images(block: Block) -> tuple[list[str], list[LeftOut]]:
@@ -215,20 +234,22 @@ def _covariances(block: Block, names: list[str]) -> FloatArray:
     return found
 
 
-def _place(
+def put_points(
     coordinates: FloatArray,
-    reasons: dict[int, str],
+    wanted: BoolArray,
     poses: Poses,
     cameras: list[Camera],
-    names: list[str],
+    names: Sequence[str],
     sets: list[NumberedSet],
-) -> dict[int, str]:
-    """Puts points without coordinates where their rays meet; the reasons of those that cannot be."""
-    wanted = np.asarray(np.isnan(coordinates).any(axis=1))
-    wanted[list(reasons)] = False
+) -> tuple[dict[int, str], float]:
+    """Puts points that are wanted where their rays meet, or about there where poses are rough.
+
+    Returns:
+        The reasons of those that cannot be placed, and by how many pixels rays miss their points.
+    """
     if not wanted.any():
-        return {}
-    parts = [(part, wanted[part.point]) for part in sets]
+        return {}, 0.0
+    parts = [(part, part.is_used & wanted[part.point]) for part in sets]
     rays = ImagePoints.packed(
         poses.images,
         names,
@@ -239,7 +260,13 @@ def _place(
     )
     found = intersect(rays, poses, cameras)
     coordinates[wanted] = found.coordinates[wanted]
-    return {int(k): found.reasons[k] for k in np.flatnonzero(wanted & ~found.is_placed)}
+    lost = wanted & ~found.is_placed
+    off = misfit(found)
+    if off > ROUGH:
+        places, needed = usual_places(rays, poses, cameras, found)
+        coordinates[wanted & needed] = places[wanted & needed]
+        lost &= ~needed
+    return {int(k): found.reasons[k] for k in np.flatnonzero(lost)}, off
 
 
 def _require_in_front(

@@ -42,8 +42,8 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
     if int(known.sum()) + others < 7:
         raise InputError(
             f"the block has no datum: {int(known.sum()) + others} coordinates of measured points are known, "
-            "and position, orientation and scale take 7; add control points, or ask for a free block with "
-            "datum='centres'"
+            "and position, orientation and scale take 7; add control points, or ask for a free block, on its "
+            "centres or on its points (datum='centres', datum='points'; --datum centres, --datum points)"
         )
     if others == len(block.lengths.values) and (known.all(axis=1) == known.any(axis=1)).all():
         check_spread(start.coordinates[known.all(axis=1)], "the block")

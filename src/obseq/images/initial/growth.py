@@ -38,6 +38,8 @@ LEAST_KNOWN = 6
 PAIRS_TRIED = 12
 LARGEST_RESIDUAL = 8.0
 """Pixels: points that any image misses by more are not used to place others."""
+LEAST_OF_A_FRAME = 3
+"""Known points that bring a block to the world."""
 FRAME_OPTIONS = ResectionOptions(triplets=200, max_error=8.0)
 
 
@@ -71,18 +73,18 @@ class Growth:
             cameras=[self.cameras[name].name for name in names],
         )
 
-    def points(self) -> ControlPoints:
-        """Points that the placed images intersect well, as known points."""
+    def points(self, largest: float = LARGEST_RESIDUAL) -> ControlPoints:
+        """Points that the placed images intersect, as known points; none that any misses by more pixels."""
         placed = self.as_poses()
         seen = are_among(self.measures.image_names, placed.images)
         if len(placed) < 2 or not seen[self.measures.image].any():
             return ControlPoints.of([], np.zeros((0, 3)))
         rays = self.measures.rows(seen[self.measures.image])
         found = intersect(rays, placed, [self.cameras[image] for image in placed.images])
-        largest = np.zeros(len(found.names))
+        missed = np.zeros(len(found.names))
         norms = np.nan_to_num(np.linalg.norm(found.residuals, axis=1), nan=np.inf)
-        np.maximum.at(largest, rays.point, norms)
-        good = np.flatnonzero(found.is_placed & (largest <= LARGEST_RESIDUAL))
+        np.maximum.at(missed, rays.point, norms)
+        good = np.flatnonzero(found.is_placed & (missed <= largest))
         return ControlPoints.of([found.names[row] for row in good], found.coordinates[good])
 
     def place(self, known: ControlPoints, least: int) -> int:
@@ -225,5 +227,7 @@ def _to_frame(growth: Growth, known: ControlPoints) -> None:
     if not len(known):
         return
     found = growth.points()
+    if sum(name in set(known.names) for name in found.names) < LEAST_OF_A_FRAME:
+        found = growth.points(np.inf)  # a block that has drifted: the adjustment will bend it back
     common = [name for name in found.names if name in set(known.names)]
     growth.transform(*similarity(found.select(common).coordinates, known.select(common).coordinates))

@@ -130,6 +130,11 @@ def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) ->
     return Intersection(measures.point_names, points, covariances, counts, tuple(reasons), residuals)
 
 
+def directions_of(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> FloatArray:
+    """(m, 3) unit directions in the world of the rays of measures; NaN where none can be formed."""
+    return _Rays.of(measures, poses, cameras).directions()
+
+
 def closest_to_rays(
     centres: FloatArray, directions: FloatArray, point: IntArray, n: int
 ) -> tuple[FloatArray, FloatArray]:

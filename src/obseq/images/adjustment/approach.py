@@ -1,0 +1,150 @@
+"""The way to a solution from rough poses, or with robust weights: what is hard in the end is soft before.
+
+From rough poses nothing is weakened: residuals of hundreds of pixels say nothing of single measures.
+Thresholds come last, when they mean what they say.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from obseq.errors import SingularSystemError
+from obseq.images.adjustment.start import LeftOut, put_points
+from obseq.images.initial.rough import ROUGH
+from obseq.images.names import are_among
+from obseq.images.poses import Poses
+from obseq.leastsquares.problem.losses import Attenuated
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import BoolArray
+    from obseq.images.adjustment.equations import Equations, MeasureBatch
+    from obseq.leastsquares import Batch, Iteration
+
+Solving: TypeAlias = dict[str, Any]
+"""What `LeastSquares.solve` is given."""
+STEPS, ROUNDS = 8, 12
+NO_MORE = 0.9
+"""What is left of the misfit after a round that has brought too little."""
+LOOSE = 0.1
+"""Share of its standard deviation by which an unknown may still move when a stage ends."""
+
+
+def approach(equations: Equations, strategy: str, solving: Solving) -> tuple[Iteration, ...]:
+    """The iterations before the last solution; the losses are as they were afterwards."""
+    batches = _weakened(equations)
+    losses = [batch.loss for batch in batches if isinstance(batch.loss, Attenuated)]
+    done: tuple[Iteration, ...] = ()
+    try:
+        if equations.start.misfit > ROUGH:
+            _set_losses(batches, [None] * len(batches))
+            done += _come_near(equations, strategy, solving)
+        if any(loss.threshold for loss in losses):
+            _set_losses(batches, [_soft(loss) for loss in losses])
+            done += equations.system.solve(strategy=strategy, **{**solving, "tolerance": LOOSE}).iterations
+    finally:
+        _set_losses(batches, losses)
+    return done
+
+
+def _set_losses(batches: Sequence[Batch], losses: Sequence[Attenuated | None]) -> None:
+    for batch, loss in zip(batches, losses, strict=True):
+        batch.loss = loss
+
+
+def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[Iteration, ...]:
+    """A few steps, after which points are put where their rays meet: until these do.
+
+    Steps alone would drive points away where the rays of rough poses diverge. No point is eliminated here:
+    steps are damped in all unknowns then.
+    """
+    gone = equations.eliminated
+    if gone.size:
+        equations.system.eliminate(gone, False)
+    few = {**solving, "tolerance": LOOSE, "max_iterations": STEPS}
+    done: tuple[Iteration, ...] = ()
+    off = equations.start.misfit
+    for _ in range(ROUNDS):
+        with suppress(SingularSystemError):  # a point that has run away: it is called back
+            done += equations.system.solve(strategy=strategy, **few).iterations
+        before, off = off, place_again(equations)
+        if off <= ROUGH or off > NO_MORE * before:
+            break
+    if gone.size:
+        equations.system.eliminate(gone)
+    return done
+
+
+def place_again(equations: Equations) -> float:
+    """Puts free points where their rays meet at the present state; by how many pixels these miss them."""
+    start, system = equations.start, equations.system
+    free = start.is_free.all(axis=1) & ~are_among(start.points, equations.block.joined_points)
+    poses = Poses(
+        start.poses.images,
+        system.values(equations.centres),
+        system.values(equations.rotations),
+        start.poses.cameras,
+    )
+    coordinates = system.values(equations.points)
+    coordinates[free] = np.nan
+    _, off = put_points(coordinates, free, poses, start.cameras, start.points, start.sets)
+    placed = free & np.isfinite(coordinates).all(axis=1)
+    system.set_values(equations.points[placed], coordinates[placed])
+    return off
+
+
+def _weakened(equations: Equations) -> list[Batch]:
+    return [item.batch for item in equations.measures if isinstance(item.batch.loss, Attenuated)]
+
+
+def _soft(loss: Attenuated) -> Attenuated:
+    """A loss without its threshold; where it is nothing else, one that weakens what lies about there."""
+    if loss.attenuation is None and loss.threshold is not None:
+        return Attenuated(loss.threshold, None, 2.0)
+    return replace(loss, threshold=None)
+
+
+def drop_undetermined(equations: Equations) -> tuple[LeftOut, ...]:
+    """Leaves out the free points of which thresholds keep fewer than two measures, at the present state.
+
+    Their measures are switched off, and the points stay where they are.
+    """
+    batches = _weakened(equations)
+    if not any(isinstance(batch.loss, Attenuated) and batch.loss.threshold for batch in batches):
+        return ()
+    start = equations.start
+    kept, all_of = (np.zeros(len(start.points), dtype=np.int64) for _ in range(2))
+    for item in equations.measures:
+        points = start.sets[item.part].point[item.rows]
+        all_of += np.bincount(points[item.batch.active], minlength=len(kept))
+        kept += np.bincount(points[item.batch.active & _weighs(equations, item)], minlength=len(kept))
+    lost = (kept < 2) & (kept < all_of) & start.is_free.all(axis=1)
+    lost &= ~are_among(start.points, equations.block.joined_points)
+    if lost.any():
+        _switch_off(equations, lost)
+    reason = "of its {} measures, {} are beyond the threshold"
+    return tuple(
+        LeftOut("point", start.points[k], reason.format(all_of[k], all_of[k] - kept[k]))
+        for k in np.flatnonzero(lost)
+    )
+
+
+def _switch_off(equations: Equations, points: BoolArray) -> None:
+    for item in equations.measures:
+        own = equations.start.sets[item.part].point[item.rows]
+        item.batch.active = item.batch.active & ~points[own]
+    equations.system.freeze(equations.points[points])
+
+
+def _weighs(equations: Equations, item: MeasureBatch) -> BoolArray:
+    """(n,) measures of a batch that its loss leaves some weight."""
+    if item.batch.loss is None:
+        return np.ones(len(item.rows), dtype=bool)
+    sigmas = equations.start.sets[item.part].given.measures.sigmas[item.rows]
+    norms = np.linalg.norm(equations.system.residuals(item.batch) / sigmas, axis=1)
+    return np.asarray(item.batch.loss.weights(norms) > 0.0)

@@ -1,0 +1,72 @@
+"""Places for points from rough poses, where rays miss each other by far and may even meet behind a camera.
+
+Such points tell nothing of where they are but that they are about as far as others; from there, damped steps
+find them. To leave them out would be to throw away good measures because of poor first values.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.geometry import sums_by_owner
+from obseq.images.initial.intersection import directions_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.images.camera import Camera
+    from obseq.images.initial.intersection import Intersection
+    from obseq.images.measures import ImagePoints
+    from obseq.images.poses import Poses
+
+ROUGH = 10.0
+"""Pixels: where half of the rays miss their points by more, the poses are rough."""
+FAR = 3.0
+"""Times the usual distance of an image to its points, beyond which a rough point is lost."""
+
+
+def misfit(found: Intersection) -> float:
+    """Median length of the residuals of intersected points, pixels; 0 without any."""
+    norms = np.linalg.norm(found.residuals, axis=1)
+    known = norms[np.isfinite(norms)]
+    return float(np.median(known)) if known.size else 0.0
+
+
+def usual_places(
+    measures: ImagePoints, poses: Poses, cameras: Sequence[Camera], found: Intersection
+) -> tuple[FloatArray, BoolArray]:
+    """Points at the usual distance on their rays, and which of the points need them: lost, or far off.
+
+    Args:
+        measures: of the points that were intersected.
+        poses: of their images, in their order.
+        cameras: camera of each image of `poses`.
+        found: the intersections.
+
+    Returns:
+        (n, 3) the means of the places on the rays, and (n,) whether a point has no better one.
+    """
+    centres, directions = poses.centres[measures.image], directions_of(measures, poses, cameras)
+    reach = np.linalg.norm(found.coordinates[measures.point] - centres, axis=1)
+    usual = _medians(reach, measures.image, len(poses))[measures.image]
+    n = len(measures.point_names)
+    formed = np.isfinite(directions).all(axis=1) & np.isfinite(usual)
+    counts = np.bincount(measures.point[formed], minlength=n)
+    places = centres[formed] + usual[formed, None] * directions[formed]
+    means = sums_by_owner(places, measures.point[formed], n) / np.maximum(counts, 1)[:, None]
+    far = np.zeros(n, dtype=bool)
+    far[measures.point[reach > FAR * usual]] = True
+    return means, (far | ~found.is_placed) & (counts > 1)
+
+
+def _medians(values: FloatArray, owner: np.ndarray, n: int) -> FloatArray:
+    """(n,) medians of the finite values of each owner; that of all where it has none."""
+    finite = np.isfinite(values)
+    whole = float(np.median(values[finite])) if finite.any() else np.nan
+    found = np.full(n, whole)
+    for k in np.unique(owner[finite]):
+        found[k] = np.median(values[finite & (owner == k)])
+    return found
