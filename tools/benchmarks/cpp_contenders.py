@@ -142,10 +142,8 @@ def filled_and_copied(
     shape = (u.shape[1], o.shape[1], width)
     handle, results = make(min(n, BUFFER), *shape, u.ctypes.data, o.ctypes.data), np.empty((n, width))
 
-    addresses = u.ctypes.data, o.ctypes.data, results.ctypes.data
-
     def run(repeats: int) -> None:
-        evaluate(handle, repeats, n, *shape, *addresses)
+        evaluate(handle, repeats, n, *shape, u.ctypes.data, o.ctypes.data, results.ctypes.data)
 
     return run
 
