@@ -67,7 +67,7 @@ class Kernel:
         """Row of the first residual in a tile."""
         return len(self.unknowns) + len(self.observations)
 
-    @property
+    @functools.cached_property
     def constant_rows(self) -> tuple[tuple[int, float], ...]:
         """(row of a tile, value) of the constant entries of the Jacobian."""
         first = self.first_result + len(self.residuals)

@@ -242,8 +242,10 @@ class _Structure:
 
 def _refuse_clusters(problem: Problem, eliminated: BoolArray) -> None:
     for batch in problem.batches:
+        if batch.clusters is None:
+            continue
         touched = eliminated[batch.blocks].any(axis=0)
-        if batch.clusters is not None and touched.any():
+        if touched.any():
             raise InputError(
                 f"{batch.label(int(np.argmax(touched)))}: a covariance across observations concerns blocks "
                 "that are to be eliminated; do not eliminate them"

@@ -76,8 +76,10 @@ def share_bounds(counts: Sequence[int], threads: int) -> IntArray:
 
     There are as many shares as threads, fewer when each would have less than `LEAST_SHARE` observations.
     """
+    shares = max(1, min(threads, sum(counts) // LEAST_SHARE))
+    if shares == 1:
+        return np.array([[0] * len(counts), counts], dtype=np.int64)
     n = np.array(counts, dtype=np.int64)
-    shares = max(1, min(threads, int(n.sum()) // LEAST_SHARE))
     tiles = -(-n // LANES)
     return np.asarray(np.minimum(np.arange(shares + 1)[:, None] * tiles // shares * LANES, n))
 

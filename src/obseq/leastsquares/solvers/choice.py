@@ -11,9 +11,10 @@ if TYPE_CHECKING:
 
 SOLVER_NAMES = ("dense", "supernodal", "superlu", "pardiso", "cholmod")
 
-SMALL = 1000
-"""Up to this many unknowns an adjustment of five iterations takes less than 0.07 s densely (6 ms at 350); the
-sparse solver takes 0.01 s, but 0.2 s to be loaded, and 10 s to be compiled the very first time."""
+SMALL = 500
+"""Up to this many unknowns the matrix is dense. Measured on networks of distances with code compiled ahead of
+time: where both solvers are loaded the sparse one wins from 280 unknowns on (a whole solution of 500: 13 ms,
+dense 22); its first use in a process costs 0.08 s more, most of it PyMETIS, and it wins from 850 on."""
 
 NEARLY_FULL = 0.5
 """Share of non-zero entries from which a dense factorisation is the faster one (measured: 0.65 to 0.75 times
