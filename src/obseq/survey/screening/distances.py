@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,15 +10,19 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.survey.adjustment.instruments import estimating
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.lengths import DIST, DIST_HZ
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.model import FieldBook
     from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
 
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+_HORIZONTAL = "horizontal"
 _LEAST = 4
 """Distances from which an unknown of all of them says something."""
 _MAP_SCALE = 3e-3
@@ -31,16 +36,15 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     if len(mine) < _LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
     best: tuple[float, str, Estimate] | None = None
-    for what in ("constant", "scale"):
-        try:
-            book = estimating(trials.found.book, [what])
-        except InputError:
+    for what in (_HORIZONTAL, "constant", "scale"):
+        book = _changed(trials.found.book, mine, what)
+        if book is None:
             continue
         corrected = trials.tried(trials.found.points, book)
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
-        if trials.explains(left) and (best is None or left < best[0]):
+        if trials.explains(left) and (best is None or left < best[0] - 0.3):
             best = left, what, corrected
     if best is None:
         return None
@@ -49,8 +53,24 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     label = trials.found.book.label(int(mine[0]))
     name = f"all {len(mine)} {DIST.name} observations (the first: {label})"
     values = [value for part, value in corrected.instruments if part == what]
-    text = _of_constant(values) if what == "constant" else _of_scale(values, system)
-    return GrossError(name, Cause.DISTANCES, text, size, tuple(mine.tolist())), corrected
+    if what == _HORIZONTAL:
+        cause, text = Cause.HORIZONTAL, "they look like horizontal distances instead of slope distances"
+    else:
+        text = _of_constant(values) if what == "constant" else _of_scale(values, system)
+        cause = Cause.DISTANCES
+    return GrossError(name, cause, text, size, tuple(mine.tolist())), corrected
+
+
+def _changed(book: FieldBook, rows: Rows, what: str) -> FieldBook | None:
+    """The observations, with distances that are horizontal, or have an unknown; None where that cannot be."""
+    if what == _HORIZONTAL:
+        types = book.observations.types.copy()
+        types[rows] = DIST_HZ.code
+        return replace(book, observations=replace(book.observations, types=types))
+    try:
+        return estimating(book, [what])
+    except InputError:
+        return None
 
 
 def _of_constant(values: list[float]) -> str:

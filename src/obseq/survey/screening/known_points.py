@@ -69,7 +69,7 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
 def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
     """What may be wrong, the most particular first."""
     yield from _swapped(system, found.points, np.flatnonzero(found.points.has_coordinates), "all points")
-    yield from _in_feet(system, found.points)
+    yield from _in_other_units(system, found.points)
     candidates = _candidates(found)
     for row in candidates:
         yield from _swapped(system, found.points, np.array([row]), "")
@@ -98,19 +98,19 @@ def _swapped(system: PointSystem, points: Points, rows: Rows, who: str) -> Itera
         yield _Trial(Cause.SWAPPED_COORDINATES, text, replace(points, coordinates=coordinates), which)
 
 
-def _in_feet(system: PointSystem, points: Points) -> Iterator[_Trial]:
-    """All points with heights, or all coordinates, that are in feet where metres are meant."""
+def _in_other_units(system: PointSystem, points: Points) -> Iterator[_Trial]:
+    """All points with heights, or all coordinates, in feet where metres are meant, and the reverse."""
     rows = np.flatnonzero(points.has_coordinates)
     given = system.coordinates(points.coordinates[rows])
-    for axes, what in (((2,), "heights"), ((0, 1, 2), "coordinates")):
-        if len(axes) > 1 and system.system.kind is not crs.Kind.LOCAL:
-            continue
-        right = given.copy()
-        right[:, axes] *= FEET
-        coordinates = points.coordinates.copy()
-        coordinates[rows] = system.placed(right)
-        text = f"{what} of all points look like feet instead of metres"
-        yield _Trial(Cause.UNITS, text, replace(points, coordinates=coordinates), tuple(rows.tolist()))
+    is_plane = system.system.kind is crs.Kind.LOCAL
+    for axes, what in (((2,), "heights"), ((0, 1, 2), "coordinates"))[: 2 if is_plane else 1]:
+        for factor, unit in ((FEET, "feet where metres are meant"), (1.0 / FEET, "metres read as feet")):
+            right = given.copy()
+            right[:, axes] *= factor
+            coordinates = points.coordinates.copy()
+            coordinates[rows] = system.placed(right)
+            text = f"{what} of all points look like {unit}"
+            yield _Trial(Cause.UNITS, text, replace(points, coordinates=coordinates), tuple(rows.tolist()))
 
 
 def _candidates(found: Estimate) -> list[int]:

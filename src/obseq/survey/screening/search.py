@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -33,6 +34,8 @@ _MOST_SINGLES = 300
 """Suspects that are taken one by one, the worst of them."""
 
 _MOST_NAMED = 5
+_EQUAL = 0.1
+"""Contradictions by which two causes may differ that explain a network equally well."""
 
 
 def gross_errors(
@@ -111,9 +114,20 @@ def _cause_of_many(
     steps = [group_cause(trials)]
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
-    found_steps = [step for step in steps if step is not None]
-    best = min(found_steps, key=lambda step: round(step[1].disagreement(GROSS), 1), default=None)
-    return best or sigmas_cause(trials)
+    return _best([step for step in steps if step is not None]) or sigmas_cause(trials)
+
+
+def _best(steps: list[tuple[GrossError, Estimate]]) -> tuple[GrossError, Estimate] | None:
+    """The mistake that leaves least; others that leave as little are told with it."""
+    if not steps:
+        return None
+    left = [step[1].disagreement(GROSS) for step in steps]
+    first, *others = [step for step, one in zip(steps, left, strict=True) if one <= min(left) + _EQUAL]
+    text = "; or, which nothing tells apart, ".join(
+        [first[0].text, *(f"{other.what}: {other.text}" for other, _ in others)]
+    )
+    points = tuple(dict.fromkeys(name for error, _ in (first, *others) for name in error.points))
+    return replace(first[0], text=text, points=points), first[1]
 
 
 def is_doubtful(start: Determined, equations: Equations) -> bool:

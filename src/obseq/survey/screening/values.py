@@ -58,6 +58,7 @@ class Explanation:
 _IN_DEGREES = Mistake(Cause.UNITS, "degrees instead of gon", lambda v: v * 10.0 / 9.0)
 _ANGLES = (
     _IN_DEGREES,
+    Mistake(Cause.UNITS, "gon, and were read as degrees", lambda v: v * 0.9, 0.9),
     Mistake(Cause.UNITS, "radians instead of gon", lambda v: v * GON),
     Mistake(
         Cause.UNITS,
@@ -88,12 +89,18 @@ _OF_HZ = (
 )
 
 
+_OF_ANGLE = (
+    Mistake(Cause.SENSE, "counted anticlockwise, or its first and its last point exchanged", lambda v: -v),
+    _OF_HZ[1],
+)
+
+
 def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
     """The mistakes that are made with values of a kind."""
     if kind.start is Start.ZENITH:
         return _ANGLES + _OF_ZENITH
     if kind.is_angle:
-        return _ANGLES + _OF_HZ
+        return _ANGLES + (_OF_ANGLE if kind.start is Start.ANGLE else _OF_HZ)
     return _LENGTHS if kind.start in (Start.DISTANCE, Start.FLAT) else (*_LENGTHS, _SIGN)
 
 
