@@ -69,6 +69,7 @@ class Estimate:
         ratios: (k,) size of the misfits in sigmas; 0 where it is not known.
         scale: how many times larger than their sigmas the misfits of good observations are, 1 to 4.
         instruments: names and values (m, parts) of the unknowns of instruments, where there are any.
+        control: redundancy for each observation, on average.
     """
 
     points: Points
@@ -79,6 +80,7 @@ class Estimate:
     ratios: FloatArray
     scale: float
     instruments: tuple[tuple[str, float], ...] = ()
+    control: float = 1.0
 
     @property
     def computed(self) -> FloatArray:
@@ -165,6 +167,7 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
         ratios,
         _scale(ratios, equations.system),
         tuple(equations.shared.of_instruments(equations.system)),
+        equations.system.redundancy / max(int(np.count_nonzero(np.isfinite(misfits))), 1),
     )
 
 

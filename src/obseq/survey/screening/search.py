@@ -17,6 +17,7 @@ from obseq.survey.screening.groups import Trials, group_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
 from obseq.survey.screening.setups import setup_cause
+from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 
@@ -34,6 +35,8 @@ _MOST_SINGLES = 300
 """Suspects that are taken one by one, the worst of them."""
 
 _MOST_NAMED = 5
+_WELL_CONTROLLED = 0.6
+"""Redundancy for each observation from which the majority is right."""
 _EQUAL = 0.1
 """Contradictions by which two causes may differ that explain a network equally well."""
 
@@ -114,7 +117,10 @@ def _cause_of_many(
     steps = [group_cause(trials)]
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
-    return _best([step for step in steps if step is not None]) or sigmas_cause(trials)
+    best = _best([step for step in steps if step is not None])
+    if best is None and len(found.suspects) > 1 and found.control < _WELL_CONTROLLED:
+        best = sight_cause(trials)
+    return best or sigmas_cause(trials)
 
 
 def _best(steps: list[tuple[GrossError, Estimate]]) -> tuple[GrossError, Estimate] | None:
