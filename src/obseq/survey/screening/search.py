@@ -35,8 +35,6 @@ _MOST_SINGLES = 300
 """Suspects that are taken one by one, the worst of them."""
 
 _MOST_NAMED = 5
-_WELL_CONTROLLED = 0.6
-"""Redundancy for each observation from which the majority is right."""
 _EQUAL = 0.1
 """Contradictions by which two causes may differ that explain a network equally well."""
 
@@ -118,7 +116,7 @@ def _cause_of_many(
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
     best = _best([step for step in steps if step is not None])
-    if best is None and len(found.suspects) > 1 and found.control < _WELL_CONTROLLED:
+    if best is None and len(found.suspects) > 1:
         best = sight_cause(trials)
     return best or sigmas_cause(trials)
 

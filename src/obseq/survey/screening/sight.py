@@ -35,6 +35,9 @@ _NO_WEIGHT = 1e5
 _EQUAL = 0.3
 """Contradictions by which equally good explanations may differ."""
 _NAMED = 6
+_WELL_CONTROLLED = 0.6
+"""Redundancy for each observation from which the majority is right, and only the worst suspects are tried."""
+_FEW = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,8 @@ class _Without:
 def sight_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The wrong sight, or the one of several, with the network without it; None when there is none."""
     found: list[_Without] = []
-    for number, rows in enumerate(_choices(trials.found)):
+    choices = _worst if trials.found.control > _WELL_CONTROLLED else _choices
+    for number, rows in enumerate(choices(trials.found)):
         if number == trials.most:
             trials.untried.append("sights one by one")
             break
@@ -65,6 +69,11 @@ def sight_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     if len(equal) == 1 and set(trials.found.suspects.tolist()) <= set(equal[0].rows.tolist()):
         return None  # it is what is suspected anyway
     return _described(trials, equal), equal[0].estimate
+
+
+def _worst(found: Estimate) -> Iterator[Rows]:
+    """The worst suspects, one of which may have spoilt the estimate by its size."""
+    yield from (np.array([row], np.intp) for row in found.suspects[:_FEW].tolist())
 
 
 def _choices(found: Estimate) -> Iterator[Rows]:
@@ -116,7 +125,7 @@ def _described(trials: Trials, equal: list[_Without]) -> GrossError:
     size = float(trials.found.ratios.max())
     told = [_words(trials, one) for one in equal[:_NAMED]]
     if len(equal) == 1:
-        text = f"without it nothing contradicts; {told[0][0]}"
+        text = f"without it nothing contradicts; {told[0][0].removeprefix(f'{names[0]}: ')}"
         return GrossError(names[0], told[0][1], text, size, rows, is_one=True)
     likely = [pair for pair in told if pair[1] is not Cause.UNKNOWN] or told[:1]
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
