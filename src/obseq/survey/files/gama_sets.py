@@ -57,6 +57,7 @@ class SetWriter:
     def __init__(self, network: GamaNetwork) -> None:
         self.network, self.book = network, network.book
         self.rows = network.book.observations
+        self._files = [Path(file).name for file in network.book.files]
         self.cluster = np.full(len(self.rows), -1, np.int64)
         for number, cluster in enumerate(self.book.clusters):
             self.cluster[cluster.rows] = number
@@ -103,8 +104,7 @@ class SetWriter:
 
     def extern(self, row: int) -> str:
         """The attribute that names our file and line."""
-        file = Path(self.book.files[self.rows.file_indices[row]]).name
-        return f" extern={quoteattr(f'{file}:{self.rows.lines[row]}')}"
+        return f" extern={quoteattr(f'{self._files[self.rows.file_indices[row]]}:{self.rows.lines[row]}')}"
 
 
 def number(value: float) -> str:

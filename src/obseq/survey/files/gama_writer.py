@@ -95,6 +95,7 @@ class _Writer(CoordinateWriter):
     def __init__(self, network: GamaNetwork) -> None:
         super().__init__(network)
         self._with_sights = np.zeros(len(self.rows), np.bool_)
+        self._alone = self.rows.active & np.isin(self.rows.types, codes(*ALONE))
         self._check()
 
     def _check(self) -> None:
@@ -172,9 +173,10 @@ class _Writer(CoordinateWriter):
 
     def _correlated(self, sights: list[int]) -> list[int]:
         """Angles and distances that are correlated with sights of a set-up: they are written in its set."""
-        alone = self.rows.active & np.isin(self.rows.types, codes(*ALONE))
         numbers = {int(self.cluster[row]) for row in sights} - {-1}
-        mates = [row for n in sorted(numbers) for row in self.book.clusters[n].rows.tolist() if alone[row]]
+        mates = [
+            row for n in sorted(numbers) for row in self.book.clusters[n].rows.tolist() if self._alone[row]
+        ]
         self._with_sights[mates] = True
         return mates
 
