@@ -29,3 +29,12 @@ def test_iterations_are_numbered_from_one(record) -> None:
 
 def test_all_warnings_are_listed(make) -> None:
     assert listing(make(warnings=[f"w{k}" for k in range(50)])).count("Warning: w") == 50
+
+
+def test_long_names_of_files_do_not_make_it_wide(plain, make) -> None:
+    plain["observations"][0]["file"] = "measured-on-the-first-of-all-the-days-of-may.obs"
+    text = listing(make())
+    assert "measure...ay.obs:1 " in text
+    assert max(map(len, text.splitlines())) <= 120
+    plain["observations"][1]["file"] = "measured-on-the-first-of-two-more-days-of-may.obs"
+    assert "of-two-more-days-of-may.obs:2" in listing(make())  # ambiguous when short

@@ -20,6 +20,9 @@ ANGLES = frozenset({"Hz", "Zen"})
 """Types that are angles in records that do not hold the unit of their observations (obseq 0.1.0)."""
 
 
+LONGEST_FILE = 16
+"""Characters of the name of a file in a table as text; the head of a listing has whole names."""
+
 JUDGED = ("redundancy", "standardised", "detectable", "effect")
 """Columns of observations whose reliability is known; effect: of the detectable bias, in sigmas."""
 
@@ -100,7 +103,7 @@ def observation_table(
     """Observations of the record with their residuals, and where they were read."""
     judged = JUDGED if record.reliability else ("normalised",)
     header = ("type", "from", "to", "file", "observed", "sigma", "residual", *judged)
-    names = short_names({row.file for row in record.observations})
+    names = brief_names({row.file for row in record.observations})
     rows = [
         _observation_cells(row, names[row.file])
         + (_judged_cells(row) if record.reliability else _normalised_cells(row))
@@ -113,6 +116,21 @@ def short_names(files: set[str]) -> dict[str, str]:
     """What tables call each file: its name without folders, unless two files have the same."""
     count = Counter(PurePath(file).name for file in files)
     return {file: name if count[name := PurePath(file).name] == 1 else file for file in files}
+
+
+def brief_names(files: set[str]) -> dict[str, str]:
+    """The same for tables as text, whose lines are short: of long names, their beginning and their end."""
+    names = short_names(files)
+    brief = {file: _elided(name) for file, name in names.items()}
+    count = Counter(brief.values())
+    return {file: name if count[name] == 1 else names[file] for file, name in brief.items()}
+
+
+def _elided(name: str) -> str:
+    if len(name) <= LONGEST_FILE:
+        return name
+    end = (LONGEST_FILE - 3) // 2
+    return f"{name[: LONGEST_FILE - 3 - end]}...{name[-end:]}"
 
 
 def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
@@ -150,12 +168,13 @@ def unit_of(row: ObservationRecord) -> str:
 
 def judged_table(record: AdjustmentRecord) -> Table:
     """What else reliability says of observations: adjusted value, tau, the error that each may have."""
+    names = brief_names({row.file for row in record.observations})
     rows = (
         (
             row.type,
             row.origin,
             row.target,
-            f"{PurePath(row.file).name}:{row.line}",
+            f"{names[row.file]}:{row.line}",
             units.ABSENT if row.adjusted is None else units.observed(unit_of(row), row.adjusted),
             units.fixed(row.normalised_residual, 2),
             units.fixed(row.tau, 2),
@@ -220,15 +239,18 @@ def moved_table(record: AdjustmentRecord) -> Table:
 def constraint_table(record: AdjustmentRecord, title: str, constraints: Sequence[ConstraintRecord]) -> Table:
     """Known coordinates with their residuals, and where they were read."""
     header = ("coordinate", "point", "file", "given", "sigma", "residual", "normalised")
-    return Table(title, header, tuple(_constraint_cells(record, row) for row in constraints), 3)
+    names = brief_names({row.file for row in record.constraints})
+    return Table(
+        title, header, tuple(_constraint_cells(record, row, names[row.file]) for row in constraints), 3
+    )
 
 
-def _constraint_cells(record: AdjustmentRecord, row: ConstraintRecord) -> tuple[str, ...]:
+def _constraint_cells(record: AdjustmentRecord, row: ConstraintRecord, file: str) -> tuple[str, ...]:
     unit = (record.points_crs_height_unit if row.coordinate == "z" else record.points_crs_unit) or "m"
     return (
         row.coordinate,
         row.point,
-        f"{PurePath(row.file).name}:{row.line}" if row.file else units.ABSENT,
+        f"{file}:{row.line}" if row.file else units.ABSENT,
         f"{units.coordinate(row.value, unit)} {unit}",
         f"{units.millimetres(row.sigma)} mm",
         f"{units.millimetres(row.residual)} mm",
