@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from obseq.images.measures import ImagePoints
 
 LEAST_POINTS = 6
-FLAT = 1e-4
-"""Below this planarity, points are in a plane for eleven parameters."""
-NEARLY_FLAT = 0.01
-"""Below this one (MMVII's), they are nearly in a plane: the result may be worth nothing, and it is said."""
+FLAT = 0.01
+"""Below this planarity (MMVII's `MinPlane11P`), points are in a plane for eleven parameters."""
+NEARLY_FLAT = 0.05
+"""Below this one they are nearly in a plane: the result may be worth little, and it is said."""
 
 
 @dataclass(frozen=True, eq=False)
