@@ -18,7 +18,7 @@ from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import GROSS, QUICK
 from obseq.survey.screening.sights import tolerance_of
-from obseq.survey.screening.values import GON, difference, explained
+from obseq.survey.screening.values import GON, difference, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -147,7 +147,7 @@ def _words(trials: Trials, one: _Without) -> tuple[str, Cause]:
         if abs(off) <= tolerance:
             continue
         unit, name = (GON, "gon") if kind.is_angle else (1.0, "m")
-        why = explained(kind, value, expected, tolerance)
+        why = explain(kind, value, expected, tolerance)
         cause = why.cause if why and cause is Cause.UNKNOWN else cause
         gap = f"the others give {unit * (value - off):.4f} {name}, it is {unit * off:.4f} {name} off"
         parts.append(f"{found.book.label(row)}: {gap}{f', likely: {why.text}' if why else ''}")
