@@ -90,6 +90,13 @@ def test_the_command_says_so_and_returns_1(tmp_path, capsys):
     assert "point X" in capsys.readouterr().err
 
 
+def test_a_levelling_whose_new_points_are_not_listed_is_told_how_to_list_them(tmp_path):
+    (tmp_path / "l.cor").write_text("5 A 0 0 10 0.001\n")
+    (tmp_path / "l.obs").write_text("4 A B 1.001 0.001\n4 B C 1.5 0.001\n4 C A -2.5 0.001\n")
+    with pytest.raises(InputError, match=r"Plain levelling needs no plan: list each new point with flag 4"):
+        Network.read(tmp_path / "l.obs", tmp_path / "l.cor").adjust()
+
+
 def test_a_point_that_is_only_levelled_is_told_the_flag_it_needs(tmp_path):
     (tmp_path / "l.cor").write_text("1 A 0 0 10 0.001\n0 B 0 0 11\n")
     (tmp_path / "l.obs").write_text("4 A B 1.001 0.001\n4 B A -1.001 0.001\n")

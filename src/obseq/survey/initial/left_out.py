@@ -27,6 +27,11 @@ _ONLY_LEVELLED = (
     "its plan"
 )
 
+_LEVELLING = (
+    "Plain levelling needs no plan: list each new point with flag 4 (4 NAME 0 0 0), each benchmark with flag "
+    "5 and its height (5 NAME 0 0 HEIGHT SIGMA)"
+)
+
 
 @dataclass(frozen=True)
 class LeftOut(LeftOutRecord):
@@ -142,12 +147,19 @@ def _refuse_nothing(
     if active.any() and (unknown.any() or not given.points.is_free.any()):
         return
     listed = [f"  {item.what}: {item.reason}" for item in found[:20]]
+    rows = given.book.observations
+    is_levelled = (
+        rows.active.any()
+        and np.isin(rows.types[rows.active], codes_where(lambda kind: kind.is_levelled)).all()
+    )
+    hint = ". " + _LEVELLING if is_levelled else ""
     if len(found) > len(listed):
         listed.append(f"  and {len(found) - len(listed)} more")
     raise InputError(
         "nothing remains to be adjusted: no initial value could be computed, or too few observations, for:\n"
         + "\n".join(listed)
         + "\nadd the observations that are missing, or approximate coordinates (flag 0) to the point file"
+        + hint
     )
 
 
