@@ -83,9 +83,10 @@ def texts(given: object, what: str) -> tuple[str, ...]:
         InputError: it is one text, or some of it is no text.
     """
     names = tuple(listed(given, what))
-    for number, name in enumerate(names):
-        if not isinstance(name, str):
-            raise InputError(f"{what}: row {number} is no name: {name!r}")
+    if set(map(type, names)) - {str}:  # many names are looked at one by one only when some are no plain texts
+        for number, name in enumerate(names):
+            if not isinstance(name, str):
+                raise InputError(f"{what}: row {number} is no name: {name!r}")
     return names
 
 
