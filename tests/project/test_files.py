@@ -101,6 +101,14 @@ def test_control_points_come_back(tmp_path, ending):
     assert read_control_points(tmp_path, is_chosen=lambda name, info: name == "B").names == ("B",)
 
 
+def test_places_that_are_no_rotation_are_refused(tmp_path):
+    poses = {"C1": Pose(np.zeros(3), np.diag([1.0, 1.0, -1.0]))}
+    path = tmp_path / "RigidBloc_B.xml"
+    path.write_text(block_text(BlockFile("B", "C1", "(.*)_(.*)", 1, 2, poses)))
+    with pytest.raises(InputError, match=r"PoseRel: C1: RotMatrix is no rotation"):
+        read_block(path)
+
+
 @BOTH
 def test_blocks_come_back(tmp_path, ending):
     poses = {"C1": Pose(np.zeros(3), np.eye(3)), "C2": Pose(np.array([0.61, 0, 0.01]), rotation(0.0, 0.1, 0))}

@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from obseq.arrays import FloatArray
     from obseq.project.tree import Tree
 
 BLOCK = "CalibBlocCam"
+ORTHONORMAL = 1e-6
+"""How far the axes of a pose may be from orthonormal: files of fewer digits than usual still are."""
 _INVERSE = ("PatternInv", "ReplaceInv", "SeparatorInv")
 
 
@@ -105,7 +108,16 @@ def read_pose_fields(fields: Reader) -> Pose:
     """A pose as blocks have it: `Center` and `RotMatrix`."""
     axes = fields.fields("RotMatrix")
     rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
+    if not is_rotation(rotation):
+        raise InputError(f"{axes.where} is no rotation: its axes are not orthonormal and right-handed")
     return Pose(np.array(fields.numbers("Center", 3), dtype=np.float64), rotation)
+
+
+def is_rotation(matrix: FloatArray) -> bool:
+    """Whether axes as files have them are orthonormal, to what their digits allow, and right-handed."""
+    with np.errstate(all="ignore"):  # numbers of any size may stand in a file
+        off = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    return bool(off <= ORTHONORMAL and np.linalg.det(matrix) > 0.0)
 
 
 def block_text(block: BlockFile, *, as_json: bool = False) -> str:

@@ -11,6 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import Pose, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
+from obseq.project.blocks import is_rotation
 from obseq.project.tree import Reader, merged, read_tree, tree_text
 from obseq.writing import write_all
 
@@ -25,8 +26,6 @@ POSE_PREFIX = "Ori-PerspCentral-"
 IMAGE_CALIBRATION = "Calib-PerspCentral-"
 """What the names of calibrations begin with that belong to one image."""
 NO_CALIBRATION = "NONE"
-ORTHONORMAL = 1e-6
-"""How far the axes of a pose may be from orthonormal: files of fewer digits than usual still are."""
 _NUMERICAL = ("SzBuffer", "DegreeApproxInv")
 """Settings of the original's numerical inverse."""
 _KINDS = {"K": "Radial", "p": "Decentric"}
@@ -139,16 +138,10 @@ def read_pose(path: str | Path) -> tuple[str, str, Pose]:
     fields = Reader(read_tree(path), str(path)).fields(POSE)
     axes = fields.fields("RotMatrix")
     rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
-    if not _is_rotation(rotation):
+    if not is_rotation(rotation):
         raise InputError(f"{path}: RotMatrix is no rotation: its axes are not orthonormal and right-handed")
     centre = np.array(fields.numbers("Center", 3), dtype=np.float64)
     return fields.text("NameImage"), fields.text("NameInternalCalib"), Pose(centre, rotation)
-
-
-def _is_rotation(matrix: FloatArray) -> bool:
-    with np.errstate(all="ignore"):  # numbers of any size may stand in a file
-        off = np.abs(matrix.T @ matrix - np.eye(3)).max()
-    return bool(off <= ORTHONORMAL and np.linalg.det(matrix) > 0.0)
 
 
 def pose_text(
