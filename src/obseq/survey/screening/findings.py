@@ -22,6 +22,7 @@ class Cause(enum.StrEnum):
     DISTANCES = "constant or scale of distances"
     SIGMAS = "sigmas too small"
     HORIZONTAL = "horizontal for slope distance"
+    COORDINATE_SYSTEM = "coordinate system"
     UNKNOWN = "unknown"
 
 

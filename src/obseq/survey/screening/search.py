@@ -11,6 +11,7 @@ from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.ambiguous import Ambiguity
+from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
@@ -54,6 +55,8 @@ def gross_errors(
         found = estimate(model, points, book)
     except ObseqError:
         return ()
+    if found.suspects.size and (together := coordinate_system_cause(Trials(model, found), system)):
+        return (together,)
     errors: list[GrossError] = []
     untried: list[str] = []
     for _ in range(_MOST_CAUSES):

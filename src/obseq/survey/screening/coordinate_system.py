@@ -1,0 +1,96 @@
+"""All known points together: they contradict observations that agree with each other.
+
+That is what a wrong coordinate system looks like. No known point is wrong by itself then, and no group of
+observations; trying them one after the other would take long in a large network, and find nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.geometry import closest_rotation
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.groups import estimated
+from obseq.survey.screening.robust import GROSS, QUICK
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.model import Points
+    from obseq.survey.screening.groups import Trials
+    from obseq.survey.screening.robust import Estimate
+
+_LEAST_KNOWN = 6
+"""Known points from which they can be said to be wrong together."""
+_NEARLY_ALL = 0.9
+"""Share of the known points with suspects, and..."""
+_MOST = 0.5
+"""...share of suspects among their observations from which they are wrong together."""
+_SCALE, _TURN, _FIT = 0.08, 0.25, 0.2
+"""Scale less 1, turn (rad) and misfit over size of a network that another coordinate system may explain."""
+
+
+def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError | None:
+    """A wrong coordinate system of all known points; None where something else is wrong."""
+    found = trials.found
+    known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
+    if len(known) < _LEAST_KNOWN or not _are_wrong_together(found, known):
+        return None
+    alone = estimated(trials.model, _on_two(found.points, known), found.book, QUICK)
+    if alone is None or not trials.explains(alone.disagreement(GROSS)):
+        return None
+    change = _change(found.points.coordinates[known], alone.coordinates[known])
+    if change is None:
+        return None
+    scale, turn = change
+    names = tuple(found.points.names[row] for row in known.tolist())
+    text = (
+        f"the observations agree with each other, and place them {1e6 * scale:+.0f} ppm larger and turned by "
+        f"{np.degrees(turn) / 0.9:.4f} gon: likely the coordinate system of the points "
+        f"({system.system.definition}) or the frame is wrong: correct --points-crs or --frame"
+    )
+    rows = tuple(found.suspects.tolist())
+    what = f"all {len(known)} known points together"
+    return GrossError(what, Cause.COORDINATE_SYSTEM, text, float(found.ratios.max()), rows, names)
+
+
+def _are_wrong_together(found: Estimate, known: IntArray) -> bool:
+    """Whether nearly all known points have suspects, and most observations at them are suspects."""
+    observations, is_known = found.book.observations, np.zeros(len(found.points), np.bool_)
+    is_known[known] = True
+    ends = observations.from_points, observations.to_points
+    at_known = (is_known[ends[0]] | is_known[ends[1]]) & observations.active
+    wrong = at_known & (found.ratios > GROSS)
+    touched = np.zeros(len(found.points), np.bool_)
+    for points in ends:
+        touched[points[wrong]] = True
+    return bool(touched[known].mean() >= _NEARLY_ALL and wrong.sum() >= _MOST * at_known.sum())
+
+
+def _on_two(points: Points, known: IntArray) -> Points:
+    """The points with all known ones but two neighbours unknown."""
+    places = points.coordinates[known]
+    first = int(np.argmin(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
+    nearest = np.argsort(np.linalg.norm(places - places[first], axis=1), kind="stable")[:2]
+    others = np.delete(known, nearest)
+    coordinates, sigmas = points.coordinates.copy(), points.sigmas.copy()
+    coordinates[others] = sigmas[others] = np.nan
+    return replace(points, coordinates=coordinates, sigmas=sigmas)
+
+
+def _change(given: FloatArray, found: FloatArray) -> tuple[float, float] | None:
+    """Scale less 1 and angle from places (k, 3) to others; None when these are not their image."""
+    is_there = np.isfinite(found).all(axis=1)
+    a, b = given[is_there] - given[is_there].mean(axis=0), found[is_there] - found[is_there].mean(axis=0)
+    if len(a) < _LEAST_KNOWN:
+        return None
+    rotation = closest_rotation(b.T @ a)
+    turned = a @ rotation.T
+    scale = float(np.sum(b * turned) / np.sum(a * a))
+    misfit = float(np.linalg.norm(b - scale * turned) / np.linalg.norm(b))
+    turn = float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    is_similar = abs(scale - 1.0) <= _SCALE and turn <= _TURN and misfit <= _FIT
+    return (scale - 1.0, turn) if is_similar else None

@@ -1,0 +1,57 @@
+"""A wrong coordinate system of the points is named as the cause, before any point or unit is suspected."""
+
+import importlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from obseq.survey import Network, write_cor, write_obs
+from obseq.survey.kinds.lengths import DIST
+from obseq.survey.screening.findings import Cause
+
+TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
+
+
+@pytest.fixture
+def files(monkeypatch, tmp_path):
+    """Writes a network of 100 points, twelve of them known in Lambert 93, its distances times a factor."""
+    monkeypatch.syspath_prepend(TOOLS)
+    simulated = importlib.import_module("make_network")
+
+    def written(factor=1.0):
+        random = np.random.default_rng(1)
+        true = simulated.terrain(100, 50.0, random)
+        names = [f"P{k}" for k in range(len(true))]
+        book = simulated.measured(names, true, simulated.sights(len(true), 600), random)
+        seen = book.observations
+        values = np.where(seen.types == DIST.code, factor * seen.values, seen.values)
+        write_obs(tmp_path / "site.obs", replace(book, observations=replace(seen, values=values)))
+        known = simulated.known_points(names, true, 8, simulated.PLANE, random)
+        write_cor(tmp_path / "site.cor", known, simulated.PLANE)
+        return tmp_path / "site.obs", tmp_path / "site.cor", simulated.FRAME
+
+    return written
+
+
+def errors_of(files, points_crs, factor=1.0):
+    obs, cor, frame = files(factor)
+    return Network.read(obs, cor, frame=frame, points_crs=points_crs).gross_errors()
+
+
+def test_a_wrong_coordinate_system_is_the_one_cause(files):
+    (error,) = errors_of(files, "EPSG:3949")
+    assert error.cause is Cause.COORDINATE_SYSTEM
+    assert "EPSG:3949" in error.text and "--points-crs" in error.text
+    assert len(error.points) == 12
+
+
+def test_the_right_one_raises_no_alarm(files):
+    assert errors_of(files, "IGNF:LAMB93") == ()
+
+
+def test_another_unit_of_length_is_not_taken_for_it(files):
+    errors = errors_of(files, "IGNF:LAMB93", factor=1.0 / 0.3048)
+    assert errors and Cause.COORDINATE_SYSTEM not in {error.cause for error in errors}
+    assert errors[0].cause in (Cause.UNITS, Cause.DISTANCES)
