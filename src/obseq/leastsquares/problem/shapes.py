@@ -118,6 +118,17 @@ def formula_shape(formula: str | Kernel) -> Shape:
     kernel = load(formula) if isinstance(formula, str) else formula
     if not isinstance(kernel, Kernel):
         raise FormulaError(f"a formula is given by its name or as a compiled formula, not by {formula!r}")
+    kept = _KEPT.get(kernel.name)
+    if kept is None or kept.formula is not kernel:
+        kept = _KEPT[kernel.name] = _shape_of(kernel)
+    return kept
+
+
+_KEPT: dict[str, Shape] = {}
+"""The shape of each formula asked for last by that name."""
+
+
+def _shape_of(kernel: Kernel) -> Shape:
     n_unknowns = len(kernel.unknowns)
     roles = tuple(
         Role(
