@@ -19,7 +19,7 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
         pytest.skip(f"the data sets are not beside the repository: {bench.DATA}")
     found, counts = bench.seeds(tmp_path), Counter()
     assert len(found) > 20
-    failures = [said for number in range(300) if (said := bench.failure(found, number, 0.1, counts))]
+    failures = [said for number in range(300) if (said := bench.failure(found, number, 0.25, counts))]
     assert failures == []
     assert counts["refused"] > 100
     assert counts["adjusted"] > 3
