@@ -26,7 +26,7 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
 
 
 @pytest.mark.slow  # reads a few hundred files, adjusts some
-@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex"])
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss"])
 def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench, counts = importlib.import_module("fuzz_projects"), Counter()
@@ -38,11 +38,11 @@ def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tm
     assert counts["read"] + counts["adjusted"] > 5
 
 
-@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex"])
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss"])
 def test_the_samples_without_mutation_are_adjusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench = importlib.import_module("fuzz_projects")
     (seed,) = bench.seeds(tmp_path, f"{name}.*")
-    adjusted = Network.read_project(seed.paths, encoding="latin-1").adjust()
+    adjusted = Network.read_project(seed.paths, encoding="latin-1", points_crs=seed.points_crs).adjust()
     assert adjusted.converged
     assert not adjusted.left_out

@@ -298,6 +298,7 @@ def test_vectors_without_a_place_are_refused(tmp_path):
             "n.dat:3: the covariance of the vector is not positive definite",
         ),
         ("G1 A-P 1 2 3\nG2 1 1 1\nG1 A-P 1 2 3", "n.dat:2: the vector has no covariance"),
+        ("G1\nG2 1 1 1\nG3 0 0 0", "n.dat:2: G1 holds names and three numbers"),
         ("G1 A-P 1 2\nG2 1 1 1\nG3 0 0 0", "n.dat:2: G1 holds names and three numbers"),
     ],
 )

@@ -45,6 +45,7 @@ class Seed:
         folder: a copy of its files.
         paths: those that are given to the reader.
         sigmas: standard deviations that are given besides.
+        points_crs: coordinate system that is given besides.
         texts: what each file held, by its path.
     """
 
@@ -55,6 +56,7 @@ class Seed:
         found = TOGETHER.get(main.suffix, (main.suffix,))
         self.paths = [main.with_suffix(suffix) for suffix in found]
         self.sigmas = SIGMAS if main.stem in {"starnet", "landxml"} else []
+        self.points_crs = "EPSG:2154" if main.stem == "starnet-gnss" else None
         files = [main] if main.suffix == ".gkf" else [path for path in folder.rglob("*") if is_text(path)]
         self.texts = {path: path.read_bytes().decode("latin-1") for path in sorted(files)}
 
@@ -96,7 +98,9 @@ def outcome(seed: Seed, chance: random.Random, adjusts: float) -> str:
         AssertionError: the result cannot be trusted.
     """
     try:
-        network = Network.read_project(seed.paths, encoding="latin-1", sigmas=seed.sigmas)
+        network = Network.read_project(
+            seed.paths, encoding="latin-1", sigmas=seed.sigmas, points_crs=seed.points_crs
+        )
         if chance.random() >= adjusts:
             return "read"
         record = network.adjust().record()

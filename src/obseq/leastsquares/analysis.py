@@ -159,8 +159,9 @@ class Analysis:
             chosen[:] = True
             beyond = Beyond(scalars, equations.extended, partial(_change, table, scalars, reference))
         offset = partial(_scattered, table, scalars[inside], reference[inside], numbers[inside], len(chosen))
-        followed = equations.free.number[loose]
-        return DatumSolver(solver, chosen, offset, beyond, followed[followed >= 0])
+        directions = np.zeros((len(chosen), loose.shape[1]))
+        directions[numbers[inside]] = loose[inside]
+        return DatumSolver(solver, chosen, offset, beyond, directions)
 
 
 class Analyses:

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
 
 
+ALIKE = 1e-6
+"""Relative size below which the datum's unknowns do not see a vector of the kernel."""
+
+NEW = 0.1
+"""Share of a loose direction outside the kernel from which it is another one: verticals bend it less."""
+
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
 
@@ -66,7 +72,8 @@ class DatumSolver:
         offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
         beyond: the datum itself, where some of its unknowns are not in the matrix; `chosen` then makes no
             more than the solutions of the matrix definite.
-        loose: unknowns that follow a direction which the matrix determines in appearance only.
+        loose: (n, k) what the datum's unknowns do along directions that the matrix determines in appearance
+            only; the others follow as the matrix says.
     """
 
     def __init__(
@@ -75,9 +82,9 @@ class DatumSolver:
         chosen: BoolArray,
         offset: Callable[[], FloatArray],
         beyond: Beyond | None = None,
-        loose: IntArray | None = None,
+        loose: FloatArray | None = None,
     ) -> None:
-        self._loose = np.zeros(0, np.int64) if loose is None else loose
+        self._loose = np.zeros((len(chosen), 0)) if loose is None else loose
         self._beyond = beyond
         self._solver = solver
         self._chosen = chosen
@@ -177,11 +184,18 @@ class DatumSolver:
         return self._kernel
 
     def _find_held(self, values: FloatArray) -> None:
-        """Factors with as many unknowns held as the kernel has dimensions.
+        """Factors with as many unknowns held as the kernel has dimensions, loose directions included."""
+        self._hold(values, np.zeros(0, np.int64))
+        for loose in self._loose.T:
+            while not self._is_free(values, loose):
+                weakest = self._weakest(values, loose)
+                self._hold(values, np.union1d(self._held_unknowns, weakest))
+
+    def _hold(self, values: FloatArray, held: IntArray) -> None:
+        """Factors with these unknowns held, and as many more as the kernel still has dimensions.
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
         """
-        held = np.unique(self._loose)
         while True:
             self._held = held
             try:
@@ -194,6 +208,18 @@ class DatumSolver:
             else:
                 return
 
+    def _is_free(self, values: FloatArray, loose: FloatArray) -> bool:
+        """Whether the kernel found so far contains a direction, as far as the datum's unknowns see it."""
+        seen, rows = loose != 0.0, self._kernel_of(values)
+        rest = loose[seen] - rows[seen] @ np.linalg.lstsq(rows[seen], loose[seen], rcond=ALIKE)[0]
+        return bool(np.linalg.norm(rest) <= NEW * np.linalg.norm(loose))
+
+    def _weakest(self, values: FloatArray, loose: FloatArray) -> int:
+        """The unknown that moves most, in the measure of the matrix, along what is loose."""
+        weights = values[self._pattern_analysed.diagonal]
+        moved = self._solver.solve(weights * loose)
+        return int(np.argmax(np.sqrt(np.maximum(weights, 0.0)) * np.abs(moved)))
+
     def _regularised(self, values: FloatArray) -> FloatArray:
         """The matrix with the diagonal entries of the held unknowns doubled."""
         regular = np.array(values)
@@ -205,13 +231,21 @@ class DatumSolver:
         return np.where(diagonal > 0.0, diagonal, 1.0)
 
     def _diagonal(self) -> IntArray:
-        if self._pattern is None or self._held is None:
+        return self._pattern_analysed.diagonal[self._held_unknowns]
+
+    @property
+    def _pattern_analysed(self) -> SymmetricPattern:
+        if self._pattern is None:
             raise InputError("call analyse(pattern), then factor(values)")
-        return self._pattern.diagonal[self._held]
+        return self._pattern
+
+    @property
+    def _held_unknowns(self) -> IntArray:
+        return np.zeros(0, np.int64) if self._held is None else self._held
 
     def _kernel_of(self, values: FloatArray) -> FloatArray:
         """(n, k) orthonormal kernel of N, from M = N + E W E': N z = 0 means z = M^-1 E (W E' z)."""
-        vectors = np.zeros((len(self._chosen), len(self._held if self._held is not None else ())))
+        vectors = np.zeros((len(self._chosen), len(self._held_unknowns)))
         start = np.eye(vectors.shape[1])
         for _ in range(2 if vectors.size else 0):
             right = np.zeros_like(vectors)

@@ -22,18 +22,20 @@ class Datum(NamedTuple):
     Attributes:
         scalars: positions of the unknowns whose changes are least; none without a datum.
         reference: their values when it was set.
-        loose: positions of unknowns whose weak determination does not count: what they follow is free.
+        loose: (n, k) movements of these unknowns whose weak determination does not count: they are free.
     """
 
     scalars: IntArray
     reference: FloatArray
-    loose: IntArray = np.zeros(0, dtype=np.int64)
+    loose: FloatArray
 
 
-NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0))
+NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 0)))
 
 
-def datum_of(table: UnknownTable, ids: ArrayLike, components: object, loose: ArrayLike = ()) -> Datum:
+def datum_of(
+    table: UnknownTable, ids: ArrayLike, components: object, loose: ArrayLike | None = None
+) -> Datum:
     """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
 
     Raises:
@@ -45,7 +47,20 @@ def datum_of(table: UnknownTable, ids: ArrayLike, components: object, loose: Arr
     if not blocks.size:
         return NO_DATUM
     chosen = np.unique(_scalars(table, blocks, components))
-    return Datum(chosen, table.values[chosen], np.asarray(loose, dtype=np.int64))
+    return Datum(chosen, table.values[chosen], _movements(table, blocks, loose)[chosen])
+
+
+def _movements(table: UnknownTable, blocks: IntArray, loose: ArrayLike | None) -> FloatArray:
+    """(n_scalars, k) movements (n, size, k) of blocks, for all unknowns."""
+    if loose is None:
+        return np.zeros((table.n_scalars, 0))
+    moves = np.asarray(loose, dtype=np.float64)
+    scalars = table.scalars(blocks, "datum")
+    if moves.ndim != 3 or moves.shape[:2] != scalars.shape:
+        raise InputError(f"datum: movements of shape {moves.shape} for unknowns of shape {scalars.shape}")
+    found = np.zeros((table.n_scalars, moves.shape[2]))
+    found[scalars] = moves
+    return found
 
 
 def _scalars(table: UnknownTable, blocks: IntArray, components: object) -> IntArray:

@@ -247,7 +247,7 @@ class Problem:
         self,
         ids: ArrayLike,
         components: Sequence[str | int] | Sequence[Sequence[str | int]] | BoolArray | None = None,
-        loose: ArrayLike = (),
+        loose: ArrayLike | None = None,
     ) -> None:
         """Puts a free network on a datum: the changes of these unknowns from their present values are least.
 
@@ -258,12 +258,12 @@ class Problem:
             ids: (n,) blocks of points, vectors or scalars; none for no datum. They may be eliminated ones.
             components: numbers or names of the components that count, for all blocks, or a list of them for
                 each; or (n, k) True for those that count; all when None.
-            loose: positions among all unknowns of some that are determined in appearance only: each of them
-                stands for one more free parameter (the turn of one instrument, where nothing but the
-                curvature of the Earth orients a network).
+            loose: (n, size, k) movements of these blocks that are determined in appearance only: each of them
+                stands for one more free parameter (the turn about the vertical, where nothing but the
+                curvature of the Earth orients a network). Not for eliminated blocks.
 
         Raises:
-            InputError: a rotation or a direction is among them.
+            InputError: a rotation or a direction is among them, or movements do not fit.
         """
         datum = datum_of(self.unknowns, ids, components, loose)
         self.unknowns.owner.check()

@@ -89,7 +89,8 @@ class Adjustment:
         quality: Reliability, snooping, variance components, relative precisions: what was asked for.
         refraction: Coefficient of refraction of zenith angles.
         operations: How PROJ leads from the systems to the Earth.
-        inner: (n, 3, 3) covariances with the datum of inner constraints; None when not asked for.
+        inner: (n, 3, 3) covariances with the datum of inner constraints, NaN for points without observation;
+            None when not asked for, or where the observations alone do not determine the shape (a warning).
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
@@ -223,7 +224,9 @@ class Adjustment:
     def _inner(self) -> Sequence[tuple[float, ...] | None]:
         if self.inner is None:
             return [None] * len(self.points.names)
-        return roots_of_diagonals(self.inner)
+        is_known = np.isfinite(self.inner[:, 0, 0])
+        roots = roots_of_diagonals(self.inner)
+        return [found if known else None for found, known in zip(roots, is_known, strict=True)]
 
     def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
         if not self.quality.ellipsoids:

@@ -82,7 +82,7 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     free = start.points.is_free.any(axis=1)
     points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
     if points:
-        found = [_undetermined(start.points.names[row], row, error) for row in points]
+        found = _undetermined(start.points, points, error)
         return found if len(found) < np.count_nonzero(free) else []
     book = start.book
     return [
@@ -94,9 +94,16 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     ]
 
 
-def _undetermined(name: str, row: int, error: SingularSystemError) -> Unplaced:
-    """A point of a singular system, with the directions in which nothing holds it."""
-    along = None if error.kernel is None else directions(name, error.unknowns, error.kernel)
+def _undetermined(points: Points, rows: list[int], error: SingularSystemError) -> list[Unplaced]:
+    """Points of a singular system, with the directions in which nothing holds them."""
+    named = [points.names[row] for row in rows]
+    if error.kernel is None:
+        return [Unplaced(f"point {name}", SINGULAR, row) for name, row in zip(named, rows, strict=True)]
+    along = directions(named, error.unknowns, error.kernel)
+    return [_moving(*item) for item in zip(named, rows, along, strict=True)]
+
+
+def _moving(name: str, row: int, along: tuple[tuple[float, ...], ...]) -> Unplaced:
     if not along:
         return Unplaced(f"point {name}", SINGULAR, row)
     axes = " and ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in along)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -135,13 +135,21 @@ class Computation:
             adjustment = self._adjustment(start, equations, found)
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
-                covariances = inner_covariances(self._equations, start, equations)
-            adjustment = adjustment.with_inner(covariances)
+                adjustment = self._with_inner(adjustment, start, equations)
         return replace(
             adjustment,
             left_out=start.left_out,
             warnings=(*(item.sentence() for item in start.left_out), *adjustment.warnings),
         )
+
+    def _with_inner(self, adjustment: Adjustment, start: Determined, equations: Equations) -> Adjustment:
+        """The adjustment with precisions of inner constraints; with a warning where there are none."""
+        in_frame = PointSystem(self.frame.system, self.frame.system)
+        try:
+            found = inner_covariances(partial(equations_of, self.frame, in_frame), start, equations)
+        except SingularSystemError as error:
+            return replace(adjustment, warnings=(*adjustment.warnings, str(error)))
+        return adjustment.with_inner(found)
 
     def _solving(self, equations: Equations) -> dict[str, Any]:
         """Arguments of `LeastSquares.solve`."""

@@ -11,11 +11,11 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.kinds.directions import AZIM
-from obseq.survey.kinds.registry import KINDS
+from obseq.survey.kinds.registry import KINDS, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook, Points
 
 
@@ -111,6 +111,16 @@ def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
 
 TURNING = ("Dist", "DistHz", "DH", "Angle")
 """Kinds of observations without an instrument that do not change when a network turns about the vertical."""
+
+
+def is_held(book: FieldBook, known: BoolArray) -> bool:
+    """Whether an observation says where the network is beside points whose plan is known (a mask).
+
+    Differences of height do not: such points may be anywhere.
+    """
+    padded = np.append(known, np.zeros(len(book.point_names) - len(known), np.bool_))
+    levelled = np.isin(book.observations.types, codes_where(lambda kind: kind.is_levelled))
+    return bool((book.naming(padded) & book.observations.active & ~levelled).any())
 
 
 def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.datum import is_oriented
+from obseq.survey.adjustment.datum import is_held, is_oriented
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
@@ -133,22 +133,21 @@ class Equations:
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            loose = self._turning(points, initial) if (points.is_free | chosen).all() else ()
-            self.system.set_datum(self.points[rows], chosen[rows], loose)
+            loose = np.zeros((len(points), 3, 0))
+            if self._may_turn(points, initial):
+                loose = self._frame.turn(initial.coordinates)[:, :, None]
+            self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
 
-    def _turning(self, points: Points, initial: InitialValues) -> list[int]:
-        """The turn of one instrument, if nothing orients the network but the curvature of the Earth.
+    def _may_turn(self, points: Points, initial: InitialValues) -> bool:
+        """Whether nothing orients the network but the curvature of the Earth.
 
         The Jacobian takes verticals as they are: where they are not parallel they hold, in appearance, a
         rotation about the vertical, with a precision of degrees.
         """
         if self._frame.is_plane or not self._frame.has_vertical:
-            return []
-        turned = np.flatnonzero(initial.orientations == Orientation.VERT)
-        if not turned.size or is_oriented(self._book, initial.orientations):
-            return []
-        scalars = self.system.unknowns.scalars(self.stations[turned[:1]], "datum")
-        return [int(scalars[0, 2])]
+            return False
+        held = np.asarray(~points.is_free[:, :2].all(axis=1))
+        return not (is_held(self._book, held) or is_oriented(self._book, initial.orientations))
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}

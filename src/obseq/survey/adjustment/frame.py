@@ -63,6 +63,11 @@ class Frame:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
+    def turn(self, points: FloatArray) -> FloatArray:
+        """(n, 3) how points (n, 3) move in a turn about the vertical of their middle, per radian."""
+        centre = points.mean(axis=0)
+        return np.cross(self.vertical(centre[None])[0, 2], points - centre)
+
     @property
     def plumb(self) -> Callable[[FloatArray], FloatArray] | None:
         """What gives the vertical of points; None in a system without."""

@@ -43,17 +43,24 @@ def _record(motion: Motion, rows: Mapping[int, int], names: Sequence[str]) -> Mo
     return MotionRecord(motion.text, tuple(moved), tuple(map(tuple, rounded[moving].tolist())))
 
 
-def directions(name: str, unknowns: Sequence[str], kernel: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Unit vectors along which a point may move without any residual, the most undetermined first.
+def directions(
+    names: Sequence[str], unknowns: Sequence[str], kernel: FloatArray
+) -> list[tuple[tuple[float, ...], ...]]:
+    """Of each point, unit vectors along which it may move without any residual, the most undetermined first.
 
     Args:
-        name: The point.
+        names: The points.
         unknowns: (n) names of unknowns, such as "P.x".
         kernel: (n, k) what the vectors of the kernel do to them.
     """
     rows = {unknown: row for row, unknown in enumerate(unknowns)}
-    at = [rows.get(f"{name}.{axis}") for axis in "xyz"]
-    moved = np.array([np.zeros(kernel.shape[1]) if row is None else kernel[row] for row in at])
+    at = np.array([[rows.get(f"{name}.{axis}", -1) for axis in "xyz"] for name in names]).reshape(-1, 3)
+    moved = np.where(at[:, :, None] >= 0, kernel[at], 0.0)
+    least = LEAST * np.abs(kernel).max(initial=0.0)
+    return [_axes(one, least) for one in moved]
+
+
+def _axes(moved: FloatArray, least: float) -> tuple[tuple[float, ...], ...]:
+    """Unit vectors along the columns (3, k) of what moves a point by more than the least."""
     axes, sizes, _ = np.linalg.svd(moved, full_matrices=False)
-    kept = axes[:, sizes > LEAST * np.abs(kernel).max(initial=0.0)]
-    return tuple(map(tuple, (np.round(kept.T, DECIMALS) + 0.0).tolist()))
+    return tuple(map(tuple, (np.round(axes[:, sizes > least].T, DECIMALS) + 0.0).tolist()))

@@ -56,8 +56,8 @@ class VectorLines:
             )
 
     def _add(self, vector: Line, diagonal: Line, corners: Line) -> None:
-        start, to = vector.names(vector.fields[1], 2)
         values = _three(vector, 2)
+        start, to = vector.names(vector.fields[1], 2)
         covariance = self._covariance(diagonal, _three(diagonal, 1), _three(corners, 1))
         origin, target = (self._columns.point(vector.file, vector.index, name) for name in (start, to))
         first, sigmas = len(self._columns), np.sqrt(np.diag(covariance)).tolist()

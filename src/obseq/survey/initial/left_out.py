@@ -15,7 +15,7 @@ from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import group_by_station
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.arrays import BoolArray
     from obseq.survey.initial.initial_values import InitialValues
@@ -94,7 +94,9 @@ def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined
         return given
     active = _still_active(given, bad_points, bad_stations)
     _refuse_nothing(given, bad_points, active, found)
-    named = tuple(_described(given, item, active) for item in found if _stands_alone(given, item, bad_points))
+    of_point = _lost_by_point(given.book, given.book.observations.active & ~active)
+    alone = [item for item in found if _stands_alone(given, item, bad_points)]
+    named = tuple(_described(given, item, _lost(given.book, item, active, of_point)) for item in alone)
     return _without(given, bad_points, bad_stations, active, named)
 
 
@@ -167,18 +169,33 @@ def _stands_alone(given: Determined, item: Unplaced, bad_points: BoolArray) -> b
     """Whether a station is left out for its own sake, not because all its targets are."""
     if item.station is None:
         return True
-    rows = given.book.observations
-    mine = (rows.stations == item.station) & rows.active
-    return not bad_points[rows.to_points[mine]].all()
+    book = given.book
+    mine = book.stations.observations(item.station)
+    return not bad_points[book.observations.to_points[mine[book.observations.active[mine]]]].all()
 
 
-def _described(given: Determined, item: Unplaced, active: BoolArray) -> LeftOut:
-    rows = given.book.observations
+def _lost_by_point(book: FieldBook, lost: BoolArray) -> Callable[[int], IntArray]:
+    """Gives the lost observations (a mask) that name a point, or whose group does, in their order."""
+    rows, which = book.observations, np.flatnonzero(lost)
+    ends = [end[which] for end in (rows.from_points, rows.to_points, rows.backsights)]
+    members = [(row, member) for row, members in book.barycentres if lost[row] for member in members]
+    of_groups, named = np.array(members, np.int32).reshape(-1, 2).T
+    lines = np.concatenate([which, which, which, of_groups])
+    starts, places = group_by_station(np.concatenate([*ends, named]), len(book.point_names))
+    return lambda point: np.unique(lines[places[starts[point] : starts[point + 1]]]).astype(np.int32)
+
+
+def _lost(
+    book: FieldBook, item: Unplaced, active: BoolArray, of_point: Callable[[int], IntArray]
+) -> IntArray:
+    """The observations that are left out with a point, or with a station."""
     if item.station is None:
-        mine = given.book.naming(np.arange(len(given.book.point_names)) == item.point)
-    else:
-        mine = rows.stations == item.station
-    lost = np.flatnonzero(mine & rows.active & ~active)
+        return of_point(item.point)
+    mine = book.stations.observations(item.station)
+    return np.sort(mine[book.observations.active[mine] & ~active[mine]])
+
+
+def _described(given: Determined, item: Unplaced, lost: IntArray) -> LeftOut:
     labels = tuple(given.book.label(row) for row in lost.tolist())
     name = given.points.names[item.point]
     return LeftOut(item.what, name, item.reason, labels, _place(given, item), item.directions)
