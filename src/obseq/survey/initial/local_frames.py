@@ -60,6 +60,7 @@ class LocalFrames:
         self.known, self.graph = known, graph
         self.scratch = Known(known.names, len(graph.origins), None)
         self.scratch.origins = graph.origins
+        self._in_vain: dict[int, tuple[list[int], list[int]]] = {}
 
     def place(self) -> list[int]:
         """Points that local frames have placed; they remain to be settled."""
@@ -69,6 +70,8 @@ class LocalFrames:
         placed: list[int] = []
         for station in allowed:
             if station in groups and station not in tried and self._has_vector(station):
+                if self._is_in_vain(station, tried):
+                    continue
                 placed.extend(self._try_from(station, frozenset(allowed), tried))
         for station in allowed:
             partner = self._partner(station) if station in groups and station not in tried else None
@@ -83,6 +86,14 @@ class LocalFrames:
         if self.graph.orientations[station] != Orientation.FIX:
             return True
         return all(self.graph.sights[number].reading() is None for number in self.graph.sights_from[station])
+
+    def _is_in_vain(self, station: int, tried: set[int]) -> bool:
+        """Whether its group was tried, and nothing that it reaches has been placed since then."""
+        reached, oriented = self._in_vain.get(station, ([], []))
+        if not reached or any(self.known.verticals[point] is not None for point in reached):
+            return False
+        tried.update(oriented)
+        return True
 
     def _has_vector(self, station: int) -> bool:
         """A plumb station with at least one complete vector, or one that levelling completes, can begin."""
@@ -168,6 +179,8 @@ class LocalFrames:
         touched = dict.fromkeys(placement.touched_points)
         located = [point for point in touched if self.scratch.verticals[point] is not None]
         placed = self._tie(station, located, is_scaled=is_scaled)
+        reached = [] if placed or is_scaled else [p for p in located if self.known.verticals[p] is None]
+        self._in_vain[station] = reached, placement.oriented
         self._forget(placement)
         return placed
 

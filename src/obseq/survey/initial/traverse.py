@@ -97,11 +97,8 @@ class Traverse:
 
     def __init__(self, known: Known, graph: SightGraph, stations: frozenset[int] | None) -> None:
         self.known, self.graph = known, graph
-        self.may_link = [
-            orientation == Orientation.VERT and (stations is None or station in stations)
-            for station, orientation in enumerate(graph.orientations)
-        ]
-        self.surest = [math.inf] * len(graph.orientations)
+        self.stations = stations
+        self.surest: dict[int, float] = {}
         self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
 
@@ -115,13 +112,17 @@ class Traverse:
 
     def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
         """Links are made only when it is their turn; one that is less sure than another never is."""
-        if azimuth_sigma >= self.surest[station]:
+        if azimuth_sigma >= self.surest.get(station, math.inf):
             return
         self.surest[station] = azimuth_sigma
         heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
 
     def _is_open(self, station: int) -> bool:
-        return self.may_link[station] and self.known.station_steps[station] is None
+        return self._may_link(station) and self.known.station_steps[station] is None
+
+    def _may_link(self, station: int) -> bool:
+        is_plumb = self.graph.orientations[station] == Orientation.VERT
+        return is_plumb and (self.stations is None or station in self.stations)
 
     def add_azimuths(self, station: int, numbers: list[int]) -> None:
         """Links of a station on a located point by the azimuths of some of its sights, to located targets."""
@@ -157,12 +158,13 @@ class Traverse:
         """Links from a station that has just been oriented and placed."""
         seen = self._seen_from(station)
         sights, steps, least = self.graph.sights, self.known.station_steps, self.known.azimuth_sigmas[station]
-        may_link, surest = self.may_link, self.surest
+        may_link, surest = self._may_link, self.surest.get
         found: dict[int, list[_Shared]] = {}
         for point, (vector, relative_sigma) in seen.items():
             for number in self.graph.sights_to[point][:_MOST_STATIONS]:
                 other = (sight := sights[number]).station
-                if least < surest[other] and steps[other] is None and may_link[other] and other != station:
+                is_open = steps[other] is None and other != station and may_link(other)
+                if is_open and least < surest(other, math.inf):
                     found.setdefault(other, []).append(_Shared(point, vector, relative_sigma, sight))
         for other, shared in found.items():
             self._add_link(station, other, seen, shared)
