@@ -56,6 +56,21 @@ def test_cofactors_are_those_of_the_bordered_system(name, n_chosen):
     assert solver.dimension == 3
 
 
+@pytest.mark.parametrize("name", ["dense", "superlu"])
+def test_the_defect_is_the_same_from_one_linearisation_to_the_next(name):
+    """The vector of the kernel fades: the last pivot is rounding, now above any limit, now below zero."""
+    vector = 0.35 ** np.arange(12.0)
+    seen = np.linalg.svd(vector[:, None])[0][:, 1:]
+    for seed in range(12):
+        generator = np.random.default_rng(seed)
+        first, second = (seen @ generator.normal(size=(11, 60)) for _ in range(2))
+        solver, _ = solver_on(first @ first.T, np.ones(12, bool), name)
+        assert solver.dimension == 1
+        solver.factor(SymmetricPattern.of(second @ second.T)[1])
+        expected = np.linalg.pinv(second @ second.T, rcond=1e-10)
+        np.testing.assert_allclose(solver.solve(np.eye(12)), expected, atol=1e-9 * np.abs(expected).max())
+
+
 def test_all_unknowns_chosen_is_the_pseudo_inverse():
     _, matrix = free_network()
     solver, _ = solver_on(matrix, np.ones(24, bool), "dense")

@@ -57,6 +57,17 @@ def plane_motions(points: np.ndarray) -> np.ndarray:
     return np.column_stack([np.tile(x, len(points)), np.tile(y, len(points)), turned.ravel()])
 
 
+def fading(n: int, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A singular matrix and the vector of its kernel, which fades from each unknown to the next."""
+    generator = np.random.default_rng(seed)
+    vector = np.cumprod(np.r_[1.0, share * generator.uniform(0.8, 1.2, n - 1)])
+    rows, k = np.zeros((n - 1, n)), np.arange(n - 1)
+    rows[k, k], rows[k, k + 1] = vector[1:], -vector[:-1]
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    mixed = np.linalg.qr(generator.normal(size=(3 * n, n - 1)))[0] @ rows
+    return mixed.T @ mixed, vector
+
+
 def survey(n_points: int, seed: int = 0) -> np.ndarray:
     """Normal matrix of points (3 unknowns) seen from 4 stations (1 more unknown each), points first."""
     generator = np.random.default_rng(seed)
@@ -145,6 +156,7 @@ def build() -> SimpleNamespace:
     return SimpleNamespace(
         chain=chain,
         dense=dense,
+        fading=fading,
         levelling=levelling,
         network=network,
         normal_matrix=normal_matrix,

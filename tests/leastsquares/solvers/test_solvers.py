@@ -152,6 +152,16 @@ def test_long_free_networks_are_singular_although_rounding_is_large(solver_name,
     assert np.max(np.abs(jacobian @ solver.null_vectors())) < 1e-9
 
 
+@pytest.mark.parametrize(("n", "share"), [(12, 0.35), (13, 0.4), (18, 0.5)])
+def test_pivots_made_of_rounding_hide_no_kernel(solver_name, build, n, share):
+    """The last unknown has 1e-5 of the vector: its pivot should vanish, and is 1e-6 of any sign."""
+    for seed in range(12):
+        matrix, vector = build.fading(n, share, seed)
+        solver, error = singular(solver_name, matrix)
+        assert len(error.indices) == 1
+        assert_same_space(solver.null_vectors(), vector[:, None])
+
+
 def test_network_held_by_a_weak_prior_is_regular(solver_name, build):
     points, pairs = build.network(40, seed=1, radius=0.4)
     normal = build.normal_matrix(build.trilateration(points, pairs))

@@ -4,8 +4,8 @@ Observations alone leave the position, orientation or scale of a network undeter
 a kernel, spanned by the columns of G. Of all the solutions, the one on the datum is closest to the reference
 values of the chosen unknowns D: the sum of squares of their changes is minimal, that is G_D' (x - x0)_D = 0.
 
-The solution is computed with as many unknowns held as the kernel has dimensions (which ones does not
-matter), and carried to the datum by the S-transformation of Baarda: with
+The solution is computed with as many unknowns held as the kernel has dimensions (which ones changes only
+rounding), and carried to the datum by the S-transformation of Baarda: with
 
     S = I - G (G_D' G_D)^-1 G_D',        Q = S M^-1 S',
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularMatrixError
+from obseq.leastsquares.solvers.rank import LARGEST_EXAMINED, leading_rows, replacement_pivots
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -195,13 +196,15 @@ class DatumSolver:
         """Factors with these unknowns held, and as many more as the kernel still has dimensions.
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
+        Of all unknowns those are held that tell the vectors of the kernel best apart: what has little part in
+        them would leave pivots that are made of rounding.
         """
         while True:
             self._held = held
             try:
                 self._solver.factor(self._regularised(values))
             except SingularMatrixError as error:
-                held = np.union1d(held, error.indices)
+                held = np.union1d(held, self._telling(values, error.indices))
                 if len(held) == len(self._held):
                     self._held = None
                     raise
@@ -219,6 +222,14 @@ class DatumSolver:
         weights = values[self._pattern_analysed.diagonal]
         moved = self._solver.solve(weights * loose)
         return int(np.argmax(np.sqrt(np.maximum(weights, 0.0)) * np.abs(moved)))
+
+    def _telling(self, values: FloatArray, lost: IntArray) -> IntArray:
+        """The unknowns that tell the vectors of the kernel best apart; those lost, if they are too many."""
+        if len(lost) > LARGEST_EXAMINED:
+            return lost
+        vectors = self._solver.null_vectors()
+        scaled = np.sqrt(replacement_pivots(values[self._pattern_analysed.diagonal]))[:, None] * vectors
+        return leading_rows(scaled, len(lost)) if vectors.shape[1] == len(lost) else lost
 
     def _regularised(self, values: FloatArray) -> FloatArray:
         """The matrix with the diagonal entries of the held unknowns doubled."""

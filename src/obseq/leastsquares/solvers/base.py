@@ -9,7 +9,15 @@ import numpy as np
 
 from obseq.errors import InputError, SingularMatrixError, SolverStateError
 from obseq.leastsquares.solvers.protocol import Defect
-from obseq.leastsquares.solvers.rank import SUSPICIOUS, kernel, undetermined
+from obseq.leastsquares.solvers.rank import (
+    CLEAR,
+    LARGEST_EXAMINED,
+    SUSPICIOUS,
+    hidden,
+    kernel,
+    replacement_pivots,
+    undetermined,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +65,7 @@ class BaseSolver(ABC):
         if not len(values):
             self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
             return
-        found = suspects = self._factor(values, SUSPICIOUS)
+        found = suspects = self._factor_replacing(values)
         if suspects.dimension:
             found = undetermined(suspects, self.pattern, values, self._solve)
         replaced = suspects.indices
@@ -68,6 +76,34 @@ class BaseSolver(ABC):
         self._values = values.copy() if found.dimension else np.empty(0)
         self._found = found  # the last: an interrupted factorisation is none
         self._require_regular()
+
+    def _factor_replacing(self, values: FloatArray) -> Defect:
+        """Factors with all pivots replaced that may have to vanish, those that rounding hides among them."""
+        suspects = self._factor(values, SUSPICIOUS)
+        if suspects.weakest > CLEAR and not suspects.dimension:
+            return suspects
+        held: IntArray = np.zeros(0, dtype=np.int64)
+        while (found := self._hidden_beside(suspects, held, values)) is not None:
+            held = np.append(held, found)
+            suspects = self._factor(self._raised(values, held), SUSPICIOUS)
+        replaced = np.union1d(suspects.indices, held)
+        pivots = np.zeros(self.pattern.n)
+        pivots[suspects.indices] = suspects.pivots
+        return Defect(replaced, pivots[replaced], suspects.weakest)
+
+    def _hidden_beside(self, suspects: Defect, held: IntArray, values: FloatArray) -> int | None:
+        """One more unknown that the matrix leaves undetermined, beside those replaced and held."""
+        replaced = np.union1d(suspects.indices, held)
+        if (suspects.pivots < -CLEAR).any() or len(replaced) > LARGEST_EXAMINED:
+            return None
+        found = hidden(self.pattern, self._raised(values, replaced), self._solve)
+        return None if found in replaced else found
+
+    def _raised(self, values: FloatArray, held: IntArray) -> FloatArray:
+        """The matrix with the diagonal entries of the unknowns held doubled (1 where they are zero)."""
+        raised, places = values.copy(), self.pattern.diagonal[held]
+        raised[places] += replacement_pivots(values[places])
+        return raised
 
     @property
     def is_factored(self) -> bool:

@@ -100,10 +100,12 @@ class Defect:
         indices: (k,) the unknowns, ascending; which ones of a dependent set depends on the elimination order.
         pivots: (k,) their pivots divided by their diagonal entries (0 where the diagonal itself is zero);
             markedly negative where the matrix is indefinite.
+        weakest: The least of the other pivots, 1 at most.
     """
 
     indices: IntArray
     pivots: FloatArray
+    weakest: float = 1.0
 
     @property
     def dimension(self) -> int:

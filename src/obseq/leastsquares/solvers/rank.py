@@ -1,8 +1,10 @@
 """Which of the unknowns with suspicious pivots the matrix really leaves undetermined.
 
-A pivot alone does not tell: rounding leaves 1e-16 to 1e-10 of the diagonal entry where it should vanish (most
-in long networks), and a system that a weak prior holds has pivots of that size too. The quotient
-z' N z / z' diag(N) z of the vectors in question does: its own rounding stays near 1e-16.
+A pivot alone does not tell. Where it should vanish, rounding leaves eps z' diag(N) z / (n_jj z_j^2) of the
+diagonal entry, z the vector of the kernel that ends with unknown j: 1e-16 to 1e-10, and any more where j has
+little part in it (a height of one image in the scale of a large block). A system that a weak prior holds has
+pivots of that size too. The quotient z' N z / z' diag(N) z of the vectors in question does tell: its own
+rounding stays near 1e-16.
 """
 
 from __future__ import annotations
@@ -24,8 +26,14 @@ if TYPE_CHECKING:
 SUSPICIOUS = 1e-8
 """A pivot that is not above this share of its diagonal entry is replaced, and the unknown examined."""
 
+CLEAR = 1e-5
+"""A pivot above this share is no rounding: what ends a vector of the kernel has more part in it."""
+
 VANISHING = 1e-14
 """A vector whose quotient is not above this is in the kernel: a prior sigma may be 1e7 times the others."""
+
+INVERSE_STEPS = 3
+"""Each brings a vector nearer to the kernel, by what its quotient is below those of the other vectors."""
 
 LARGEST_EXAMINED = 64
 """Beyond this number of suspicious unknowns all are taken as undetermined: whole parts are not observed."""
@@ -43,8 +51,9 @@ def relative_pivots(pivots: FloatArray, diagonal: FloatArray) -> FloatArray:
 
 def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
     """The unknowns whose relative pivots ((n,), in the order of the unknowns) are not above the tolerance."""
-    indices: IntArray = np.flatnonzero(~(pivots > tolerance))
-    return Defect(indices, pivots[indices])
+    is_above = pivots > tolerance
+    indices: IntArray = np.flatnonzero(~is_above)
+    return Defect(indices, pivots[indices], float(pivots[is_above].min(initial=1.0)))
 
 
 def factor_stepwise(
@@ -74,7 +83,8 @@ def factor_stepwise(
         small = order()[~(pivots[order()] > tolerance)]
         if len(small) == 0:
             indices: IntArray = np.flatnonzero(added)
-            return Defect(indices, (pivots - added)[indices])
+            weakest = float(np.min(pivots[added == 0.0], initial=1.0))
+            return Defect(indices, (pivots - added)[indices], weakest)
         added[small[0]] = max(1.0, 2.0 * added[small[0]])
 
 
@@ -93,7 +103,7 @@ def undetermined(
         solve: solves with the factor in which these pivots are replaced.
     """
     diagonal = values[pattern.diagonal[suspects.indices]]
-    is_certain = (diagonal <= 0.0) | (suspects.pivots < -SUSPICIOUS)
+    is_certain = (diagonal <= 0.0) | (suspects.pivots < -CLEAR)
     doubtful = suspects.indices[~is_certain]
     if len(doubtful) == 0 or suspects.dimension > LARGEST_EXAMINED:
         return suspects
@@ -101,16 +111,33 @@ def undetermined(
     dimension = max(0, vectors.shape[1] - np.count_nonzero(diagonal <= 0.0))
     scaled = vectors[doubtful] * np.sqrt(diagonal[~is_certain])[:, None]
     chosen = np.sort(
-        np.concatenate([suspects.indices[is_certain], doubtful[_leading_rows(scaled, dimension)]])
+        np.concatenate([suspects.indices[is_certain], doubtful[leading_rows(scaled, dimension)]])
     )
     return Defect(chosen, suspects.pivots[np.searchsorted(suspects.indices, chosen)])
 
 
-def _leading_rows(vectors: FloatArray, count: int) -> IntArray:
-    """Rows that are the most independent ones."""
+def leading_rows(vectors: FloatArray, count: int) -> IntArray:
+    """(count,) rows of vectors (n, k) that are the most independent ones."""
     from scipy.linalg import qr
 
     return np.asarray(qr(vectors.T, mode="r", pivoting=True)[1][:count], dtype=np.int64)
+
+
+def hidden(
+    pattern: SymmetricPattern, values: FloatArray, solve: Callable[[FloatArray], FloatArray]
+) -> int | None:
+    """The unknown with the largest part in a vector that a matrix leaves undetermined; None without such.
+
+    Arguments as of `undetermined`, of a matrix whose pivots do not tell. Inverse iteration finds the vector,
+    unknowns scaled by diag(N).
+    """
+    scale = np.sqrt(replacement_pivots(values[pattern.diagonal]))[:, None]
+    vector = np.cos(np.square(np.arange(1.0, pattern.n + 1.0)))[:, None]
+    for _ in range(INVERSE_STEPS):
+        vector = scale * solve(scale * vector)
+        vector /= np.linalg.norm(vector)
+    quotient = np.sum(vector * multiply(pattern, values, vector / scale) / scale)
+    return int(np.argmax(np.abs(vector))) if quotient <= VANISHING else None
 
 
 def kernel(
