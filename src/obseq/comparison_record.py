@@ -44,7 +44,7 @@ class DisplacementRecord:
         ellipse: of the displacement in plan, at the level of the comparison.
         test: None for a point that is held in both epochs.
         is_reference: whether it belongs to the points that are taken to have stayed.
-        is_significant: whether it has moved.
+        is_significant: whether it has moved; False too where the comparison has obstacles.
     """
 
     point: str
@@ -80,6 +80,8 @@ class ComparisonRecord:
         redundancy: of the two together.
         same_precision: test of the two variance factors against each other; None where one is undefined.
         runs: which runs adjusted the epochs.
+        obstacles: why there is no verdict: what the tests say means nothing until these are mended.
+        reservations: what weakens the verdict.
     """
 
     level: float
@@ -94,6 +96,8 @@ class ComparisonRecord:
     same_precision: TestRecord | None
     frame: str
     runs: tuple[RunRecord, RunRecord]
+    obstacles: tuple[str, ...] = ()
+    reservations: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = VERSION
 

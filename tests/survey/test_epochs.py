@@ -158,3 +158,65 @@ def test_the_command_names_what_has_moved(folder, capsys):
 def test_what_cannot_run_says_why(folder, capsys, options, reason):
     assert main(["compare", *MAY, *options]) == 2
     assert reason in capsys.readouterr().err
+
+
+LEVELLED = """\
+5 R1 0 0 100 0.0002
+4 A 0 0 0
+4 B 0 0 0
+4 C 0 0 0
+5 R2 0 0 103 0.0002
+"""
+RISES = """\
+4 R1 A 1.0002 0.001
+4 A B 0.9995 0.001
+4 B R2 0.9998 0.001
+4 R1 C 0.5003 0.001
+4 C B 1.4994 0.001
+4 C A 0.4997 0.001
+"""
+
+
+@pytest.fixture
+def levelled(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "l.cor").write_text(LEVELLED)
+    (tmp_path / "e1.obs").write_text(RISES)
+    return tmp_path
+
+
+def compared(folder, rises, *options):
+    (folder / "e2.obs").write_text(rises)
+    epochs = ["--obs", "e1.obs", "--cor", "l.cor", "--obs-2", "e2.obs"]
+    return main(["compare", *epochs, "--out", "out", *options])
+
+
+def test_a_gross_error_of_an_epoch_forbids_a_verdict_and_is_named(levelled, capsys):
+    assert compared(levelled, RISES.replace("C A 0.4997", "C A 1.4997")) == 1
+    told = capsys.readouterr().out
+    assert "NO VERDICT" in told
+    assert "epoch 2 holds a gross error, adjust it first: DH C -> A (e2.obs:6)" in told
+    assert "stayed" not in told
+    assert "have moved" not in told
+    rows = list(csv.DictReader((levelled / "out/comparison.csv").read_text().splitlines()))
+    assert {row["significant"] for row in rows} == {""}
+    assert len(json.loads((levelled / "out/comparison.json").read_text())["obstacles"]) == 1
+
+
+def test_a_verdict_says_what_it_rests_on(levelled, capsys):
+    spoilt = RISES.replace("C A 0.4997", "C A 0.5037").replace("C B 1.4994", "C B 1.4964")
+    assert compared(levelled, spoilt) == 0
+    told = capsys.readouterr().out
+    assert "Warning: sigma0 of epoch 2 is too large" in told
+    assert "smaller movements may hide" in told
+    assert "have stayed" in told
+    compared(levelled, spoilt, "--a-priori")
+    assert "movements may be found that are none" in capsys.readouterr().out
+
+
+def test_what_an_epoch_leaves_out_is_told(levelled, capsys):
+    (levelled / "l.cor").write_text(LEVELLED + "0 D 0 0 0\n")
+    assert compared(levelled, RISES + "3 R1 D 12.5 0.001\n") == 1
+    told = capsys.readouterr().out
+    assert "Warning: epoch 2 leaves out point D: the verdict is about the rest" in told
+    assert "have stayed" in told

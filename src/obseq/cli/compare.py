@@ -25,7 +25,8 @@ example:
   obseq compare --obs may.obs --cor points.cor --obs-2 october.obs --out moved
   obseq compare may.gkf --project-2 october.gkf --reference P1 P2 P3 P4
 
-exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete; 2 could not run"""
+exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete
+or holds a gross error (no verdict then); 2 could not run"""
 NAMES = ("comparison.json", "comparison.txt", "comparison.csv")
 
 

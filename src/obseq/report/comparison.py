@@ -12,6 +12,7 @@ from obseq.report.table import lines_of
 
 MOST_POINTS = 20
 MOST_NAMES = 8
+MOST_OBSTACLES = 5
 
 
 @expecting(record=instance(ComparisonRecord), written=TEXTS)
@@ -42,14 +43,15 @@ def comparison_json(record: ComparisonRecord) -> str:
 
 
 def comparison_csv(record: ComparisonRecord) -> str:
-    """The displacements as a table, metres, one point per line."""
+    """The displacements as a table, metres, one point per line; no verdict where there are obstacles."""
     header = "point,x,y,z,east,north,up,s_east,s_north,s_up,statistic,limit,p_value,significant,reference"
     lines = [header]
     for row in record.displacements:
         numbers = (row.x, row.y, row.z, row.east, row.north, row.up, row.s_east, row.s_north, row.s_up)
         test = (row.test.statistic, row.test.limit, row.test.p_value) if row.test else ("", "", "")
         cells = [_quoted(row.point), *map(repr, numbers), *map(str, test)]
-        lines.append(",".join([*cells, str(int(row.is_significant)), str(int(row.is_reference))]))
+        verdict = "" if record.obstacles else str(int(row.is_significant))
+        lines.append(",".join([*cells, verdict, str(int(row.is_reference))]))
     return "\n".join(lines) + "\n"
 
 
@@ -59,6 +61,9 @@ def _quoted(name: str) -> str:
 
 def _verdict(record: ComparisonRecord) -> Iterator[str]:
     moved = [row.point for row in record.displacements if row.is_significant]
+    yield from _grounds(record)
+    if record.obstacles:
+        return
     common = len(record.displacements)
     yield f"{common} common points; datum: {record.datum}"
     if record.moved:
@@ -70,6 +75,19 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     tested = sum(row.test is not None and not row.is_reference for row in record.displacements)
     expected = f"{record.level * tested:.1f} would by chance if none had"
     yield f"  {len(moved)} of {tested} points have moved significantly ({expected})"
+
+
+def _grounds(record: ComparisonRecord) -> Iterator[str]:
+    """What forbids a verdict, or what it rests on."""
+    obstacles = record.obstacles
+    if obstacles:
+        yield "NO VERDICT on movements:"
+        yield from (f"  {text}" for text in obstacles[:MOST_OBSTACLES])
+        if len(obstacles) > MOST_OBSTACLES:
+            yield f"  and {len(obstacles) - MOST_OBSTACLES} more; the files of --out have them"
+        yield "The displacements below carry these errors."
+    else:
+        yield from (f"Warning: {text}" for text in record.reservations)
 
 
 def _tested(test: TestRecord) -> str:

@@ -17,6 +17,7 @@ from obseq.record import EllipseRecord
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
 from obseq.survey.epochs.displacements import Displacements, displacements
+from obseq.survey.epochs.grounds import obstacles, reservations
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -52,8 +53,15 @@ class Comparison:
     epochs: tuple[Adjustment, Adjustment]
 
     @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Why there is no verdict, one sentence per reason: gross errors, an epoch that did not converge."""
+        return tuple(obstacles(self.epochs))
+
+    @property
     def significant(self) -> tuple[str, ...]:
-        """Names of the points that have moved."""
+        """Names of the points that have moved; none where obstacles forbid a verdict."""
+        if self.obstacles:
+            return ()
         names = self.displacements.names
         return tuple(name for row, name in enumerate(names) if self._has_moved(row))
 
@@ -81,12 +89,15 @@ class Comparison:
             same_precision=self.same_precision,
             frame=self.epochs[0].frame,
             runs=runs,
+            obstacles=self.obstacles,
+            reservations=tuple(reservations(self.epochs, trusted=trusted)),
         )
 
     def _displacements(self) -> Iterator[DisplacementRecord]:
         moved, factor = self.displacements, self.tester.variance_factor
         blocks = np.array([factor * moved.block(row) for row in range(len(moved.names))]).reshape(-1, 3, 3)
         found = ellipses_of(moved.names, blocks, 1.0 - self.tester.level, self.tester.redundancy)
+        significant = set(self.significant)
         axes = (found.semi_major.tolist(), found.semi_minor.tolist(), found.bearing.tolist())
         spreads = np.sqrt(np.clip(np.diagonal(blocks, axis1=1, axis2=2), 0.0, None))
         rows = zip(
@@ -115,7 +126,7 @@ class Comparison:
                 ellipse=ellipse,
                 test=test,
                 is_reference=self.reference is not None and bool(self.reference[row]),
-                is_significant=self._has_moved(row),
+                is_significant=name in significant,
             )
 
 

@@ -1,0 +1,57 @@
+"""What a comparison rests on: what forbids a verdict, and with which reservations one is given."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from obseq.survey.adjustment.adjusted_records import global_test_record
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.survey.adjustment.adjusted import Adjustment
+
+MOST = 8
+"""Names that one sentence lists."""
+
+
+def obstacles(epochs: Sequence[Adjustment]) -> Iterator[str]:
+    """Why nothing can be said about movements, one sentence per reason; none where a verdict is possible."""
+    for number, epoch in enumerate(epochs, 1):
+        if not epoch.converged:
+            yield f"epoch {number} did not converge: adjust it first"
+        for error in epoch.gross_errors:
+            yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
+
+
+def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str]:
+    """What weakens a verdict, one sentence per reason.
+
+    Args:
+        epochs: The adjustments.
+        trusted: Whether the given sigmas are trusted, instead of being scaled by sigma0.
+    """
+    for number, epoch in enumerate(epochs, 1):
+        if epoch.left_out:
+            names = ", ".join(item.what for item in epoch.left_out[:MOST])
+            more = f" and {len(epoch.left_out) - MOST} more" if len(epoch.left_out) > MOST else ""
+            yield f"epoch {number} leaves out {names}{more}: the verdict is about the rest"
+        yield from _about_sigma0(number, epoch, trusted=trusted)
+
+
+def _about_sigma0(number: int, epoch: Adjustment, *, trusted: bool) -> Iterator[str]:
+    test = global_test_record(epoch.solution)
+    if test is None or test.passed:
+        return
+    is_large = test.sigma0 > test.upper
+    if trusted:
+        rests = "given sigmas, which its residuals contradict"
+        effect = "movements may be found that are none" if is_large else "movements may be missed"
+    else:
+        rests = "precisions scaled by it"
+        effect = "smaller movements may hide" if is_large else "small movements may look significant"
+    limits = f"{test.lower:.4g} to {test.upper:.4g} is expected"
+    yield (
+        f"sigma0 of epoch {number} is too {'large' if is_large else 'small'} ({test.sigma0:.4g}; {limits}): "
+        f"the verdict rests on {rests}, and {effect}"
+    )
