@@ -205,8 +205,9 @@ def _place(given: Determined, item: Unplaced) -> tuple[float, ...] | None:
     """Where a point would be drawn."""
     if item.station is not None:
         return None
-    if given.points.has_coordinates[item.point]:
-        return tuple(given.points.coordinates[item.point].tolist())
+    coordinates = given.points.coordinates[item.point]
+    if np.isfinite(coordinates).all():
+        return tuple(coordinates.tolist())
     return None if item.directions is None else tuple(given.initial.coordinates[item.point].tolist())
 
 
