@@ -18,6 +18,9 @@ ByteArray: TypeAlias = NDArray[np.uint8]
 FloatRows: TypeAlias = NDArray[np.float64]
 """Two dimensions; in compiled loops the names above stand for one."""
 
+FloatCubes: TypeAlias = NDArray[np.float64]
+"""Three dimensions."""
+
 IntRows: TypeAlias = NDArray[np.int64]
 PositionRows: TypeAlias = NDArray[np.uint32]
 

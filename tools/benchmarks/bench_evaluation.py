@@ -1,8 +1,11 @@
 """Times `Calculator.values_and_jacobian` on the caller's arrays against the rival's C++, filled and copied.
 
 Both begin with rows of arguments and end with values and Jacobians in arrays that are there (`out=`). The
-rival (`rival.py`, g++ -O3 -march=native) copies rows into its buffer of at most 256 evaluations, evaluates,
-and copies its lines out, as programs that use it do, in a loop in C++: only ours pays for a call from Python.
+rival is the original's own way through its calculator (`rival.py`, `rival_calculator.h`; g++ -O3
+-march=native): each row is put in two vectors, which are pushed (sizes checked, copied to a slot of a buffer
+of at most 256 evaluations by virtual functions), the generated loop runs over the buffer, and its lines are
+copied out, all in a loop in C++: only ours pays for a call from Python. A loop without the calculator, which
+no user of the original has, is not the rival; nor are its checked accessors, entry by entry, charged to it.
 One thread, CPU time, interleaved rounds. Without names, the middle formula of every family.
 
     python tools/benchmarks/bench_evaluation.py

@@ -28,61 +28,54 @@ BUFFER = 256
 
 FUNCTIONS = (Path(__file__).parent / "rival_functions.h").read_text("utf-8")
 
+CALCULATOR = (Path(__file__).parent / "rival_calculator.h").read_text("utf-8")
+
 LOOP = """
+{calculator}
 {functions}
 namespace {name} {{
-struct Calculator {{
-    std::size_t mNbInBuf;
-    std::vector<std::vector<double>> mVUk, mVObs;
-    std::vector<std::vector<double>> mLines;
-    std::vector<double *> mBufLineRes;
-    void DoEval();
+struct Loop : Calculator {{
+    using Calculator::Calculator;
+    void DoEval() override;
 }};
-void Calculator::DoEval() {{
+void Loop::DoEval() {{
     for (std::size_t aK = 0; aK < this->mNbInBuf; aK++) {{
 {lines}
     }}
 }}
 }}
-extern "C" void *{name}_make(long n, long n_unknowns, long n_observations, long n_results,
-                             const double *unknowns, const double *observations) {{
-    auto *c = new {name}::Calculator;
-    c->mNbInBuf = n;
+extern "C" void *{name}_make(long capacity, long n_unknowns, long n_observations, long n_results) {{
+    return static_cast<Calculator *>(new {name}::Loop(capacity, n_unknowns, n_observations, n_results));
+}}
+extern "C" void {name}_push(void *handle, long n, const double *unknowns, const double *observations) {{
+    auto *c = static_cast<Calculator *>(handle);
+    Vector u, o;
     for (long k = 0; k < n; k++) {{
-        c->mVUk.emplace_back(unknowns + k * n_unknowns, unknowns + (k + 1) * n_unknowns);
-        c->mVObs.emplace_back(observations + k * n_observations, observations + (k + 1) * n_observations);
-        c->mLines.emplace_back(n_results, 0.0);
+        u.assign(unknowns + k * c->mNbUk, unknowns + (k + 1) * c->mNbUk);
+        o.assign(observations + k * c->mNbObs, observations + (k + 1) * c->mNbObs);
+        c->Push(u, o);
     }}
-    for (auto &line : c->mLines) c->mBufLineRes.push_back(line.data());
-    return c;
 }}
 extern "C" void {name}_run(void *handle, long repeats) {{
-    for (long k = 0; k < repeats; k++) static_cast<{name}::Calculator *>(handle)->DoEval();
+    for (long k = 0; k < repeats; k++) static_cast<Calculator *>(handle)->DoEval();
 }}
-extern "C" void {name}_evaluate(void *handle, long repeats, long n, long n_unknowns, long n_observations,
-                                long n_results, const double *unknowns, const double *observations,
-                                double *results) {{
-    auto *c = static_cast<{name}::Calculator *>(handle);
-    const long room = c->mLines.size();
-    for (long repeat = 0; repeat < repeats; repeat++)
+extern "C" void {name}_evaluate(void *handle, long repeats, long n, const double *unknowns,
+                                const double *observations, double *results) {{
+    auto *c = static_cast<Calculator *>(handle);
+    const long room = c->mCapacity;
+    for (long repeat = 0; repeat < repeats; repeat++) {{
+        double *out = results;
         for (long start = 0; start < n; start += room) {{
-            c->mNbInBuf = n - start < room ? n - start : room;
-            for (std::size_t k = 0; k < c->mNbInBuf; k++) {{
-                const double *u = unknowns + (start + k) * n_unknowns;
-                const double *o = observations + (start + k) * n_observations;
-                for (long i = 0; i < n_unknowns; i++) c->mVUk[k][i] = u[i];
-                for (long i = 0; i < n_observations; i++) c->mVObs[k][i] = o[i];
-            }}
-            c->DoEval();
-            for (std::size_t k = 0; k < c->mNbInBuf; k++)
-                for (long i = 0; i < n_results; i++)
-                    results[(start + k) * n_results + i] = c->mBufLineRes[k][i];
+            {name}_push(handle, n - start < room ? n - start : room, unknowns + start * c->mNbUk,
+                        observations + start * c->mNbObs);
+            for (const Vector *line : c->EvaluateAndClear())
+                out = std::copy(line->begin(), line->end(), out);
         }}
+    }}
 }}
 extern "C" const double *{name}_line(void *handle, long k) {{
-    return static_cast<{name}::Calculator *>(handle)->mBufLineRes[k];
+    return static_cast<Calculator *>(handle)->mBufLineRes[k].data();
 }}
-extern "C" void {name}_free(void *handle) {{ delete static_cast<{name}::Calculator *>(handle); }}
 """
 
 
@@ -120,11 +113,12 @@ def contender(
     """A loop of a library, with its own copy of the arguments."""
     n, width = len(u), n_residuals * (1 + len(formula.unknowns))
     u, o = np.ascontiguousarray(u), np.ascontiguousarray(o)
-    make, run, line = (getattr(library, f"{name}_{part}") for part in ("make", "run", "line"))
-    make.restype, line.restype = ctypes.c_void_p, ctypes.POINTER(ctypes.c_double)
+    push, run, line = (getattr(library, f"{name}_{part}") for part in ("push", "run", "line"))
+    push.argtypes = [ctypes.c_void_p, ctypes.c_long] + [ctypes.c_void_p] * 2
+    line.restype = ctypes.POINTER(ctypes.c_double)
     run.argtypes = line.argtypes = [ctypes.c_void_p, ctypes.c_long]
-    make.argtypes = [ctypes.c_long] * 4 + [ctypes.c_void_p] * 2
-    handle = make(n, u.shape[1], o.shape[1], width, u.ctypes.data, o.ctypes.data)
+    handle = _made(library, name, n, u.shape[1], o.shape[1], width)
+    push(handle, n, u.ctypes.data, o.ctypes.data)
     run(handle, 1)
     results = np.array([np.ctypeslib.as_array(line(handle, k), (width,)) for k in range(n)])
     return CppContender(lambda repeats: run(handle, repeats), results.reshape(n, n_residuals, -1))
@@ -135,17 +129,23 @@ def filled_and_copied(
 ) -> Repeat:
     """The same for a loop whose buffer, of `BUFFER` evaluations, is filled and emptied each time."""
     n, width = len(u), n_residuals * (1 + len(formula.unknowns))
-    make, evaluate = getattr(library, f"{name}_make"), getattr(library, f"{name}_evaluate")
-    make.restype = ctypes.c_void_p
-    make.argtypes = [ctypes.c_long] * 4 + [ctypes.c_void_p] * 2
-    evaluate.argtypes = [ctypes.c_void_p] + [ctypes.c_long] * 5 + [ctypes.c_void_p] * 3
-    shape = (u.shape[1], o.shape[1], width)
-    handle, results = make(min(n, BUFFER), *shape, u.ctypes.data, o.ctypes.data), np.empty((n, width))
+    evaluate = getattr(library, f"{name}_evaluate")
+    evaluate.argtypes = [ctypes.c_void_p] + [ctypes.c_long] * 2 + [ctypes.c_void_p] * 3
+    handle = _made(library, name, min(n, BUFFER), u.shape[1], o.shape[1], width)
+    results = np.empty((n, width))
 
     def run(repeats: int) -> None:
-        evaluate(handle, repeats, n, *shape, u.ctypes.data, o.ctypes.data, results.ctypes.data)
+        evaluate(handle, repeats, n, u.ctypes.data, o.ctypes.data, results.ctypes.data)
 
     return run
+
+
+def _made(library: ctypes.CDLL, name: str, *sizes: int) -> int:
+    """A calculator of a library, of that capacity, unknowns, observations and results; never freed."""
+    make = getattr(library, f"{name}_make")
+    make.restype, make.argtypes = ctypes.c_void_p, [ctypes.c_long] * 4
+    handle: int = make(*sizes)
+    return handle
 
 
 def rival_text(rival: Rival, formula: Formula) -> str:
@@ -208,4 +208,4 @@ def graph_text(derived: Derived) -> str:
 
 def _loop(name: str, functions: str, lines: Sequence[str]) -> str:
     body = "\n".join(f"        {line}" for line in lines)
-    return LOOP.format(name=name, functions=functions, lines=body)
+    return LOOP.format(name=name, calculator=CALCULATOR, functions=functions, lines=body)

@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.compilation.functions import Function
 from obseq.compilation.routines import Routine
-from obseq.compilation.settings import FAILED
+from obseq.compilation.settings import FAILED, OBJECT_HEADER
 from obseq.compilation.signatures import signature_of
 
 if TYPE_CHECKING:
@@ -103,6 +103,55 @@ class Loop(Function):
         )
 
 
+class QuickLoop(Loop):
+    """A compiled function over arrays for work of microseconds, of which a usual call takes too large a part.
+
+    Python calls its `builtin` as one of its own, and keeps its lock meanwhile.
+    """
+
+    @cached_property
+    def routine(self) -> Routine:
+        """The machine code."""
+        return Routine(self, signature_of(self.python, at_once=True))
+
+    @cached_property
+    def builtin(self) -> Callable[..., Any]:
+        """Takes the arrays; returns the last one, or the first one when it did nothing.
+
+        It does nothing where an array is not as it must be, writeable included, and where the function
+        returns another number than 0.
+        """
+        definition = _Method(self.name.encode(), self.routine.address, FAST_CALL, None)
+        self._kept = definition  # builtins point to it
+        return cast("Callable[..., Any]", _new_builtin()(ctypes.byref(definition), np.ndarray, None))
+
+
+class _Method(ctypes.Structure):
+    """Definition of a builtin, `PyMethodDef` of Python's interface for C."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("documentation", ctypes.c_char_p),
+    )
+
+
+FAST_CALL = 0x80
+"""Arguments are handed over as an array of objects and their number: `METH_FASTCALL`."""
+
+HAS_BUILTINS = OBJECT_HEADER == 16
+"""Whether objects are laid out as quick loops know them; in free-threaded Python they are not."""
+
+
+def _new_builtin() -> Callable[..., Any]:
+    """Python's own function that makes a builtin."""
+    prototype = ctypes.PYFUNCTYPE(
+        ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p
+    )
+    return prototype(("PyCFunction_NewEx", ctypes.pythonapi))
+
+
 NDARRAY = id(np.ndarray)
 """What machine code compares the type of arrays with: it reads their fields."""
 
@@ -117,9 +166,15 @@ def _described(value: object) -> str:
 @overload
 def compiled(function: F) -> F: ...
 @overload
-def compiled(*, flags: frozenset[str] = frozenset(), always_inline: bool = False) -> Callable[[F], F]: ...
 def compiled(
-    function: F | None = None, *, flags: frozenset[str] = frozenset(), always_inline: bool = False
+    *, flags: frozenset[str] = frozenset(), always_inline: bool = False, at_once: bool = False
+) -> Callable[[F], F]: ...
+def compiled(
+    function: F | None = None,
+    *,
+    flags: frozenset[str] = frozenset(),
+    always_inline: bool = False,
+    at_once: bool = False,
 ) -> F | Callable[[F], F]:
     """Marks a function that is run as machine code: a loop, or a part of one.
 
@@ -130,9 +185,11 @@ def compiled(
         function: the function.
         flags: freedom of floating-point arithmetic: `functions.SUMS`, `functions.CONTRACT`.
         always_inline: put the text where it is called, whatever its length.
+        at_once: make a `QuickLoop`; the function takes arrays only and returns a whole number.
     """
+    kind = QuickLoop if at_once else Loop
 
     def mark(function: F) -> F:
-        return cast("F", Loop(cast("Any", function), flags, always_inline))
+        return cast("F", kind(cast("Any", function), flags, always_inline))
 
     return mark if function is None else mark(function)

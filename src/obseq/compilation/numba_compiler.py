@@ -42,8 +42,11 @@ KIND = OBJECT_HEADER - 8
 BYTE_ORDER, TYPE_NUMBER = OBJECT_HEADER + 10, OBJECT_HEADER + 12
 """Where a type of entries says its byte order and its number, as in `PyArray_Descr`."""
 
-WANTED_FLAGS = 0x101
+WANTED_FLAGS, WRITEABLE = 0x101, 0x400
 """C-contiguous and aligned."""
+
+COUNT = OBJECT_HEADER - 16
+"""Where an object counts who refers to it."""
 
 
 KERNEL_EFFORT, LOOP_EFFORT = 3, 2
@@ -191,7 +194,7 @@ def _entry(signature: Signature, symbol: str, context: Context, library: Value, 
     """What is called from outside: plain C for kernels, Python's arrays unpacked for loops."""
     module = library.create_ir_module(f"entry of {symbol}")
     module.data_layout = _codegen()._data_layout
-    emit = _kernel_entry if is_kernel(signature) else _loop_entry
+    emit = _quick_entry if signature.at_once else _kernel_entry if is_kernel(signature) else _loop_entry
     emit(symbol, signature, context, module, description)
     return module
 
@@ -210,6 +213,33 @@ def _kernel_entry(
     builder.ret_void()
 
 
+def _quick_entry(
+    symbol: str, signature: Signature, context: Context, module: Value, description: Value
+) -> None:
+    """A builtin of Python's: its object, the type of arrays; where its arguments are; their number.
+
+    It returns the last argument, if all are as they must be and the function returned 0; else the first.
+    """
+    checked = f"{symbol}_checked"
+    _loop_entry(checked, signature, context, module, description)
+    entry = ir.Function(module, ir.FunctionType(POINTER, [POINTER, POINTER.as_pointer(), INT]), symbol)
+    builder = ir.IRBuilder(entry.append_basic_block())
+    array_type, given, number = entry.args
+    wanted = len(signature.parameters)
+    with builder.if_then(builder.icmp_unsigned("!=", number, INT(wanted)), likely=False):
+        builder.ret(POINTER(None))
+    values = [builder.load(builder.gep(given, [INT(k)])) for k in range(wanted)]
+    result = builder.alloca(INT)
+    builder.store(INT(0), result)
+    place = builder.bitcast(result, POINTER)
+    status = builder.call(module.get_global(checked), [place, array_type, *values])
+    refused = builder.icmp_unsigned("!=", builder.or_(status, builder.load(result)), INT(0))
+    returned = builder.select(refused, values[0], values[-1])
+    count = builder.bitcast(builder.gep(returned, [INT(COUNT)]), INT.as_pointer())
+    builder.store(builder.add(builder.load(count), INT(1)), count)
+    builder.ret(returned)
+
+
 def _loop_entry(
     symbol: str, signature: Signature, context: Context, module: Value, description: Value
 ) -> None:
@@ -220,7 +250,8 @@ def _loop_entry(
     place, array_type, *given = entry.args
     for number, (parameter, value) in enumerate(zip(signature.parameters, given, strict=True), 1):
         if parameter.dimensions:
-            _check(builder, parameter, value, array_type, number)
+            flags = WANTED_FLAGS | WRITEABLE * signature.at_once
+            _check(builder, parameter, value, array_type, flags, number)
     members = iter(
         _value(context, builder, parameter, value)
         for parameter, value in zip(signature.parameters, given, strict=True)
@@ -244,7 +275,9 @@ def _passed(parameter: Parameter) -> Value:
     return ir.DoubleType() if parameter.type == "float64" else INT
 
 
-def _check(builder: Builder, parameter: Parameter, value: Value, array_type: NumbaType, number: int) -> None:
+def _check(
+    builder: Builder, parameter: Parameter, value: Value, array_type: Value, wanted_flags: int, number: int
+) -> None:
     """Gives up with the number of the parameter unless it is an array of the type and shape wanted."""
 
     def refuse_unless(condition: Value) -> None:
@@ -253,7 +286,7 @@ def _check(builder: Builder, parameter: Parameter, value: Value, array_type: Num
 
     refuse_unless(builder.icmp_unsigned("==", _field(builder, value, KIND, POINTER), array_type))
     flags = _field(builder, value, FLAGS, ir.IntType(32))
-    wanted = ir.Constant(ir.IntType(32), WANTED_FLAGS)
+    wanted = ir.Constant(ir.IntType(32), wanted_flags)
     refuse_unless(builder.icmp_unsigned("==", builder.and_(flags, wanted), wanted))
     dimensions = _field(builder, value, DIMENSIONS, ir.IntType(32))
     refuse_unless(builder.icmp_unsigned("==", dimensions, ir.Constant(ir.IntType(32), parameter.dimensions)))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 ARRAYS = {
     "FloatArray": ("float64", 1),
     "FloatRows": ("float64", 2),
+    "FloatCubes": ("float64", 3),
     "IntArray": ("int64", 1),
     "IntRows": ("int64", 2),
     "PositionArray": ("uint32", 1),
@@ -73,10 +74,12 @@ class Signature:
     Attributes:
         arguments: the arguments of the Python function.
         result: type of the result: a number, or None.
+        at_once: whether Python calls it as one of its builtins (see `loops.QuickLoop`).
     """
 
     arguments: tuple[Argument, ...]
     result: str | None
+    at_once: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -84,7 +87,8 @@ class Signature:
         return tuple(parameter for argument in self.arguments for parameter in argument.parameters)
 
     def __str__(self) -> str:
-        return f"({', '.join(map(str, self.parameters))}) -> {self.result}"
+        together = f"({', '.join(map(str, self.parameters))}) -> {self.result}"
+        return together + " at once" * self.at_once
 
 
 KERNEL = Signature(
@@ -97,7 +101,7 @@ KERNEL = Signature(
 """Signature of generated kernels: aligned tiles and their number."""
 
 
-def signature_of(function: FunctionType) -> Signature:
+def signature_of(function: FunctionType, at_once: bool = False) -> Signature:
     """The signature that the annotations of a function say.
 
     Raises:
@@ -109,7 +113,7 @@ def signature_of(function: FunctionType) -> Signature:
     result = _text(function.__annotations__.get("return"))
     if result not in RESULTS:
         raise TypeError(f"{function.__name__}: a loop returns int, float or None, not {result}")
-    return Signature(arguments, RESULTS[result])
+    return Signature(arguments, RESULTS[result], at_once)
 
 
 def _argument(function: FunctionType, name: str) -> Argument:

@@ -4,6 +4,7 @@ import functools
 import math
 import os
 import threading
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from obseq.arguments import ARRAY, TEXT, expecting, require
 from obseq.arrays import FloatArray
+from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
@@ -20,6 +22,9 @@ FLOAT = np.dtype(np.float64)
 
 SCRATCH_DOUBLES = 2 << 10
 """Size of the scratch tiles of an evaluation: 16 KiB, which leave room for rows in a first-level cache."""
+
+QUICK_ROWS = 1024
+"""Up to so many rows are evaluated without letting go of Python's lock, which costs more than it gives."""
 
 THREADED_ROWS = 32768
 """So many rows and more are shared by two threads, where there are two processors."""
@@ -76,6 +81,10 @@ class Calculator:
         Raises:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
+        if type(unknowns) is np.ndarray:
+            found = np.empty((*unknowns.shape[:1], len(self.residuals))) if out is None else out
+            if self._few_values(unknowns, observations, found) is found:
+                return found
         u, o = self._arguments(unknowns, observations)
         n = len(u)
         values = self._result(out, (n, len(self.residuals)))
@@ -101,6 +110,10 @@ class Calculator:
         Raises:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
+        if type(unknowns) is np.ndarray:
+            first, second = self._new_results(unknowns) if out is None else out
+            if self._few_jacobians(unknowns, observations, first, second) is second:
+                return first, second
         u, o = self._arguments(unknowns, observations)
         n, m, k = len(u), len(self.residuals), len(self.unknowns)
         first, second = (None, None) if out is None else out
@@ -195,6 +208,27 @@ class Calculator:
         kernel = self.kernel
         return _Run(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows)
 
+    @functools.cached_property
+    def _few_values(self) -> Callable[..., Any]:
+        return self._few(self._value, "evaluate_values", np.empty((0, 0)))
+
+    @functools.cached_property
+    def _few_jacobians(self) -> Callable[..., Any]:
+        return self._few(self._value_and_jacobian, "evaluate_jacobian")
+
+    def _few(self, run: _Run, loop: str, *more: FloatArray) -> Callable[..., Any]:
+        """Evaluates a few rows of arrays that are as they must be; returns the last array if it did."""
+        if not HAS_BUILTINS:
+            return _nothing
+        shape = len(self.unknowns), len(self.observations), len(self.residuals)
+        plan = np.array([run.address, run.rows, QUICK_ROWS, *shape])
+        return functools.partial(getattr(_tiles(), loop).builtin, plan, _new_scratch(run), *more)
+
+    def _new_results(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Arrays for the results of arguments whose shape is not known to be right."""
+        shape = (*unknowns.shape[:1], len(self.residuals))
+        return np.empty(shape), np.empty((*shape, len(self.unknowns)))
+
     def _evaluate(
         self, run: _Run, u: FloatArray, o: FloatArray, values: FloatArray, derivatives: FloatArray
     ) -> None:
@@ -235,9 +269,18 @@ def _scratch(run: _Run) -> FloatArray:
     kept: dict[Any, Any] = _KEPT.__dict__
     found: FloatArray | None = kept.get(run.address)
     if found is None:
-        n_tiles = max(1, SCRATCH_DOUBLES // (run.rows * STRIDE))
-        found = kept[run.address] = _tiles().aligned_tiles(run.rows, n_tiles, run.constants)
+        found = kept[run.address] = _new_scratch(run)
     return found
+
+
+def _new_scratch(run: _Run) -> FloatArray:
+    n_tiles = max(1, SCRATCH_DOUBLES // (run.rows * STRIDE))
+    tiles: FloatArray = _tiles().aligned_tiles(run.rows, n_tiles, run.constants)
+    return tiles
+
+
+def _nothing(*arrays: Any) -> None:
+    """What evaluates no row where Python's objects are not laid out as quick loops know them."""
 
 
 @functools.cache

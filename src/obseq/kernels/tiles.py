@@ -11,13 +11,14 @@ from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.vectors import transpose4
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
+    from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
 
 call_address = Instruction("obseq.kernels.instructions", "call_address")
 U = np.uint64
 ROW, TWO, THREE = U(STRIDE), U(2), U(3)
 
 pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
+rows_of = Instruction("obseq.kernels.array_instructions", "rows_of")
 
 
 @compiled
@@ -111,3 +112,58 @@ def evaluate(
         for k in range(n_tiles):
             read_lanes(tiles, k * tile_size + residuals, values, start + k * LANES)
             read_lanes(tiles, k * tile_size + derived, derivatives, start + k * LANES)
+
+
+@compiled
+def fits(plan: IntArray, unknowns: FloatRows, observations: FloatRows, values: FloatRows) -> bool:
+    """Whether arrays have the shapes of a plan, and no more rows than it takes at once."""
+    n = len(unknowns)
+    rows = n <= plan[2] and len(observations) == n and len(values) == n
+    columns = unknowns.shape[1] == plan[3] and observations.shape[1] == plan[4] and values.shape[1] == plan[5]
+    return rows and columns
+
+
+@compiled(at_once=True)
+def evaluate_values(
+    plan: IntArray,
+    tiles: FloatArray,
+    nothing: FloatRows,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    values: FloatRows,
+) -> int:
+    """Runs a kernel of values over a few rows, if all shapes are as they must be.
+
+    Args:
+        plan: Address of the kernel, rows of its tiles, most rows of arguments, numbers of unknowns,
+            observations and residuals.
+        tiles: Aligned scratch tiles, of this kernel alone.
+        nothing: (0, 0), for the derivatives that there are not.
+        unknowns: (n, n_unknowns).
+        observations: (n, n_observations).
+        values: (n, n_residuals), written.
+
+    Returns:
+        0, or 1 when it did nothing.
+    """
+    if not fits(plan, unknowns, observations, values):
+        return 1
+    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, nothing)
+    return 0
+
+
+@compiled(at_once=True)
+def evaluate_jacobian(
+    plan: IntArray,
+    tiles: FloatArray,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    values: FloatRows,
+    jacobian: FloatCubes,
+) -> int:
+    """The same with derivatives: (n, n_residuals, n_unknowns), written."""
+    n, m, k = jacobian.shape
+    if not fits(plan, unknowns, observations, values) or n != len(values) or m != plan[5] or k != plan[3]:
+        return 1
+    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, rows_of(jacobian))
+    return 0
