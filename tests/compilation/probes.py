@@ -31,3 +31,13 @@ def scaled_sum(x: FloatArray, times: int, scaled: bool, scale: float) -> float:
 def first_of_pair(pair: Pair) -> float:
     """The first entry of one array, the last of the other, and the number."""
     return pair.row[0] + pair.rows[1, 2] + pair.number
+
+
+@compiled(at_once=True)
+def double_all(x: FloatArray, doubled: FloatArray) -> int:
+    """Writes twice the entries; nothing if the lengths differ."""
+    if len(x) != len(doubled):
+        return 1
+    for i in range(len(x)):
+        doubled[i] = 2.0 * x[i]
+    return 0

@@ -156,13 +156,46 @@ def test_places_that_cannot_take_the_results_are_refused(distance: obseq.Calcula
 
 def test_two_threads_give_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     formula = obseq.calculator("TopoHz")
-    u, o = np.random.default_rng(7).uniform(0.5, 1.0, (1000, 9)), np.ones((1000, 10))
+    u, o = np.random.default_rng(7).uniform(0.5, 1.0, (2000, 9)), np.ones((2000, 10))
     alone = formula.values_and_jacobian(u, o)
     monkeypatch.setitem(formula.values.__func__.__globals__, "THREADED_ROWS", 100)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     together = formula.values_and_jacobian(u, o)
     np.testing.assert_array_equal(alone[0], together[0])
     np.testing.assert_array_equal(alone[1], together[1])
+
+
+@pytest.mark.parametrize("name", ["Dist3D", "TopoSubFrame", "EqDist_Dist_Base_Rad3_Dec1_XY1", "BlocRigid"])
+def test_few_rows_give_what_many_give(name: str) -> None:
+    """Up to a thousand rows are evaluated in another way than more."""
+    formula, random = obseq.calculator(name), np.random.default_rng(8)
+    u = random.uniform(0.1, 1.0, (1100, len(formula.unknowns)))
+    o = random.uniform(0.1, 1.0, (1100, len(formula.observations)))
+    values, jacobian = formula.values_and_jacobian(u, o)
+    only_values = formula.values(u, o)
+    for n in (0, 1, 3, 4, 31, 33, 100, 1024):
+        found = formula.values_and_jacobian(u[:n], o[:n])
+        np.testing.assert_array_equal(found[0], values[:n])
+        np.testing.assert_array_equal(found[1], jacobian[:n])
+        np.testing.assert_array_equal(formula.values(u[:n], o[:n]), only_values[:n])
+
+
+def test_arguments_may_be_read_only(distance: obseq.Calculator) -> None:
+    u, o = np.array(POINTS), np.array([[4.0], [3.5]])
+    u.flags.writeable = o.flags.writeable = False
+    np.testing.assert_allclose(distance.values(u, o), [[1.0], [-0.5]], rtol=1e-15)
+
+
+def test_places_that_cannot_take_few_results_are_refused(distance: obseq.Calculator) -> None:
+    u, o = np.array(POINTS), np.array([[4.0], [3.5]])
+    for jacobian in (
+        np.zeros((2, 6)),
+        np.zeros((2, 6, 1)),
+        np.zeros((1, 1, 6)),
+        np.zeros((2, 1, 6), np.float32),
+    ):
+        with pytest.raises(FormulaError, match=r"out must be .* of shape \(2, 1, 6\)"):
+            distance.values_and_jacobian(u, o, out=(np.zeros((2, 1)), jacobian))
 
 
 def test_a_copy_carries_no_addresses_of_this_process() -> None:

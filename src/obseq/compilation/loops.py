@@ -115,7 +115,7 @@ class QuickLoop(Loop):
         return Routine(self, signature_of(self.python, at_once=True))
 
     @cached_property
-    def builtin(self) -> Callable[..., Any]:
+    def builtin(self) -> Callable[..., object]:
         """Takes the arrays; returns the last one, or the first one when it did nothing.
 
         It does nothing where an array is not as it must be, writeable included, and where the function
@@ -123,7 +123,7 @@ class QuickLoop(Loop):
         """
         definition = _Method(self.name.encode(), self.routine.address, FAST_CALL, None)
         self._kept = definition  # builtins point to it
-        return cast("Callable[..., Any]", _new_builtin()(ctypes.byref(definition), np.ndarray, None))
+        return cast("Callable[..., object]", _new_builtin()(ctypes.byref(definition), np.ndarray, None))
 
 
 class _Method(ctypes.Structure):
@@ -144,7 +144,7 @@ HAS_BUILTINS = OBJECT_HEADER == 16
 """Whether objects are laid out as quick loops know them; in free-threaded Python they are not."""
 
 
-def _new_builtin() -> Callable[..., Any]:
+def _new_builtin() -> Callable[..., object]:
     """Python's own function that makes a builtin."""
     prototype = ctypes.PYFUNCTYPE(
         ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p

@@ -82,9 +82,9 @@ class Calculator:
             FormulaError: An array has the wrong shape or is not made of real numbers.
         """
         if type(unknowns) is np.ndarray:
-            found = np.empty((*unknowns.shape[:1], len(self.residuals))) if out is None else out
-            if self._few_values(unknowns, observations, found) is found:
-                return found
+            few: FloatArray = np.empty((*unknowns.shape[:1], len(self.residuals))) if out is None else out
+            if self._few_values(unknowns, observations, few) is few:
+                return few
         u, o = self._arguments(unknowns, observations)
         n = len(u)
         values = self._result(out, (n, len(self.residuals)))
@@ -116,8 +116,8 @@ class Calculator:
                 return first, second
         u, o = self._arguments(unknowns, observations)
         n, m, k = len(u), len(self.residuals), len(self.unknowns)
-        first, second = (None, None) if out is None else out
-        values, jacobian = self._result(first, (n, m)), self._result(second, (n, m, k))
+        to = (None, None) if out is None else out
+        values, jacobian = self._result(to[0], (n, m)), self._result(to[1], (n, m, k))
         self._evaluate(self._value_and_jacobian, u, o, values, jacobian.reshape(n, m * k))
         return values, jacobian
 
@@ -209,14 +209,14 @@ class Calculator:
         return _Run(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows)
 
     @functools.cached_property
-    def _few_values(self) -> Callable[..., Any]:
+    def _few_values(self) -> Callable[..., object]:
         return self._few(self._value, "evaluate_values", np.empty((0, 0)))
 
     @functools.cached_property
-    def _few_jacobians(self) -> Callable[..., Any]:
+    def _few_jacobians(self) -> Callable[..., object]:
         return self._few(self._value_and_jacobian, "evaluate_jacobian")
 
-    def _few(self, run: _Run, loop: str, *more: FloatArray) -> Callable[..., Any]:
+    def _few(self, run: _Run, loop: str, *more: FloatArray) -> Callable[..., object]:
         """Evaluates a few rows of arrays that are as they must be; returns the last array if it did."""
         if not HAS_BUILTINS:
             return _nothing
@@ -279,7 +279,7 @@ def _new_scratch(run: _Run) -> FloatArray:
     return tiles
 
 
-def _nothing(*arrays: Any) -> None:
+def _nothing(*arrays: object) -> None:
     """What evaluates no row where Python's objects are not laid out as quick loops know them."""
 
 

@@ -18,7 +18,10 @@ U = np.uint64
 ROW, TWO, THREE = U(STRIDE), U(2), U(3)
 
 pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
-rows_of = Instruction("obseq.kernels.array_instructions", "rows_of")
+rows_of, copy_ones, split_pairs, join_pairs = (
+    Instruction("obseq.kernels.array_instructions", name)
+    for name in ("rows_of", "copy_ones", "split_pairs", "join_pairs")
+)
 
 
 @compiled
@@ -47,11 +50,15 @@ def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float],
 def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies rows to the lanes of a tile; where there are no more rows, lanes stay as they are."""
     width, lanes = rows.shape[1], min(LANES, len(rows) - start)
-    whole = lanes // 4 * 4 if width >= 4 else 0
+    whole = lanes // 4 * 4 if width != 3 else 0
     step = U(width)
     for lane in range(0, whole, 4):
         row = U((start + lane) * width)
-        for quad in range(0, width, 4):
+        if width == 1:
+            copy_ones(rows, row, tiles, U(at + lane))
+        elif width == 2:
+            split_pairs(rows, row, tiles, U(at + lane), ROW)
+        for quad in range(0, width if width >= 4 else 0, 4):
             i = min(quad, width - 4)
             a = row + U(i)
             place = U(at + i * STRIDE + lane)
@@ -65,9 +72,13 @@ def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
 def read_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
     width, lanes = rows.shape[1], min(LANES, len(rows) - start)
-    whole = lanes // 4 * 4 if width >= 4 else 0
+    whole = lanes // 4 * 4 if width != 3 else 0
     for lane in range(0, whole, 4):
-        for quad in range(0, width, 4):
+        if width == 1:
+            copy_ones(tiles, U(at + lane), rows, U(start + lane))
+        elif width == 2:
+            join_pairs(tiles, U(at + lane), rows, U((start + lane) * 2), ROW)
+        for quad in range(0, width if width >= 4 else 0, 4):
             i = min(quad, width - 4)
             a = U(at + i * STRIDE + lane)
             place = U((start + lane) * width + i)
