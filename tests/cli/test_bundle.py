@@ -80,6 +80,81 @@ def test_a_blunder_makes_sigma0_too_large_and_is_said(tables, capsys):
     assert shown.partition("Largest residuals")[2].splitlines()[2].split()[:2] == [image, point]
 
 
+def with_shift(path, row, column, shift):
+    """Adds to one number of a table."""
+    lines = path.read_text().splitlines()
+    cells = lines[row].split(",")
+    cells[column] = str(float(cells[column]) + shift)
+    path.write_text("\n".join([*lines[:row], ",".join(cells), *lines[row + 1 :]]) + "\n")
+    return cells
+
+
+def suspect_of(options, capsys, *more):
+    """Exit code, and what the first line printed says of a suspect."""
+    capsys.readouterr()
+    code = main(["bundle", *options, *more])
+    return code, capsys.readouterr().out.splitlines()[0]
+
+
+def test_a_wrong_pixel_is_the_suspect_with_its_size(tables, capsys):
+    folder, options, _ = tables
+    image, point, *_ = with_shift(folder / "measures.csv", 40, 2, 14.0)
+    code, first = suspect_of(options, capsys)
+    assert code == 1
+    assert first.startswith(f"a gross error is suspected: image {image}, point {point} x, off by +1")
+
+
+def test_a_wrong_control_coordinate_is_the_suspect(tables, capsys):
+    folder, options, _ = tables
+    with_shift(folder / "control.csv", 3, 2, 0.05)
+    code, first = suspect_of(options, capsys)
+    assert code == 1
+    assert first.startswith("a gross error is suspected: control point P2 y, off by +0.0")
+
+
+def test_a_wrong_scale_bar_is_the_suspect_and_a_right_one_is_none(tables, capsys):
+    folder, options, _ = tables
+    truth = scenes.ring()[1]
+    length = float(np.linalg.norm(truth[10] - truth[12]))
+    bars = folder / "lengths.csv"
+    bars.write_text(f"from,to,length,sigma\nP10,P12,{length},0.005\n")
+    code, first = suspect_of(options, capsys, f"--lengths={bars}")
+    assert code == 0
+    assert "suspected" not in first
+    with_shift(bars, 1, 2, 0.2)
+    code, first = suspect_of(options, capsys, f"--lengths={bars}")
+    assert code == 1
+    assert first.startswith("a gross error is suspected: length P10 to P12, off by +0.")
+
+
+def test_a_wrong_survey_distance_is_the_suspect_with_its_line(tables, capsys):
+    folder, options, _ = tables
+    truth = scenes.ring()[1]
+    length = float(np.linalg.norm(truth[10] - truth[12])) + 0.2
+    (folder / "d.obs").write_text(f"3 P10 P12 {length} 0.005\n")
+    places = (f"0 P{k} {' '.join(map(str, truth[k]))}\n" for k in (10, 12))
+    (folder / "p.cor").write_text("".join(places))
+    more = [f"--obs={folder / 'd.obs'}", f"--cor={folder / 'p.cor'}"]
+    code, first = suspect_of(options, capsys, *more)
+    assert code == 1
+    assert "P10 -> P12" in first
+    assert "d.obs:1), off by +0." in first
+
+
+def test_sigmas_that_are_all_too_small_make_no_suspect(tables, capsys):
+    _, options, _ = tables
+    code, first = suspect_of([*options, "--image-sigma=0.05"], capsys)
+    assert code == 0
+    assert first.startswith("Bundle adjustment: sigma0")
+
+
+def test_robust_weights_leave_nothing_to_suspect(tables, capsys):
+    folder, options, _ = tables
+    with_shift(folder / "measures.csv", 40, 2, 14.0)
+    assert main(["bundle", *options, "--attenuation=1"]) == 0
+    assert "robust weights: none is suspected by its test" in capsys.readouterr().out
+
+
 def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
     folder, options, _ = tables
     with (folder / "measures.csv").open("a") as file:

@@ -25,7 +25,7 @@ example:
   obseq bundle-adjust '.*' Resec BA 'GCP3D=[[Fil,1,Adjusted]]' 'GCP2D=[[Fil,0.5]]' \\
       BRDirIn=Rig 'BRW=[1e-2,1e-5]'
 
-exit code: 0 adjusted; 1 not converged, or something was left out; 2 could not run"""
+exit code: 0 adjusted; 1 not converged, something left out, or a gross error suspected; 2 could not run"""
 
 
 def register(commands: Commands) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
+from obseq.images.output.suspicion import StandardisedRecord
 from obseq.images.output.testing import ReliabilityRecord
 from obseq.plain import from_plain, to_plain
 from obseq.record import IterationRecord, RunRecord
@@ -196,8 +197,14 @@ class BundleRecord:
 
     @property
     def is_complete(self) -> bool:
-        """Converged, with nothing left out and no point behind a camera."""
-        return self.converged and not self.left_out and not self.behind
+        """Converged, with nothing left out, no point behind a camera, and no gross error suspected."""
+        return self.converged and not self.left_out and not self.behind and self.suspect is None
+
+    @property
+    def suspect(self) -> StandardisedRecord | None:
+        """The observation of any kind that is suspected to be a gross error."""
+        found = None if self.reliability is None else self.reliability.suspicion
+        return None if found is None else found.suspect
 
     def to_json(self) -> str:
         """The text of the result file."""

@@ -18,6 +18,7 @@ from obseq.images.output.block_record import (
 )
 from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
+from obseq.images.output.suspicion import has_robust_weights
 from obseq.images.output.testing import reliability_record
 from obseq.record import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
@@ -69,9 +70,7 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
 
 def _global_test(solution: BundleSolution) -> GlobalTestRecord | None:
     """The test of sigma0, where no robust weight takes its distribution away."""
-    weights = solution.residuals.weights
-    is_robust = bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
-    return None if is_robust else global_test_record(solution.result)
+    return None if has_robust_weights(solution) else global_test_record(solution.result)
 
 
 def _left_out(items: Iterable[LeftOut]) -> tuple[BlockLeftOutRecord, ...]:

@@ -22,6 +22,7 @@ MOST = 12
 def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
     """A screenful about an adjusted block."""
     parts = [
+        _suspect(record),
         _verdict(record),
         *(_camera(camera) for camera in record.cameras[:3]),
         _images(record),
@@ -30,10 +31,19 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         _list("Left out", record.left_out),
         _list("Not in pairs of their rigid blocks", record.unpaired),
         "".join(f"note: {note}\n" for note in record.notes),
+        _tests(record.reliability),
         _worst(record),
         "".join(f"written: {name}\n" for name in files),
     ]
     return printable("\n".join(part for part in parts if part))
+
+
+def _suspect(record: BundleRecord) -> str:
+    if record.suspect is None or record.reliability is None or record.reliability.suspicion is None:
+        return ""
+    alike = record.reliability.suspicion.alike
+    others = f" (or one of {alike} others, whose tests are the same)" if alike else ""
+    return f"a gross error is suspected: {record.suspect.text}{others}\n"
 
 
 def _verdict(record: BundleRecord) -> str:
@@ -153,6 +163,25 @@ def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
         return ""
     rows = [(item.kind, item.name, item.reason) for item in items]
     return f"{title} ({len(rows)})\n" + _table(("what", "name", "reason"), rows)
+
+
+def _tests(found: ReliabilityRecord | None) -> str:
+    """The largest tests of all kinds of observation."""
+    if found is None or found.suspicion is None or not found.suspicion.largest:
+        return ""
+    tests = found.suspicion
+    rows = [
+        (row.name, f"{row.w:+.2f}", "" if row.blunder is None else f"{row.blunder:+.3g} {row.unit}".rstrip())
+        for row in tests.largest[:5]
+    ]
+    why = (
+        "robust weights: none is suspected by its test"
+        if tests.robust
+        else f"suspected above {tests.limit:.2f}"
+    )
+    return f"Largest standardised residuals of all observations ({why})\n" + _table(
+        ("what", "w", "error"), rows
+    )
 
 
 def _worst(record: BundleRecord) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.images.output.suspicion import SuspicionRecord, suspicion_record
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -72,6 +73,7 @@ class ReliabilityRecord:
         uncontrolled: coordinates that nothing controls.
         worst: the image points with the largest tests.
         all: the tests of all of them.
+        suspicion: what is the worst among the equations of all kinds; None in older files.
     """
 
     level: float
@@ -84,6 +86,7 @@ class ReliabilityRecord:
     uncontrolled: int
     worst: tuple[TestedPointRecord, ...]
     all: TestColumns
+    suspicion: SuspicionRecord | None = None
 
 
 def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
@@ -104,6 +107,7 @@ def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
             *map(tuple, found.redundancy.T.tolist()),
             *(_defined(column) for column in (*found.w.T, *found.detectable.T)),
         ),
+        suspicion_record(solution, whole),
     )
 
 
