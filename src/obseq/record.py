@@ -29,6 +29,7 @@ from obseq.record_quality import (
     ReliabilityRecord,
     SnoopingRecord,
     StatisticsRecord,
+    SuspicionRecord,
     VarianceComponentRecord,
 )
 
@@ -61,6 +62,7 @@ __all__ = [
     "SnoopingRecord",
     "StationRecord",
     "StatisticsRecord",
+    "SuspicionRecord",
     "VarianceComponentRecord",
     "defined",
     "new_run",
@@ -298,6 +300,7 @@ class AdjustmentRecord:
         operations: How PROJ leads from the systems to the Earth.
         types: How the observations of each type fit.
         setups: How the observations from each point fit.
+        suspicion: One gross error that explains what the sigmas do not; None when nothing is suspected.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
     """
 
@@ -340,13 +343,20 @@ class AdjustmentRecord:
     types: tuple[StatisticsRecord, ...] | None = None
     setups: tuple[StatisticsRecord, ...] | None = None
     undetermined: tuple[MotionRecord, ...] | None = None
+    suspicion: SuspicionRecord | None = None
     format: str = FORMAT
     version: int = VERSION
 
     @property
+    def rejections(self) -> tuple[RejectionRecord, ...]:
+        """What data snooping left out."""
+        return () if self.snooping is None else self.snooping.rejections
+
+    @property
     def is_complete(self) -> bool:
-        """Whether the iterations converged, with everything that was given."""
-        return self.converged and not self.left_out and not self.gross_errors
+        """Whether the iterations converged, with everything that was given, no gross error suspected."""
+        is_clean = not self.gross_errors and self.suspicion is None
+        return self.converged and not self.left_out and is_clean and not self.rejections
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

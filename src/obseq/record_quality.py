@@ -159,6 +159,23 @@ class SnoopingRecord:
 
 
 @dataclass(frozen=True)
+class SuspicionRecord:
+    """One gross error that explains what the sigmas do not.
+
+    Attributes:
+        observations: Type, points, file and line; several where they cannot be told apart: it is one of them.
+        statistic: The standardised residual; leaving it out lowers the weighted sum of squares by its square.
+        blunder: Estimate of the error of the value of the first, m or rad.
+        unit: "m" or "rad".
+    """
+
+    observations: tuple[str, ...]
+    statistic: float
+    blunder: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class VarianceComponentRecord:
     """The variance of one kind of observation, as the residuals show it.
 

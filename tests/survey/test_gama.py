@@ -221,9 +221,10 @@ def test_a_free_network_moves_its_datum_least(tmp_path):
 
 
 def test_all_networks_go_through_the_command(shared_data, capfd):
-    for folder in SETS:
-        for path in sorted((shared_data / folder).glob("*.gkf")):
-            assert main(["adjust", str(path)]) == 0, path
+    paths = [path for folder in SETS for path in sorted((shared_data / folder).glob("*.gkf"))]
+    suspected = {path.stem for path in paths if main(["adjust", str(path)]) != 0}
+    distances = {"jezerka-ang", "jezerka-dir"}  # the same one, w -5.5 where sigma0 is accepted
+    assert suspected == {"Ghilani15_4_Angle_fix", *distances}  # angles: two of w 3.78, limit 3.66 for four
     assert "m0 of gama-local" in capfd.readouterr().out
 
 

@@ -29,8 +29,8 @@ example:
   obseq adjust --obs levels.obs --cor levels.cor
   obseq adjust project.comp --json result.json
 
-exit code: 0 adjusted; 1 the iterations did not converge, points were left out, or gross errors are
-suspected; 2 could not run"""
+exit code: 0 adjusted; 1 the iterations did not converge, points were left out, gross errors are
+suspected, or snooping left some out; 2 could not run"""
 
 
 @dataclass(frozen=True)

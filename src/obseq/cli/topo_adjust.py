@@ -26,7 +26,7 @@ EXAMPLE = """\
 example:
   obseq topo-adjust Field Adjusted 'GCP3D=[[Known,1,New]]' --json result.json
 
-exit code: 0 adjusted; 1 not converged, or something was left out; 2 could not run"""
+exit code: 0 adjusted; 1 not converged, something left out, or gross errors suspected; 2 could not run"""
 
 
 def register(commands: Commands) -> None:

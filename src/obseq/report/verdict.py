@@ -1,5 +1,7 @@
 """What the test of sigma0 says, in words; and which observations fit worst."""
 
+from dataclasses import replace
+
 from obseq.dataclass import dataclass
 from obseq.record import (
     AdjustmentRecord,
@@ -7,6 +9,7 @@ from obseq.record import (
     GlobalTestRecord,
     ObservationRecord,
     StatisticsRecord,
+    SuspicionRecord,
 )
 from obseq.report import units
 
@@ -22,6 +25,15 @@ GROSS = (
     "The gross errors named above take part in this adjustment and spoil all of it: correct them, or switch "
     "them off, and adjust again before judging anything else."
 )
+LEFT_OUT = (
+    "Data snooping left out the gross errors named above: they take no part in this adjustment, and what "
+    "follows holds without them."
+)
+_LEAST_REDUNDANCY = 3.0
+"""Redundancy of a type below which small residuals say nothing of its sigmas."""
+_LARGEST_TOLD = 1000.0
+"""How many times too large sigmas may be said to look: beyond, residuals show the rounding of the values."""
+_MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,14 @@ class Verdict:
     @property
     def is_accepted(self) -> bool:
         """Whether sigma0 is what the sigmas announce, of each type too; False when it cannot be tested."""
-        return self.test is not None and self.test.passed and not self.types_beyond
+        suspected = self.types_beyond or self.record.suspicion or self.spoilt
+        return self.test is not None and self.test.passed and not suspected
+
+    @property
+    def spoilt(self) -> int:
+        """How many of the gross errors take part in the adjustment: snooping left out the others."""
+        gone = {item.observation for item in self.record.rejections}
+        return sum(item.what not in gone for item in self.record.gross_errors)
 
     @property
     def types_beyond(self) -> list[StatisticsRecord]:
@@ -46,11 +65,14 @@ class Verdict:
 
         Wrong weights of one type spoil the residuals of others too: types that are out by less than the
         root of the worst factor wait until that is mended. None while gross errors are suspected, which
-        decide then what the residuals of each type are.
+        decide then what the residuals of each type are; what a single suspected one explains is taken off.
         """
-        if self.record.gross_errors:
+        if self.spoilt:
             return []
-        found = sorted(filter(_is_beyond, self.record.types or ()), key=lambda row: -_times(row))
+        suspicion = self.record.suspicion
+        explained = 0.0 if suspicion is None else suspicion.statistic**2
+        rows = (_without(row, explained) for row in self.record.types or ())
+        found = sorted(filter(_is_beyond, rows), key=lambda row: -_times(row))
         return [row for row in found if _times(row) >= _times(found[0]) ** 0.5]
 
     @property
@@ -58,6 +80,8 @@ class Verdict:
         """The result of the test in a few words."""
         if self.test is None:
             return "not tested"
+        if self.test.passed and self.record.suspicion:
+            return "accepted as a whole, NOT each observation"
         if self.test.passed:
             return "accepted as a whole, NOT by type" if self.types_beyond else "accepted"
         return "rejected: too large" if self.test.sigma0 > self.test.upper else "rejected: too small"
@@ -65,7 +89,11 @@ class Verdict:
     @property
     def explanation(self) -> str:
         """What the result means and what to do about it."""
-        sentences = [self._of_test(), *([self._of_types()] if self.types_beyond else [])]
+        suspicion = self.record.suspicion
+        first = self._of_test() if suspicion is None or self.spoilt else _suspected(suspicion)
+        sentences = [first, *([self._of_types()] if self.types_beyond else [])]
+        if self.record.gross_errors and not self.spoilt:
+            sentences.insert(0, LEFT_OUT)
         return " ".join(sentences)
 
     def _of_test(self) -> str:
@@ -73,12 +101,21 @@ class Verdict:
             if self.record.redundancy > 0:
                 return "This result does not hold the test of sigma0: adjust again to have it."
             return "Nothing is redundant: each observation fits exactly, and nothing checks it."
-        if self.record.gross_errors:
-            return GROSS
+        if self.spoilt:
+            return self._of_gross_errors()
         if not self.test.passed:
             return TOO_LARGE if self.test.sigma0 > self.test.upper else TOO_SMALL
         whole = " all together" if self.types_beyond else ""
         return f"The residuals{whole} are what the sigmas of the observations announce."
+
+    def _of_gross_errors(self) -> str:
+        gone = len(self.record.rejections)
+        if not gone:
+            return GROSS
+        return (
+            f"Data snooping left out {gone} observation{'s' if gone > 1 else ''}, listed below; gross errors "
+            "named above that are not in that list may still take part and spoil the rest."
+        )
 
     def _of_types(self) -> str:
         """Which types have sigmas that the residuals contradict, and by how much."""
@@ -91,15 +128,40 @@ class Verdict:
         )
 
 
+def _suspected(suspicion: SuspicionRecord) -> str:
+    """Which observation one gross error is suspected in, and what to do."""
+    names, size = suspicion.observations, units.small(suspicion.unit, suspicion.blunder)
+    listed = ", ".join(names[:_MOST_NAMED])
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    which = listed if len(names) == 1 else f"one of {listed}{more}, which cannot be told apart"
+    estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
+    advice = "" if len(names) > 1 else "; or let --snooping w leave it out"
+    return (
+        f"GROSS ERROR suspected: {which}: {estimate} (standardised residual {suspicion.statistic:.2f}). One "
+        "gross error explains it better than wrong sigmas: check it, correct it or leave it out"
+        f"{advice}, and adjust again."
+    )
+
+
+def _without(row: StatisticsRecord, explained: float) -> StatisticsRecord:
+    """A type whose residuals are too large, less the part of their squares that one gross error explains."""
+    if row.sigma_factor is None or row.upper is None or not row.redundancy or row.sigma_factor <= row.upper:
+        return row
+    rest = max(row.sigma_factor**2 - explained / row.redundancy, 0.0) ** 0.5
+    return replace(row, sigma_factor=rest) if rest > row.upper else replace(row, sigma_factor=None)
+
+
 def _is_beyond(row: StatisticsRecord) -> bool:
+    """Whether the residuals contradict the sigmas; small ones do with enough redundancy only."""
     if row.sigma_factor is None or row.lower is None or row.upper is None:
         return False
-    return not row.lower <= row.sigma_factor <= row.upper
+    is_small = row.sigma_factor < row.lower and (row.redundancy or 0.0) >= _LEAST_REDUNDANCY
+    return is_small or row.sigma_factor > row.upper
 
 
 def _times(row: StatisticsRecord) -> float:
     """How many times too large or too small the sigmas of a type look."""
-    factor = max(row.sigma_factor or 0.0, 1e-300)
+    factor = max(row.sigma_factor or 0.0, 1.0 / _LARGEST_TOLD)
     return max(factor, 1.0 / factor)
 
 

@@ -36,6 +36,7 @@ from obseq.survey.adjustment.adjusted_records import (
     roots_of_diagonals,
 )
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
+from obseq.survey.adjustment.suspicion import suspicion
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
 
@@ -45,7 +46,14 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import EllipsoidRecord, GrossErrorRecord, MotionRecord, OperationRecord, RunRecord
+    from obseq.record import (
+        EllipsoidRecord,
+        GrossErrorRecord,
+        MotionRecord,
+        OperationRecord,
+        RunRecord,
+        SuspicionRecord,
+    )
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
@@ -153,8 +161,14 @@ class Adjustment:
 
     @property
     def is_complete(self) -> bool:
-        """Whether it converged, with everything that was given, without gross errors."""
-        return self.converged and not self.left_out and not self.gross_errors
+        """Whether it converged, with everything that was given, no gross error found or suspected."""
+        is_clean = not self.gross_errors and self.suspicion is None
+        return self.converged and not self.left_out and is_clean and not self.quality.rejected.any()
+
+    @property
+    def suspicion(self) -> SuspicionRecord | None:
+        """One gross error that explains what the sigmas do not; None when nothing is suspected."""
+        return suspicion(self.solution, self.quality, self.book, self.points.points, self.known)
 
     @property
     def normalised_residuals(self) -> FloatArray:
@@ -206,6 +220,7 @@ class Adjustment:
             types=by_type(fit),
             setups=by_setup(fit),
             undetermined=self.undetermined or None,
+            suspicion=self.suspicion,
         )
 
     def _points(self) -> Iterator[PointRecord]:
