@@ -261,3 +261,28 @@ def test_a_wrong_name_in_an_angle_is_found(tmp_path):
     (error,) = result.gross_errors
     assert error.points == ("A", "B")
     assert "it fits B, not A" in error.text
+
+
+@pytest.mark.parametrize(
+    ("again", "told"),
+    [
+        ('<point id="B" x="101" y="0" z="12" fix="xyz" />', "x is 100.0 in line"),
+        ('<point id="B" z="13" />', "z is 12.0 in line"),
+        ('<point id="B" adj="xyz" />', "the state of x is fixed in line"),
+        ('<point id="P" adj="XYz" />', "the state of x is free in line"),
+    ],
+)
+def test_points_that_contradict_each_other_are_refused(tmp_path, again, told):
+    path = network(tmp_path, POINTS + "\n" + again + SIGHTS)
+    name = again[11]
+    with pytest.raises(InputError, match=f"n.gkf:\\d+: point {name} is given twice: {told} \\d+ and"):
+        Network.read_project(path)
+
+
+def test_a_later_element_may_add_to_a_point(tmp_path):
+    parts = POINTS.replace(' fix="xyz" /> <point id="B"', ' /> <point id="A" fix="xyz" /> <point id="B"')
+    assert parts != POINTS
+    twice = POINTS + '<point id="B" x="100.0" y="0" />'
+    whole, *others = (adjusted(network(tmp_path, text + SIGHTS)) for text in (POINTS, parts, twice))
+    for other in others:
+        assert np.array_equal(other.points.coordinates, whole.points.coordinates)

@@ -305,3 +305,16 @@ def test_vectors_without_a_place_are_refused(tmp_path):
 def test_vectors_that_are_not_whole_are_refused(tmp_path, lines, message):
     with pytest.raises(InputError, match=message):
         read(tmp_path, ".3D\n" + lines + "\n")
+
+
+@pytest.mark.parametrize("again", ["C A 1 0 ! !", "C A 0 0", "C A 0 0 0.01 0.01"])
+def test_points_given_twice_otherwise_are_refused(tmp_path, again):
+    lines = [".UNITS METERS DMS", ".2D", "C A 0 0 ! !", again, "C B 100 0 ! !", "D A-B 100 0.01"]
+    with pytest.raises(InputError, match=r"n\.dat:4: point A is given twice.*\(first at .*n\.dat:3\)"):
+        read(tmp_path, "\n".join(lines))
+
+
+def test_points_given_twice_alike_are_taken_once(tmp_path):
+    first = next(line for line in PLANE.splitlines() if line.startswith("C "))
+    network = read(tmp_path, PLANE.replace(first, f"{first}\n{first}"))
+    assert network.points.names == read(tmp_path, PLANE).points.names

@@ -135,4 +135,4 @@ def _read_points(section: Element, table: PointTable) -> None:
             table.read(child)
         elif child.name == "coordinates":
             for point in child.named("point"):
-                table.read(point)
+                table.read(point, is_observed=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,10 +26,11 @@ class GamaPoint:
     """A point, as far as its elements have said.
 
     Attributes:
-        line: Of the first element, from 1.
+        line: Of the element whose coordinates are used, from 1.
         x, y, z: Coordinates in the axes of the file; NaN where unknown.
         fix: The components that are held, in lower case.
         adj: Those that are adjusted; upper case carries the datum.
+        said: What <point> elements have said, by attribute and component, and in which line.
     """
 
     line: int
@@ -37,6 +39,7 @@ class GamaPoint:
     z: float = math.nan
     fix: str = ""
     adj: str = ""
+    said: dict[str, tuple[str, int]] = field(default_factory=dict)
 
     @property
     def has_plan(self) -> bool:
@@ -78,11 +81,15 @@ class PointTable:
         """The point of a name, if an element declares it."""
         return self._points.get(name)
 
-    def read(self, element: Element) -> str:
+    def read(self, element: Element, *, is_observed: bool = False) -> str:
         """Takes over what an element says of its point; returns its name.
 
+        Args:
+            element: The element.
+            is_observed: Whether its coordinates are observed ones, which may differ from those before.
+
         Raises:
-            InputError: The element is wrong.
+            InputError: The element is wrong, or contradicts another one of the same point.
         """
         element.allow(ATTRIBUTES)
         name = element.wanted("id")
@@ -92,9 +99,13 @@ class PointTable:
         if (x is None) != (y is None):
             raise element.error("x and y go together; give both or none")
         if x is not None and y is not None:
+            if (x, y) != (point.x, point.y):
+                point.line = element.line
             point.x, point.y = x, y
         point.z = point.z if z is None else z
         self._read_part(element, point)
+        if not is_observed:
+            _agree(element, name, point)
         return name
 
     def _read_part(self, element: Element, point: GamaPoint) -> None:
@@ -150,6 +161,26 @@ class PointTable:
                 coordinates[row, :2] = middle
             if not point.has_height:
                 coordinates[row, 2] = 0.0
+
+
+def _agree(element: Element, name: str, point: GamaPoint) -> None:
+    """Refuses what another element of the point has said otherwise; a later one may add to the first."""
+    for what, value in _statements(element).items():
+        before, line = point.said.setdefault(what, (value, element.line))
+        if before != value:
+            raise element.error(
+                f"point {name} is given twice: {what} is {before} in line {line} and {value} here; "
+                "keep one of the two"
+            )
+
+
+def _statements(element: Element) -> dict[str, str]:
+    """What an element says of each component of its point, in words."""
+    found = {axis: repr(value) for axis in "xyz" if (value := element.number(axis)) is not None}
+    letters = element.get("adj") or ""
+    adjusted = {axis.lower(): "constrained" if axis.isupper() else "free" for axis in letters}
+    fixed = dict.fromkeys((element.get("fix") or "").lower(), "fixed")
+    return found | {f"the state of {axis}": state for axis, state in (adjusted | fixed).items()}
 
 
 def _united(before: str, new: str) -> str:

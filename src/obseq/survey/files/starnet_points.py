@@ -20,12 +20,13 @@ _NOTHING = (math.nan, math.nan, math.nan)
 
 
 class PointLines:
-    """The points of a network while its lines are read; a point may have several lines."""
+    """The points of a network while its lines are read; lines of one point may not contradict each other."""
 
     def __init__(self) -> None:
         self._values: dict[str, list[float]] = {}
         self._sigmas: dict[str, list[float]] = {}
         self._lines: dict[str, int] = {}
+        self._said: dict[tuple[str, int], tuple[float, float, str]] = {}
 
     def read(self, line: Line) -> bool | None:
         """Takes a C or E line; whether it says that the network is a plane (None: neither)."""
@@ -40,8 +41,21 @@ class PointLines:
         axes = (2,) if is_elevation else (0, 1, 2) if line.options.east_first else (1, 0, 2)
         known, spread = self._of(name, line)
         for axis, value, sigma in zip(axes, values, sigmas, strict=False):
+            self._check_again(line, name, axis, value, sigma)
             known[axis], spread[axis] = value, sigma
         return None if is_elevation else count == 2
+
+    def _check_again(self, line: Line, name: str, axis: int, value: float, sigma: float) -> None:
+        """Refuses a coordinate given otherwise before; E may replace the approximate height of C."""
+        here = (value, sigma, f"{line.file.name}:{line.index + 1}")
+        before = self._said.setdefault((name, axis), here)
+        if line.fields[0].lower() == "e" and math.isnan(before[1]):
+            self._said[name, axis] = before = here
+        if before[0] != value or repr(before[1]) != repr(sigma):
+            raise line.error(
+                f"point {name} is given twice, with other coordinates or standard errors (first at "
+                f"{before[2]}); keep one of the two lines"
+            )
 
     def _of(self, name: str, line: Line) -> tuple[list[float], list[float]]:
         self._lines.setdefault(name, line.index + 1)
