@@ -211,6 +211,12 @@ def test_results_in_other_formats_are_blocks_again(tables, capsys):
     assert main([*again, f"--json={folder / 'r.json'}"]) == 0
     record = json.loads((folder / "r.json").read_text())
     centres = read_opk(folder / "poses.txt").centres
+    sigma0 = record["sigma0"]
+    assert main([*again, f"--json={folder / 'half.json'}", "--image-sigma=0.5"]) in (0, 1)
+    half = json.loads((folder / "half.json").read_text())
+    assert half["sigma0"] == pytest.approx(
+        2.0 * sigma0, rel=1e-6
+    )  # the file says no sigma: one pixel, or this
     # the free block of the same measures, without what the control points said
     np.testing.assert_allclose([image["centre"] for image in record["images"]], centres, atol=0.02)
     assert np.abs(centres - poses.centres).max() < 0.05
@@ -234,3 +240,8 @@ def test_bal_in_bal_out(tmp_path, shared_data):
 def test_a_script_of_dbat_is_a_block(shared_data, capsys):
     assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}"]) in (0, 1)
     assert "sigma0 1.1786" in capsys.readouterr().out
+
+
+def test_a_sigma_for_measures_that_have_their_own_is_refused(shared_data, capsys):
+    assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}", "--image-sigma=0.5"]) == 2
+    assert "have sigmas of the measures" in capsys.readouterr().err

@@ -26,6 +26,12 @@ OTHERS = {
 }
 """Blocks of other programs: option, what it takes, what it is."""
 
+WITHOUT_SIGMAS = ("bal", "bundler", "colmap")
+"""Programs whose files do not say how good the measures are: one pixel unless the user says it."""
+
+WITH_SIGMAS = ("dbat", "photomodeler")
+"""Programs whose files say it for every measure."""
+
 DATUMS = ("control", "centres", "points")
 
 
@@ -79,7 +85,9 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
         raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
     if given:
-        block, points = _read_other(arguments, *next(iter(given.items())))
+        (kind, path), *_ = given.items()
+        block, points = _read_other(arguments, kind, path)
+        _weigh(block, kind, arguments)
         datum = points if points and arguments.datum is None else datum
         _add_control(block, arguments)
     else:
@@ -179,6 +187,26 @@ def _weighting(arguments: argparse.Namespace) -> Weighting | None:
     if arguments.image_sigma is None:
         raise InputError("--attenuation and --threshold go with --image-sigma: robust weights take one sigma")
     return Weighting(arguments.image_sigma, arguments.attenuation, arguments.threshold)
+
+
+def _weigh(block: BundleAdjustment, kind: str, arguments: argparse.Namespace) -> None:
+    """Gives the measures of another program the weights that the options ask for.
+
+    Raises:
+        InputError: a sigma is given for files that say their own.
+    """
+    from obseq.images import Weighting
+
+    weighting = _weighting(arguments)
+    if weighting is None and arguments.image_sigma is not None:
+        if kind in WITH_SIGMAS:
+            raise InputError(
+                f"--{kind}: its files have sigmas of the measures; leave out --image-sigma "
+                "(with --attenuation or --threshold it replaces them)"
+            )
+        weighting = Weighting(arguments.image_sigma) if kind in WITHOUT_SIGMAS else None
+    if weighting is not None:
+        block.weigh_measures(weighting)
 
 
 def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) -> None:

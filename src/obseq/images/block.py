@@ -175,16 +175,11 @@ class Block:
             index_of(known, measures.point_names, "image points: point")
         self._check_frames(measures)
         self._check_pairs(measures)
-        if weighting is not None:
-            measures = ImagePoints.packed(
-                measures.image_names,
-                measures.point_names,
-                measures.image,
-                measures.point,
-                measures.xy,
-                weighting.sigma,
-            )
-        self.sets.append(MeasureSet(measures, weighting, name or "image points"))
+        self.sets.append(_weighed(MeasureSet(measures, None, name or "image points"), weighting))
+
+    def weigh_measures(self, weighting: Weighting) -> None:
+        """Gives all image points that were added one weighting, in place of their own sigmas."""
+        self.sets = [_weighed(part, weighting) for part in self.sets]
 
     def _check_frames(self, measures: ImagePoints) -> None:
         cameras = [self.cameras[self.camera_of[image]] for image in measures.image_names]
@@ -358,3 +353,12 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+
+
+def _weighed(part: MeasureSet, weighting: Weighting | None) -> MeasureSet:
+    if weighting is None:
+        return part
+    given = part.measures
+    names = given.image_names, given.point_names
+    measures = ImagePoints.packed(*names, given.image, given.point, given.xy, weighting.sigma)
+    return MeasureSet(measures, weighting, part.name)
