@@ -116,6 +116,37 @@ def test_files_without_formulas(tmp_path, capsys, text, message):
     assert message in capsys.readouterr().err
 
 
+RETURN = "return top.z - w * first.z - (1 - w) * last.z - h"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "line", "message"),
+    [
+        (RETURN, "return top.x - first.w - h", 18, "no attribute 'w' in formula HeightOverLine; correct"),
+        ("h: Length", "h", 16, "argument h has no annotation in formula HeightOverLine; say what it is"),
+        (RETURN, "return h if top.x > first.x else top.z", 18, "write it without `if` on its values"),
+        (
+            RETURN,
+            "return __import__('math').sqrt(top.z) - h",
+            18,
+            "sqrt and sin from obseq.formulas.functions",
+        ),
+        ("class HeightOverLine", "class Dist3D", 16, "a formula Dist3D already; give yours another name"),
+        ("import Scalar", "import Scaler", 5, "cannot import name 'Scaler'"),
+        (RETURN, "return top.z -", 18, "it is not Python: invalid syntax"),
+    ],
+)
+def test_a_slip_in_a_formula_is_said_with_its_line(tmp_path, capsys, before, after, line, message):
+    network(tmp_path)
+    (tmp_path / "own.py").write_text(OWN.replace(before, after))
+    files = [str(tmp_path / name) for name in ("p.csv", "f.csv")]
+    assert main(["adjust", *files, "--formulas", str(tmp_path / "own.py"), "--out", str(tmp_path / "r")]) == 2
+    said = capsys.readouterr().err
+    assert f"own.py, line {line}: " in said
+    assert message in said
+    assert "defect of obseq" not in said
+
+
 def test_mutated_tables_are_read_or_refused_by_name(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(TOOLS)
     mutated = importlib.import_module("fuzz_readers").mutated

@@ -1,39 +1,57 @@
 """Formulas of the user's, from files of Python that the command line names."""
 
 import runpy
+import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from obseq.errors import InputError
+from obseq.errors import InputError, ObseqError
+
+if TYPE_CHECKING:
+    from obseq.kernels import Kernel
+
+_ADVICE = (
+    ("truth value", "a formula has no branches: write it without `if` on its values"),
+    ("to float", "take functions such as sqrt and sin from obseq.formulas.functions, not from math"),
+    ("has no attribute", "correct the name: a Point3 has x, y and z"),
+)
+"""What to do about an exception whose text holds some words."""
 
 
 def use_formulas(path: Path) -> None:
     """Runs a file, and lets tables of observations name the formulas that it defines.
 
     Raises:
-        InputError: It cannot be run, or defines no formula of one to three points.
+        InputError: It cannot be run, or defines no formula of one to three points, or one that cannot be
+            compiled or has the name of one of the catalogue.
     """
-    from obseq.codegen import compile_formula
+    names = _names(path)
+    classes = _classes(path, names)
     from obseq.survey import kind_of_formula
 
-    formulas = _formulas(path, _names(path))
-    for formula in formulas:
-        kind_of_formula(compile_formula(formula))
+    for one in classes:
+        kind_of_formula(_compiled(path, one))
 
 
 def _names(path: Path) -> Mapping[str, Any]:
     """What a file defines, once it is run."""
     try:
+        compile(path.read_bytes(), str(path), "exec")
         return runpy.run_path(str(path), run_name=path.stem)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except SyntaxError as error:
+        raise InputError(f"{path}, line {error.lineno}: it is not Python: {error.msg}; correct it") from error
+    except ObseqError:
+        raise
     except Exception as error:
-        raise InputError(f"{path}: it cannot be run: {type(error).__name__}: {error}") from error
+        what = f"{type(error).__name__}: {error}"
+        raise InputError(f"{_place(path, error)}: it cannot be run: {what}") from error
 
 
-def _formulas(path: Path, names: Mapping[str, Any]) -> list[Any]:
-    """An object of each formula that the file itself defines."""
+def _classes(path: Path, names: Mapping[str, Any]) -> list[type]:
+    """The formulas that the file itself defines."""
     own = [
         value
         for value in names.values()
@@ -41,4 +59,51 @@ def _formulas(path: Path, names: Mapping[str, Any]) -> list[Any]:
     ]
     if not own:
         raise InputError(f"{path}: it defines no formula (a class with a method `residual`)")
-    return [value() for value in own]
+    return own
+
+
+def _compiled(path: Path, one: type) -> "Kernel":
+    """The kernel of a formula; what its own lines raise is said with the line."""
+    from obseq.codegen import compile_formula
+    from obseq.formulas.families import find
+
+    place = f"{path}, line {_first_line(one)}"
+    try:
+        formula = one()
+        if find(formula.name) is not None:
+            raise InputError(f"{place}: obseq has a formula {formula.name} already; give yours another name")
+        _refuse_bare_arguments(place, one)
+        return compile_formula(formula)
+    except ObseqError:
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        place = _place(path, error, place)
+        raise InputError(f"{place}: {what} in formula {one.__name__}; {_advice(what)}") from error
+
+
+def _refuse_bare_arguments(place: str, one: Any) -> None:
+    """Raises where an argument of the residual has no annotation."""
+    code, annotated = one.residual.__code__, one.residual.__annotations__
+    count = code.co_argcount + code.co_kwonlyargcount
+    bare = [name for name in code.co_varnames[1:count] if name not in annotated]
+    if bare:
+        raise InputError(
+            f"{place}: argument {bare[0]} has no annotation in formula {one.__name__}; say what it is: "
+            f"{bare[0]}: Point3, Length, Angle or Number"
+        )
+
+
+def _first_line(one: Any) -> int:
+    return int(one.residual.__code__.co_firstlineno)
+
+
+def _place(path: Path, error: Exception, otherwise: str = "") -> str:
+    """The file, with the last of its lines that an exception came through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return f"{path}, line {lines[-1]}" if lines else otherwise or str(path)
+
+
+def _advice(what: str) -> str:
+    return next((advice for words, advice in _ADVICE if words in what), "correct that line")
