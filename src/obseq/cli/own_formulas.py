@@ -65,12 +65,12 @@ def _classes(path: Path, names: Mapping[str, Any]) -> list[type]:
 def _compiled(path: Path, one: type) -> "Kernel":
     """The kernel of a formula; what its own lines raise is said with the line."""
     from obseq.codegen import compile_formula
-    from obseq.formulas.families import find
+    from obseq.kernels import formula_names
 
     place = f"{path}, line {_first_line(one)}"
     try:
         formula = one()
-        if find(formula.name) is not None:
+        if formula.name in formula_names():
             raise InputError(f"{place}: obseq has a formula {formula.name} already; give yours another name")
         _refuse_bare_arguments(place, one)
         return compile_formula(formula)
