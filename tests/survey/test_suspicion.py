@@ -7,6 +7,7 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.leastsquares.statistics.distributions import normal_limit
+from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others, tau_p_values
 from obseq.survey.adjustment.suspicion import suspected
 
 POINTS = "5 R1 0 0 100 0.0002\n4 A 0 0 0\n4 B 0 0 0\n4 C 0 0 0\n5 R2 0 0 103 0.0002\n"
@@ -78,3 +79,11 @@ def test_what_remains_too_large_raises_the_limit():
     w = np.r_[np.ones(9), 6.0]
     assert suspected(w, 36.0 + 4.0, 5) == [9]
     assert suspected(w, 36.0 + 40.0, 5) == []
+
+
+def test_scaled_by_the_others_is_the_test_of_tau():
+    w, squares, redundancy = 6.0, 76.0, 5
+    tau = w / (squares / redundancy) ** 0.5
+    level = float(tau_p_values(tau, redundancy))
+    assert scaled_by_others(w, squares, redundancy) == pytest.approx(6.0 / 10.0**0.5)
+    assert limit_by_others(w, squares, redundancy, level) == pytest.approx(6.0 / 10.0**0.5, rel=1e-6)

@@ -1,9 +1,4 @@
-"""The largest standardised residuals of a block, those of all kinds together, and the one that is suspected.
-
-Without an equation whose standardised residual is w, the weighted sum of squares T of the others is T - w^2.
-Their sigma0, or 1 where it is smaller, scales w before it is tested: sigmas that are all too small make no
-suspect, and a single gross error does not hide behind the sigma0 that it has spoilt itself.
-"""
+"""The largest standardised residuals of a block, of all kinds together, and the one that is suspected."""
 
 from __future__ import annotations
 
@@ -13,7 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.images.adjustment.equations import LENGTHS
-from obseq.leastsquares.statistics.hypothesis_tests import normal_critical
+from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
@@ -97,13 +92,14 @@ def has_robust_weights(solution: BundleSolution) -> bool:
 def suspicion_record(solution: BundleSolution, whole: Reliability) -> SuspicionRecord:
     """The largest tests of a solution, from the reliability of its system."""
     w = np.concatenate([np.abs(np.nan_to_num(part.w)).ravel() for part in whole.all])
-    scaled = _scaled(w, whole)
+    squares = (whole.sigma0 or 0.0) ** 2 * whole.redundancy
+    scaled = scaled_by_others(w, squares, whole.redundancy)
     order = _largest(w)
     names = _Names(solution)
     return SuspicionRecord(
         LEVEL,
         whole.n_tests,
-        normal_critical(LEVEL / max(whole.n_tests, 1)),
+        limit_by_others(w.max(initial=0.0), squares, whole.redundancy, LEVEL / max(whole.n_tests, 1)),
         tuple(names.record(*_place(whole, int(row)), float(scaled[row])) for row in order),
         int(np.count_nonzero(w >= (1.0 - SAME) * w.max(initial=0.0))) - 1,
         has_robust_weights(solution),
@@ -115,14 +111,6 @@ def _largest(w: FloatArray) -> IntArray:
     order = np.argpartition(-w, LISTED)[:LISTED] if w.size > LISTED else np.arange(w.size)
     order = order[np.argsort(-w[order], kind="stable")]
     return np.asarray(order[w[order] > 0.0])
-
-
-def _scaled(w: FloatArray, whole: Reliability) -> FloatArray:
-    """|w| over the sigma0 of the others."""
-    if whole.sigma0 is None or whole.redundancy < 2:
-        return w
-    others = (whole.sigma0**2 * whole.redundancy - np.square(w)) / (whole.redundancy - 1)
-    return np.asarray(w / np.sqrt(np.maximum(others, 1.0)))
 
 
 def _place(whole: Reliability, position: int) -> tuple[Tested, int, int]:

@@ -129,6 +129,35 @@ def tau_critical(level: float, redundancy: int) -> float:
     return bisected(lambda tau: tau_outside(tau, redundancy) > level, 0.0, float(np.sqrt(redundancy)))
 
 
+def scaled_by_others(w: ArrayLike, squares: float, redundancy: int) -> FloatArray:
+    """Standardised residuals over the sigma0 of all other observations, where that is above 1.
+
+    Leaving one observation out lowers the weighted sum of squares by exactly w**2. Sigmas that are all too
+    small make no suspect so, and a gross error does not hide behind the sigma0 that it has spoilt itself.
+
+    Args:
+        w: residuals over their own a priori standard deviations.
+        squares: weighted sum of squares of all residuals.
+        redundancy: its degrees of freedom; below 2 nothing is scaled.
+    """
+    array = np.asarray(w, dtype=np.float64)
+    if redundancy < 2:
+        return array
+    return array / np.sqrt(np.maximum((squares - np.square(array)) / (redundancy - 1), 1.0))
+
+
+def limit_by_others(worst: float, squares: float, redundancy: int, level: float) -> float:
+    """Limit that the scaled |w| of one observation exceeds with probability `level`, nothing being wrong.
+
+    Normal where the sigmas announce what remains without it; else Student's t with one degree less than the
+    redundancy, which is Pope's test of tau.
+    """
+    if redundancy < 2 or squares - worst**2 <= redundancy - 1:
+        return normal_critical(level)
+    tau = tau_critical(level, redundancy)
+    return tau * float(np.sqrt((redundancy - 1) / (redundancy - tau**2)))
+
+
 def single_level(level: float, n_tests: int) -> float:
     """Sidak's level of each of n independent tests, so that one at least rejects with probability `level`."""
     return float(-np.expm1(np.log1p(-checked_probability(level, "level")) / max(n_tests, 1)))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.statistics.distributions import normal_outside, tau_outside
+from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others
 from obseq.record import SuspicionRecord
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
@@ -27,9 +27,7 @@ _SAME = 1e-6
 def suspected(standardised: FloatArray, squares: float, redundancy: int) -> list[int]:
     """The observations one of which has a gross error: those of the largest |w|, if it is significant.
 
-    Leaving one observation out lowers the weighted sum of squares by exactly w**2. Where what remains is
-    what the sigmas announce, w is judged by them (normal); where it is more, by what remains (Student's t
-    with one degree less than the redundancy, which is Pope's test of tau). All tests share the level.
+    All tests share the level (`scaled_by_others`, `limit_by_others`).
 
     Args:
         standardised: (n,) residuals over their own a priori standard deviations, NaN where not tested.
@@ -43,16 +41,10 @@ def suspected(standardised: FloatArray, squares: float, redundancy: int) -> list
     if not len(sizes) or redundancy < 2:
         return []
     worst = float(sizes.max())
-    if _outside(worst, squares, redundancy) >= _LEVEL / len(sizes):
+    limit = limit_by_others(worst, squares, redundancy, _LEVEL / len(sizes))
+    if scaled_by_others(worst, squares, redundancy) <= limit:
         return []
     return np.flatnonzero(np.abs(standardised) >= worst * (1.0 - _SAME)).tolist()
-
-
-def _outside(worst: float, squares: float, redundancy: int) -> float:
-    """Probability that one |w| is larger where nothing is wrong."""
-    if squares - worst**2 <= redundancy - 1:
-        return float(normal_outside(worst))
-    return tau_outside(worst * (redundancy / squares) ** 0.5, redundancy)
 
 
 def suspicion(
