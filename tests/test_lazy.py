@@ -33,3 +33,13 @@ def test_type_checkers_see_the_same_names(name: str) -> None:
         alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
     }
     assert imported - {"TYPE_CHECKING", "lazy_names"} == set(package.__all__)
+
+
+@pytest.mark.parametrize(
+    ("package", "former", "now"),
+    [("obseq.images", "Pose", "RigidMotion"), ("obseq.leastsquares", "Pose", "UnknownPose")],
+)
+def test_former_names_work_and_warn(package: str, former: str, now: str) -> None:
+    found = importlib.import_module(package)
+    with pytest.warns(DeprecationWarning, match=f"from {package} import {now}"):
+        assert getattr(found, former) is getattr(found, now)

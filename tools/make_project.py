@@ -21,7 +21,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import ObseqError
-from obseq.geometry import Pose, exponential
+from obseq.geometry import RigidMotion, exponential
 from obseq.images import Camera, ImagePoints, Poses
 from obseq.project import measures_text, write_orientation
 from obseq.writing import write_all
@@ -107,9 +107,9 @@ def bar(exposures: int, rng: np.random.Generator) -> Poses:
     angle = np.linspace(0.0, 2.0 * np.pi, exposures, endpoint=False)
     centres = np.column_stack([5.0 * np.cos(angle), 4.0 * np.sin(angle), rng.uniform(1.2, 2.4, exposures)])
     goals = np.column_stack([-9.0 * np.cos(angle), -7.0 * np.sin(angle), rng.uniform(1.5, 3.5, exposures)])
-    masters = Pose(centres, looking(centres, goals))
-    place = Pose(np.array([0.6, 0.01, -0.02]), exponential(np.array([0.01, 0.12, -0.02])))
-    second = Pose(masters.centre + masters.rotation @ place.centre, masters.rotation @ place.rotation)
+    masters = RigidMotion(centres, looking(centres, goals))
+    place = RigidMotion(np.array([0.6, 0.01, -0.02]), exponential(np.array([0.01, 0.12, -0.02])))
+    second = RigidMotion(masters.centre + masters.rotation @ place.centre, masters.rotation @ place.rotation)
     names = [f"{camera}_{k + 1:04d}.JPG" for camera in ("C1", "C2") for k in range(exposures)]
     owners = [f"CalibIntr_CamSONY_A6400_Add{camera}_Foc16000" for camera in ("C1", "C2") for _ in angle]
     both = (

@@ -5,14 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obseq.geometry import DegenerateGeometryError, Pose, exponential, isometry, triangle_isometry
+from obseq.geometry import DegenerateGeometryError, RigidMotion, exponential, isometry, triangle_isometry
 
 SQUARE = np.array([[-10.0, 0.0, 0.0], [0.0, -50.0, 0.0], [20.0, 0.0, 0.0], [0.0, 50.0, 0.0]])
 
 
-def motion(seed: int) -> Pose:
+def motion(seed: int) -> RigidMotion:
     generator = np.random.default_rng(seed)
-    return Pose(generator.uniform(-1000.0, 1000.0, 3), exponential(np.pi * generator.uniform(-1.0, 1.0, 3)))
+    return RigidMotion(
+        generator.uniform(-1000.0, 1000.0, 3), exponential(np.pi * generator.uniform(-1.0, 1.0, 3))
+    )
 
 
 @given(st.integers(0, 10_000))
@@ -49,7 +51,7 @@ def test_least_squares_beats_its_neighbours() -> None:
     found = isometry(source, target)
     best = np.sum((found.to_world(source) - target) ** 2)
     for w, shift in zip(generator.normal(0, 0.01, (50, 3)), generator.normal(0, 0.01, (50, 3)), strict=True):
-        moved = Pose(found.centre + shift, found.rotation @ exponential(w))
+        moved = RigidMotion(found.centre + shift, found.rotation @ exponential(w))
         assert np.sum((moved.to_world(source) - target) ** 2) > best
 
 

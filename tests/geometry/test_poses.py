@@ -3,18 +3,20 @@
 import numpy as np
 import pytest
 
-from obseq.geometry import Pose, exponential, rotation_z
+from obseq.geometry import RigidMotion, exponential, rotation_z
 
 
-def random_pose(seed: int, count: int | None = None) -> Pose:
+def random_pose(seed: int, count: int | None = None) -> RigidMotion:
     generator = np.random.default_rng(seed)
     shape = (3,) if count is None else (count, 3)
-    return Pose(generator.uniform(-100.0, 100.0, shape), exponential(generator.uniform(-2.0, 2.0, shape)))
+    return RigidMotion(
+        generator.uniform(-100.0, 100.0, shape), exponential(generator.uniform(-2.0, 2.0, shape))
+    )
 
 
 def test_a_station_turned_by_a_quarter() -> None:
     # at (10, 20, 0), local x axis along world y: one metre ahead in x is (10, 21, 0)
-    station = Pose(np.array([10.0, 20.0, 0.0]), rotation_z(np.pi / 2))
+    station = RigidMotion(np.array([10.0, 20.0, 0.0]), rotation_z(np.pi / 2))
     assert station.to_world([1.0, 0.0, 0.0]) == pytest.approx([10.0, 21.0, 0.0])
     assert station.to_local([10.0, 21.0, 0.0]) == pytest.approx([1.0, 0.0, 0.0])
 
@@ -45,7 +47,7 @@ def test_relative_pose_is_seen_from_the_reference() -> None:
 def test_batches_equal_single_poses() -> None:
     poses, points = random_pose(6, 30), np.random.default_rng(7).uniform(-5.0, 5.0, (30, 3))
     one_by_one = [
-        Pose(c, r).to_local(p) for c, r, p in zip(poses.centre, poses.rotation, points, strict=True)
+        RigidMotion(c, r).to_local(p) for c, r, p in zip(poses.centre, poses.rotation, points, strict=True)
     ]
     assert poses.to_local(points) == pytest.approx(np.array(one_by_one), abs=1e-12)
     assert poses.inverse().to_local(poses.to_local(points)) == pytest.approx(points, abs=1e-11)

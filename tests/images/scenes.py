@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from obseq.geometry import Pose, absorb
+from obseq.geometry import RigidMotion, absorb
 from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses
 
 CAMERA = Camera("c", 2000, 1500, 1800.0, degree=(3, 1, 1), distortion={"K1": -0.08, "K2": 0.02, "p1": 1e-3})
@@ -32,7 +32,7 @@ def measured(poses: Poses, points: np.ndarray, names, noise: float, seed: int = 
     """All points in all images, where they are seen, with noise (pixels)."""
     rng = np.random.default_rng(seed)
     image, point = np.divmod(np.arange(len(poses) * len(points)), len(points))
-    local = Pose(poses.centres[image], poses.rotations[image]).to_local(points[point])
+    local = RigidMotion(poses.centres[image], poses.rotations[image]).to_local(points[point])
     seen = camera.sees(local)
     xy = camera.project(local) + rng.normal(0.0, noise, (len(image), 2))
     return ImagePoints.packed(poses.images, names, image[seen], point[seen], xy[seen], noise or 1.0)

@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, rotations_from
+from obseq.geometry import RigidMotion, rotations_from
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, relative_orientation, similarity
 from obseq.images.initial.relative import essential_matrices
 
@@ -15,7 +15,7 @@ def _rays(n: int = 40, planar: bool = False, seed: int = 0):
     points = rng.uniform([-2, -2, 6], [2, 2, 10], (n, 3))
     if planar:
         points[:, 2] = 8.0 + 0.3 * points[:, 0]
-    second = Pose(np.array([0.8, 0.36, 0.48]), rotations_from([0.1, -0.2, 0.3], "wpk"))
+    second = RigidMotion(np.array([0.8, 0.36, 0.48]), rotations_from([0.1, -0.2, 0.3], "wpk"))
     rays = [points, second.to_local(points)]
     return *(ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays), second
 

@@ -7,7 +7,7 @@ import panel
 import pytest
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, rotations_from
+from obseq.geometry import RigidMotion, rotations_from
 from obseq.images import (
     Camera,
     ControlPoints,
@@ -26,7 +26,7 @@ CAMERA = Camera("c", 2000, 1500, 1800.0, degree=(2, 0, 0), distortion=[-0.08, 0.
 def _scene(n: int = 12, noise: float = 0.0, seed: int = 1):
     rng = np.random.default_rng(seed)
     ground = rng.uniform([-3, -3, -1], [3, 3, 1], (n, 3)) + np.array([7e5, 6e6, 100.0])
-    pose = Pose(np.array([7e5 + 1.0, 6e6 - 2.0, 112.0]), rotations_from([0.1, -0.15, 2.0], "opk"))
+    pose = RigidMotion(np.array([7e5 + 1.0, 6e6 - 2.0, 112.0]), rotations_from([0.1, -0.15, 2.0], "opk"))
     xy = CAMERA.project(pose.to_local(ground)) + rng.normal(0.0, noise, (n, 2))
     names = [f"P{k}" for k in range(n)]
     return ImagePoints.of(["i"] * n, names, xy), ControlPoints.of(names, ground), pose

@@ -7,12 +7,12 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, exponential
+from obseq.geometry import RigidMotion, exponential
 from obseq.images import BundleAdjustment, ControlPoints, Exposures, Poses, initial_block
 from obseq.images.output.page import page
 from obseq.images.output.record import record_of
 
-PLACES = Pose(
+PLACES = RigidMotion(
     np.array([[0.0, 0, 0], [0.4, 0.02, 0.0], [-0.3, 0.1, 0.05]]),
     exponential(np.array([[0.0, 0, 0], [0.02, -0.1, 0.03], [0.01, 0.15, -0.02]])),
 )
@@ -25,9 +25,9 @@ def _rig(n_exposures: int = 6, jitter=SIGMAS, seed: int = 0, control: bool = Tru
     ring, points = scenes.ring(n_exposures, 40)
     names, centres, rotations = [], [], []
     for k in range(n_exposures):
-        body = Pose(ring.centres[k], ring.rotations[k])
+        body = RigidMotion(ring.centres[k], ring.rotations[k])
         for camera in range(3):
-            place = Pose(
+            place = RigidMotion(
                 PLACES.centre[camera] + (camera > 0) * rng.normal(0, jitter[0], 3),
                 PLACES.rotation[camera] @ exponential((camera > 0) * rng.normal(0, jitter[1], 3)),
             )

@@ -6,12 +6,12 @@ import pytest
 from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.problem.objects import Direction, Point, Pose, Scalar, Vector
+from obseq.leastsquares.problem.objects import Direction, Point, Scalar, UnknownPose, Vector
 
 
 def station_network(**classes):
     """A station pose that reads the local coordinates of four known points exactly."""
-    pose_class = classes.get("pose", Pose)
+    pose_class = classes.get("pose", UnknownPose)
     rotation, centre = exponential([0.1, -0.2, 0.3]), np.array([1.0, 2.0, 3.0])
     targets = [Point(f"T{k}", xyz) for k, xyz in enumerate([[10, 0, 0], [0, 20, 0], [0, 0, 30], [5, 5, 1]])]
     pose = pose_class("S", centre + 0.5, rotation @ exponential([0.02, 0.01, -0.03]))
@@ -38,7 +38,7 @@ def test_objects_have_the_solution_when_the_system_is_solved():
 
 
 def test_what_on_update_changes_is_read_back():
-    class Level(Pose):
+    class Level(UnknownPose):
         """Its height is kept a whole number of metres."""
 
         def on_update(self):

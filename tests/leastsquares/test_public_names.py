@@ -40,7 +40,7 @@ def test_a_former_place_does_not_hide_the_function_of_its_name():
         ("reliability", "reliability"),
         ("snooping", "snoop"),
         ("hypothesis_tests", "global_test"),
-        ("objects", "Pose"),
+        ("objects", "UnknownObject"),
     ],
 )
 def test_former_places_still_work(module, name):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, exponential
+from obseq.geometry import RigidMotion, exponential
 from obseq.images import Camera, ControlPoints, ImagePoints, Poses
 from obseq.project import (
     BlockFile,
@@ -102,7 +102,7 @@ def test_control_points_come_back(tmp_path, ending):
 
 
 def test_places_that_are_no_rotation_are_refused(tmp_path):
-    poses = {"C1": Pose(np.zeros(3), np.diag([1.0, 1.0, -1.0]))}
+    poses = {"C1": RigidMotion(np.zeros(3), np.diag([1.0, 1.0, -1.0]))}
     path = tmp_path / "RigidBloc_B.xml"
     path.write_text(block_text(BlockFile("B", "C1", "(.*)_(.*)", 1, 2, poses)))
     with pytest.raises(InputError, match=r"PoseRel: C1: RotMatrix is no rotation"):
@@ -111,7 +111,10 @@ def test_places_that_are_no_rotation_are_refused(tmp_path):
 
 @BOTH
 def test_blocks_come_back(tmp_path, ending):
-    poses = {"C1": Pose(np.zeros(3), np.eye(3)), "C2": Pose(np.array([0.61, 0, 0.01]), rotation(0.0, 0.1, 0))}
+    poses = {
+        "C1": RigidMotion(np.zeros(3), np.eye(3)),
+        "C2": RigidMotion(np.array([0.61, 0, 0.01]), rotation(0.0, 0.1, 0)),
+    }
     given = BlockFile("TheBloc", "C1", r"(.*)_(.*)\.JPG", 1, 2, poses, {"SeparatorInv": "@"})
     path = tmp_path / f"RigidBloc_TheBloc.{ending}"
     path.write_text(block_text(given, as_json=ending == "json"))
@@ -232,7 +235,7 @@ def test_wrong_calibrations_are_refused(tmp_path, old, new, reason):
 
 
 def test_a_pose_that_is_no_rotation_is_refused(tmp_path):
-    text = pose_text("i", "", Pose(np.zeros(3), np.eye(3))).replace("<AxeI>1.0", "<AxeI>1.1")
+    text = pose_text("i", "", RigidMotion(np.zeros(3), np.eye(3))).replace("<AxeI>1.0", "<AxeI>1.1")
     (tmp_path / "Ori-PerspCentral-i.xml").write_text(text)
     with pytest.raises(InputError, match="no rotation"):
         read_orientation(tmp_path)

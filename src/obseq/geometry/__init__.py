@@ -5,7 +5,7 @@ from obseq.errors import DegenerateGeometryError
 from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
 from obseq.geometry.isometry import isometry, triangle_isometry
 from obseq.geometry.matrices import inverse3, sums_by_owner
-from obseq.geometry.poses import Pose
+from obseq.geometry.poses import RigidMotion
 from obseq.geometry.rotations import (
     absorb,
     closest_rotation,
@@ -21,7 +21,7 @@ __all__ = [
     "FORMS",
     "DegenerateGeometryError",
     "FloatArray",
-    "Pose",
+    "RigidMotion",
     "absorb",
     "attitude_jacobian",
     "attitudes",

@@ -5,14 +5,14 @@ import numpy.typing as npt
 
 from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError
-from obseq.geometry.poses import Pose
+from obseq.geometry.poses import RigidMotion
 from obseq.geometry.rotations import closest_rotation
 
 COLLINEAR = 1e-6
 """Points whose width is below this fraction of their length are called collinear."""
 
 
-def isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> Pose:
+def isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> RigidMotion:
     """The pose that takes points `source` (n, 3) closest to `target` (n, 3), by least squares; n >= 3.
 
     target = rotation source + centre; no scale, no reflection. Singular value decomposition of the
@@ -24,10 +24,10 @@ def isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> Pose:
     start, end = _pairs(source, target)
     start_mean, end_mean = start.mean(axis=0), end.mean(axis=0)
     rotation = closest_rotation((end - end_mean).T @ (start - start_mean))
-    return Pose(end_mean - rotation @ start_mean, rotation)
+    return RigidMotion(end_mean - rotation @ start_mean, rotation)
 
 
-def triangle_isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> Pose:
+def triangle_isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> RigidMotion:
     """The pose that takes the frame of one triangle (3, 3) to that of another, points in rows.
 
     It takes the first point to the first, the first side along the first side, and one plane to the other;
@@ -43,12 +43,12 @@ def triangle_isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> Pose:
     return _triangle_frame(end) @ _triangle_frame(start).inverse()
 
 
-def _triangle_frame(points: FloatArray) -> Pose:
+def _triangle_frame(points: FloatArray) -> RigidMotion:
     along = points[1] - points[0]
     x = along / np.linalg.norm(along)
     normal = np.cross(along, points[2] - points[1])
     z = normal / np.linalg.norm(normal)
-    return Pose(points[0], np.stack([x, np.cross(z, x), z], axis=-1))
+    return RigidMotion(points[0], np.stack([x, np.cross(z, x), z], axis=-1))
 
 
 def _pairs(source: npt.ArrayLike, target: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

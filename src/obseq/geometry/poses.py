@@ -8,8 +8,8 @@ from obseq.dataclass import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
-    """A rigid motion from a local frame to the world: world = rotation local + centre.
+class RigidMotion:
+    """From a local frame to the world: world = rotation local + centre; the pose of a camera, in numbers.
 
     One pose, or a batch of them with the same leading shape for both arrays.
 
@@ -30,16 +30,16 @@ class Pose:
         arms = np.asarray(points, dtype=np.float64) - self.centre
         return _turn(np.swapaxes(self.rotation, -1, -2), arms)
 
-    def inverse(self) -> "Pose":
+    def inverse(self) -> "RigidMotion":
         """The motion from the world to the local frame."""
         back = np.swapaxes(self.rotation, -1, -2)
-        return Pose(-_turn(back, self.centre), back)
+        return RigidMotion(-_turn(back, self.centre), back)
 
-    def __matmul__(self, other: "Pose") -> "Pose":
+    def __matmul__(self, other: "RigidMotion") -> "RigidMotion":
         """The motion that applies `other` first: (a @ b).to_world(x) = a.to_world(b.to_world(x))."""
-        return Pose(self.to_world(other.centre), self.rotation @ other.rotation)
+        return RigidMotion(self.to_world(other.centre), self.rotation @ other.rotation)
 
-    def relative_to(self, reference: "Pose") -> "Pose":
+    def relative_to(self, reference: "RigidMotion") -> "RigidMotion":
         """This pose seen from the local frame of `reference`: reference^-1 @ self."""
         return reference.inverse() @ self
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from obseq.geometry import Pose
+    from obseq.geometry import RigidMotion
     from obseq.images.adjustment.quality import BlunderSearch
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.block import Block
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from obseq.images.weighting import Weighting
 
 _HOMES = {
-    ".geometry": ("Pose",),
+    ".geometry": ("RigidMotion",),
     "adjustment.quality": ("BlunderSearch",),
     "adjustment.solution": ("BundleSolution",),
     "block": ("Block",),
@@ -71,12 +71,12 @@ __all__ = [
     "Intersection",
     "PairStatistics",
     "PlaneResection",
-    "Pose",
     "Poses",
     "RelativeOrientation",
     "Resection",
     "ResectionOptions",
     "RigidBlock",
+    "RigidMotion",
     "UncalibratedResection",
     "Weighting",
     "check_distribution",
@@ -94,4 +94,4 @@ __all__ = [
     "similarity",
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__, {"Pose": "RigidMotion"})

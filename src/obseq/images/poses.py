@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose, attitudes, rotations_from
+from obseq.geometry import RigidMotion, attitudes, rotations_from
 from obseq.images.names import index_of, unique_names
 
 if TYPE_CHECKING:
@@ -88,14 +88,14 @@ class Poses:
     def __iter__(self) -> Iterator[str]:
         return iter(self.images)
 
-    def __getitem__(self, image: str) -> Pose:
+    def __getitem__(self, image: str) -> RigidMotion:
         row = index_of(self.images, [image], "poses: image")[0]
-        return Pose(self.centres[row], self.rotations[row])
+        return RigidMotion(self.centres[row], self.rotations[row])
 
     @property
-    def motions(self) -> Pose:
+    def motions(self) -> RigidMotion:
         """All of them as one batch of rigid motions, (n, 3) and (n, 3, 3)."""
-        return Pose(self.centres, self.rotations)
+        return RigidMotion(self.centres, self.rotations)
 
     def attitudes(self, form: str) -> FloatArray:
         """The rotations in a form: (n, 3) radians, (n, 4) or (n, 3, 3)."""

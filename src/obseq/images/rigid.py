@@ -15,7 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose, closest_rotation, logarithm
+from obseq.geometry import RigidMotion, closest_rotation, logarithm
 from obseq.images.names import index_of, numbered, unique_names
 from obseq.images.poses import Poses
 
@@ -129,7 +129,7 @@ class PairStatistics:
     exposures: tuple[str, ...]
     translations: FloatArray
     rotations: FloatArray
-    mean: Pose
+    mean: RigidMotion
     sigma_translation: float
     sigma_rotation: float
     fits: BoolArray
@@ -226,8 +226,10 @@ def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str)
     images = [exposures.images[row] for row in (*rows_a, *rows_b)]
     both = poses.select(images).motions
     n = len(common)
-    relative = Pose(both.centre[n:], both.rotation[n:]).relative_to(Pose(both.centre[:n], both.rotation[:n]))
-    mean = Pose(relative.centre.mean(axis=0), closest_rotation(relative.rotation.mean(axis=0)))
+    relative = RigidMotion(both.centre[n:], both.rotation[n:]).relative_to(
+        RigidMotion(both.centre[:n], both.rotation[:n])
+    )
+    mean = RigidMotion(relative.centre.mean(axis=0), closest_rotation(relative.rotation.mean(axis=0)))
     shifts = np.linalg.norm(relative.centre - mean.centre, axis=1)
     turns = np.linalg.norm(relative.rotation - mean.rotation, axis=(1, 2))
     return PairStatistics(
@@ -249,7 +251,7 @@ def _spread(distances: FloatArray) -> float:
     return float(np.sqrt(np.sum(distances**2) / (n - 1))) if n > 1 else float("nan")
 
 
-def _fitting(relative: Pose) -> BoolArray:
+def _fitting(relative: RigidMotion) -> BoolArray:
     """(n,) exposures whose translation and rotation are near the medians, in units of their typical distance.
 
     Of two exposures nobody can say which one is off.

@@ -42,10 +42,10 @@ if TYPE_CHECKING:
         Calibration,
         Direction,
         Point,
-        Pose,
         Rotation,
         Scalar,
         UnknownObject,
+        UnknownPose,
         Vector,
     )
     from obseq.leastsquares.problem.priors import Prior
@@ -95,7 +95,7 @@ _HOMES = {
         "Calibration",
         "Direction",
         "Point",
-        "Pose",
+        "UnknownPose",
         "Rotation",
         "Scalar",
         "UnknownObject",
@@ -159,7 +159,6 @@ __all__ = [
     "Method",
     "ObservationReliability",
     "Point",
-    "Pose",
     "Prior",
     "Rejection",
     "RelativePrecision",
@@ -181,6 +180,7 @@ __all__ = [
     "SymmetricPattern",
     "Tukey",
     "UnknownObject",
+    "UnknownPose",
     "VarianceComponents",
     "Vector",
     "choose_solver",
@@ -198,4 +198,4 @@ __all__ = [
     "variance_components",
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, __all__, {"Pose": "UnknownPose"})

@@ -15,10 +15,12 @@ def moved(module: str) -> Callable[[str], Any]:
 
     def find(name: str) -> Any:
         now = importlib.import_module("obseq.leastsquares")
-        if name not in now.__all__:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        try:
+            found = now.__getattr__(name)  # its home: a former place may have taken the name in the package
+        except AttributeError:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}") from None
         message = f"{module} has moved: from obseq.leastsquares import {name}"
         warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return now.__getattr__(name)  # its home: a former place may have taken the name in the package
+        return found
 
     return find

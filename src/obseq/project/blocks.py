@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 from obseq.project.metadata import whole_match
 from obseq.project.tree import Reader, merged, pairs, read_tree, tree_text
 
@@ -45,7 +45,7 @@ class BlockFile:
     pattern: str
     camera_group: int
     exposure_group: int
-    poses: dict[str, Pose]
+    poses: dict[str, RigidMotion]
     content: Tree = field(default_factory=dict)
 
     def camera_and_exposure(self, image: str) -> tuple[str, str]:
@@ -104,13 +104,13 @@ def read_block(path: str | Path) -> BlockFile:
     )
 
 
-def read_pose_fields(fields: Reader) -> Pose:
+def read_pose_fields(fields: Reader) -> RigidMotion:
     """A pose as blocks have it: `Center` and `RotMatrix`."""
     axes = fields.fields("RotMatrix")
     rotation = np.array([axes.numbers(f"Axe{letter}", 3) for letter in "IJK"], dtype=np.float64).T
     if not is_rotation(rotation):
         raise InputError(f"{axes.where} is no rotation: its axes are not orthonormal and right-handed")
-    return Pose(np.array(fields.numbers("Center", 3), dtype=np.float64), rotation)
+    return RigidMotion(np.array(fields.numbers("Center", 3), dtype=np.float64), rotation)
 
 
 def is_rotation(matrix: FloatArray) -> bool:
@@ -144,7 +144,7 @@ def _places(content: Tree) -> dict[str, Tree]:
     return {str(key): value for key, value in pairs(listed if isinstance(listed, list) else [], BLOCK)}
 
 
-def pose_tree(pose: Pose) -> Tree:
+def pose_tree(pose: RigidMotion) -> Tree:
     """The fields of a pose as blocks have it."""
     axes: Tree = {
         f"Axe{letter}": tuple(float(value) for value in pose.rotation[:, k]) for k, letter in enumerate("IJK")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, attitudes
+from obseq.geometry import RigidMotion, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
 from obseq.project.blocks import is_rotation
@@ -129,7 +129,7 @@ def _source(folder: str | Path, stem: str, tag: str) -> Tree | None:
     return None
 
 
-def read_pose(path: str | Path) -> tuple[str, str, Pose]:
+def read_pose(path: str | Path) -> tuple[str, str, RigidMotion]:
     """Name of the image, name of its calibration, and pose (camera to world) of a pose file.
 
     Raises:
@@ -141,11 +141,11 @@ def read_pose(path: str | Path) -> tuple[str, str, Pose]:
     if not is_rotation(rotation):
         raise InputError(f"{path}: RotMatrix is no rotation: its axes are not orthonormal and right-handed")
     centre = np.array(fields.numbers("Center", 3), dtype=np.float64)
-    return fields.text("NameImage"), fields.text("NameInternalCalib"), Pose(centre, rotation)
+    return fields.text("NameImage"), fields.text("NameInternalCalib"), RigidMotion(centre, rotation)
 
 
 def pose_text(
-    image: str, calibration: str, pose: Pose, *, source: Tree | None = None, as_json: bool = False
+    image: str, calibration: str, pose: RigidMotion, *, source: Tree | None = None, as_json: bool = False
 ) -> str:
     """The file of a pose; quaternion and angles are there for information, as in the original.
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.arrays import FloatArray
-    from obseq.geometry import Pose
+    from obseq.geometry import RigidMotion
     from obseq.project.tree import Tree
 
 FILE = "FileRB_"
@@ -46,7 +46,7 @@ class InstrumentCamera:
     calibration: str
     stamp: str
     selection: str
-    pose: Pose | None
+    pose: RigidMotion | None
     listed: frozenset[str] | None = None
 
 

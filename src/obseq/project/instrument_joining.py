@@ -15,7 +15,7 @@ from obseq.project.metadata import whole_match
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from obseq.geometry import Pose
+    from obseq.geometry import RigidMotion
     from obseq.images import BundleAdjustment
     from obseq.images.rigid import Gauge, Sigmas
     from obseq.project.instrument_blocks import InstrumentBlock, InstrumentCamera
@@ -77,7 +77,7 @@ def rigid_block_of(
     )
 
 
-def _place(found: InstrumentBlock, camera: InstrumentCamera) -> Pose:
+def _place(found: InstrumentBlock, camera: InstrumentCamera) -> RigidMotion:
     if camera.pose is None:
         raise InputError(f"{found.path}: camera {camera.calibration} has no pose yet (IsInit 0)")
     return camera.pose

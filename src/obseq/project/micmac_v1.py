@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 from obseq.images import Camera
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ ORTHONORMAL = 1e-6
 _COEFFICIENTS = ("K1", "K2", "K3")
 
 
-def read_v1_orientation(path: str | Path) -> tuple[Pose, Camera]:
+def read_v1_orientation(path: str | Path) -> tuple[RigidMotion, Camera]:
     """The pose (camera to world) and the camera of an image.
 
     The distortion models `ModPhgrStd`, `ModRad` and `ModNoDist` are read, with their centre at the principal
@@ -42,7 +42,9 @@ def read_v1_orientation(path: str | Path) -> tuple[Pose, Camera]:
     centre = np.array(_numbers(_one(outer, "Centre", place), 3, place))
     named = root.findtext(".//FileInterne")
     inner = _parsed(_calibration(place, named)) if named else root
-    return Pose(centre, rotation), _camera(inner, place if named is None else _calibration(place, named))
+    return RigidMotion(centre, rotation), _camera(
+        inner, place if named is None else _calibration(place, named)
+    )
 
 
 def _calibration(place: Path, named: str) -> Path:

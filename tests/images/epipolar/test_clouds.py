@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from obseq.geometry import Pose, exponential
+from obseq.geometry import RigidMotion, exponential
 from obseq.images import Camera
 from obseq.images.aerial import Rpc
 from obseq.images.epipolar import (
@@ -81,7 +81,7 @@ def test_a_camera_with_distortion_agrees_with_a_pinhole_on_what_it_undistorts():
     bare = Camera("b", 6000, 4000, focal=5000.0)
     turn = exponential(np.array([0.02, -0.03, 0.1]))
     second = Pinhole(np.array([100.0, 3.0, -2.0]), turn.T, 5000.0, np.array([3000.0, 2000.0]))
-    pose = Pose(np.zeros(3), np.eye(3))
+    pose = RigidMotion(np.zeros(3), np.eye(3))
     scene = RNG.uniform([-300, -200, 900], [300, 200, 1100], (40, 3))
     exact = OrientedCamera(camera, pose).project(scene)
     p2 = second.project(scene) + RNG.normal(0, 0.5, (40, 2))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence, Sized
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.geometry import Pose
+    from obseq.geometry import RigidMotion
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.start import LeftOut
@@ -105,7 +105,7 @@ def _too_little(datum: str | Sequence[str], why: str) -> str:
     )
 
 
-def _turn(equations: Equations, motion: Pose) -> None:
+def _turn(equations: Equations, motion: RigidMotion) -> None:
     system = equations.system
     system.set_values(equations.rotations, motion.rotation @ system.values(equations.rotations))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose, logarithm
+from obseq.geometry import RigidMotion, logarithm
 from obseq.images.adjustment.start import LeftOut
 from obseq.images.names import index_of
 
@@ -222,8 +222,8 @@ def _missing(
 def residuals_of(part: RigidEquations, poses: Poses, places: Poses) -> RigidResiduals:
     """How poses of images agree with the places of cameras in a rigid block."""
     pairs = part.pairs
-    ends = [Pose(poses.centres[k], poses.rotations[k]) for k in (pairs.first, pairs.second)]
-    own = [Pose(places.centres[k], places.rotations[k]) for k in pairs.cameras.T]
+    ends = [RigidMotion(poses.centres[k], poses.rotations[k]) for k in (pairs.first, pairs.second)]
+    own = [RigidMotion(places.centres[k], places.rotations[k]) for k in pairs.cameras.T]
     found, fixed = ends[1].relative_to(ends[0]), own[1].relative_to(own[0])
     return RigidResiduals(
         tuple((places.images[a], places.images[b]) for a, b in pairs.cameras),

@@ -11,7 +11,7 @@ from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.geometry import Pose
+    from obseq.geometry import RigidMotion
     from obseq.images.camera import Camera
 
 
@@ -77,7 +77,7 @@ class OrientedCamera:
     """
 
     camera: Camera
-    pose: Pose
+    pose: RigidMotion
 
     def rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The centre, and unit directions (n, 3) to the scene, of pixels (n, 2)."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.geometry import Pose, attitudes, rotations_from
+from obseq.geometry import RigidMotion, attitudes, rotations_from
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.files.colmap_model import read_model
@@ -66,7 +66,7 @@ def _poses(place: Path, images: list[ColmapImage], cameras: dict[int, Camera]) -
     quaternions = np.array([image.quaternion for image in images]).reshape(-1, 4)
     shifts = np.array([image.shift for image in images]).reshape(-1, 3)
     try:
-        poses = Pose(shifts, rotations_from(quaternions, "quaternion")).inverse()
+        poses = RigidMotion(shifts, rotations_from(quaternions, "quaternion")).inverse()
         names = [image.name for image in images]
         owners = [cameras[image.camera].name for image in images]
         return Poses.of(names, poses.centre, poses.rotation, cameras=owners)

@@ -15,7 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose, closest_rotation
+from obseq.geometry import RigidMotion, closest_rotation
 from obseq.images.control import ControlPoints
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.relative import RelativeOrientation, relative_orientation
@@ -56,7 +56,7 @@ class Growth:
 
     measures: ImagePoints
     cameras: Mapping[str, Camera]
-    poses: dict[str, Pose] = field(default_factory=dict)
+    poses: dict[str, RigidMotion] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
 
     def waiting(self) -> list[str]:
@@ -136,7 +136,7 @@ class Growth:
                 "different places; give poses, or more control points"
             )
         _, first, second, found = best
-        self.poses[first] = Pose(np.zeros(3), np.eye(3))
+        self.poses[first] = RigidMotion(np.zeros(3), np.eye(3))
         self.poses[second] = found.pose
 
     def _pairs(self, images: list[str]) -> list[tuple[str, str]]:
@@ -165,15 +165,15 @@ class Growth:
         sine = np.linalg.norm(np.cross(rays[0][sound], turned), axis=1)[found.is_used]
         return found, float(found.is_used.sum() * min(np.median(sine), 0.5))
 
-    def transform(self, scale: float, motion: Pose) -> None:
+    def transform(self, scale: float, motion: RigidMotion) -> None:
         """Moves all poses by a similarity."""
         for image, pose in self.poses.items():
-            self.poses[image] = Pose(
+            self.poses[image] = RigidMotion(
                 motion.centre + scale * motion.rotation @ pose.centre, motion.rotation @ pose.rotation
             )
 
 
-def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) -> tuple[float, Pose]:
+def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) -> tuple[float, RigidMotion]:
     """Scale and motion that take points (n, 3) closest to their homologues (n, 3) (Umeyama, 1991).
 
     Args:
@@ -192,7 +192,7 @@ def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) 
         raise InputError(f"the {len(source)} known points are on a line: the rotation is undetermined")
     rotation = closest_rotation(b.T @ a)
     scale = float(np.sum((a @ rotation.T) * b) / np.sum(a * a)) if with_scale else 1.0
-    return scale, Pose(target.mean(axis=0) - scale * rotation @ source.mean(axis=0), rotation)
+    return scale, RigidMotion(target.mean(axis=0) - scale * rotation @ source.mean(axis=0), rotation)
 
 
 def place_images(

@@ -19,7 +19,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose, closest_rotation
+from obseq.geometry import RigidMotion, closest_rotation
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.initial.distribution import check_spread, spread_indices
@@ -169,20 +169,20 @@ def _normalised(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (points - middle) / size, change
 
 
-def _pose(matrix: FloatArray, focal: float, middle: FloatArray, axes: FloatArray) -> Pose:
+def _pose(matrix: FloatArray, focal: float, middle: FloatArray, axes: FloatArray) -> RigidMotion:
     """The pose whose image of the plane is a homography."""
     columns = matrix / np.array([[focal], [focal], [1.0]])
     columns = columns * (2.0 / np.linalg.norm(columns[:, :2], axis=0).sum())
     first, second, shift = columns.T
     turn = closest_rotation(np.column_stack([first, second, np.cross(first, second)]))
-    return Pose(middle - axes.T @ (turn.T @ shift), (turn @ axes).T)
+    return RigidMotion(middle - axes.T @ (turn.T @ shift), (turn @ axes).T)
 
 
 def _refined(
     known: ImagePoints,
     control: ControlPoints,
     images: list[str],
-    poses: list[Pose],
+    poses: list[RigidMotion],
     camera: Camera,
     free: str,
 ) -> PlaneResection:

@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -40,7 +40,7 @@ class RelativeOrientation:
         score: weighted mean angle of the rays to their epipolar planes, radians.
     """
 
-    pose: Pose
+    pose: RigidMotion
     is_used: BoolArray
     score: float
 
@@ -139,18 +139,18 @@ def epipolar_angles(matrices: FloatArray, first: FloatArray, second: FloatArray)
     return np.asarray(np.nan_to_num(angles, nan=np.pi, posinf=np.pi))
 
 
-def _in_front(matrix: FloatArray, first: FloatArray, second: FloatArray) -> tuple[Pose, int]:
+def _in_front(matrix: FloatArray, first: FloatArray, second: FloatArray) -> tuple[RigidMotion, int]:
     """The one of the four poses of an essential matrix that has most points in front of both cameras."""
     u, _, vt = np.linalg.svd(matrix)
     u, vt = u * np.sign(np.linalg.det(u)), vt * np.sign(np.linalg.det(vt))
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    poses = [Pose(sign * u[:, 2], u @ w @ vt) for w in (turn, turn.T) for sign in (1.0, -1.0)]
+    poses = [RigidMotion(sign * u[:, 2], u @ w @ vt) for w in (turn, turn.T) for sign in (1.0, -1.0)]
     counts = [int(np.count_nonzero((depths(pose, first, second) > 0.0).all(axis=0))) for pose in poses]
     best = int(np.argmax(counts))
     return poses[best], counts[best]
 
 
-def depths(pose: Pose, first: FloatArray, second: FloatArray) -> FloatArray:
+def depths(pose: RigidMotion, first: FloatArray, second: FloatArray) -> FloatArray:
     """(2, n) distances along two rays to the points where they are closest."""
     turned = second @ pose.rotation.T
     c = np.sum(first * turned, axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 from obseq.images.camera import Camera
 from obseq.images.initial.distribution import check_spread
 from obseq.images.initial.three_points import poses_of_triplets
@@ -153,7 +153,7 @@ def _check_counts(measures: ImagePoints, known: ImagePoints, control: ControlPoi
 
 def _search(
     known: ImagePoints, rows: IntArray, ground: FloatArray, camera: Camera, options: ResectionOptions
-) -> tuple[IntArray, Pose, float, BoolArray]:
+) -> tuple[IntArray, RigidMotion, float, BoolArray]:
     """Rows of an image, its pose, score of the second solution over that of the first, rows to be used."""
     image = known.image_names[known.image[rows[0]]]
     points = ground[rows]
@@ -167,14 +167,14 @@ def _search(
     triplets = _triplets(len(rows), options)
     found, _ = poses_of_triplets(rays[triplets], points[triplets])
     sound = np.isfinite(found.centre).all(axis=1) & np.isfinite(found.rotation).all(axis=(1, 2))
-    found = Pose(found.centre[sound], found.rotation[sound])
+    found = RigidMotion(found.centre[sound], found.rotation[sound])
     if not len(found.centre):
         raise InputError(f"image {image}: no pose sees three of its points in the measured directions")
     scores = _scores(found, rays, points)
     best = int(np.argmin(scores))
-    pose = Pose(found.centre[best], found.rotation[best])
+    pose = RigidMotion(found.centre[best], found.rotation[best])
     second = _second_score(found, scores, pose, points)
-    errors = camera.focal * _angles(Pose(pose.centre[None], pose.rotation[None]), rays, points)[0]
+    errors = camera.focal * _angles(RigidMotion(pose.centre[None], pose.rotation[None]), rays, points)[0]
     _check_fit(image, camera, errors, second, options)
     used = errors <= max(LEAST_GROSS, TIMES_MEDIAN * float(np.median(errors)))
     return rows, pose, second, used
@@ -189,7 +189,7 @@ def _triplets(n: int, options: ResectionOptions) -> IntArray:
     return np.asarray(np.unique(drawn, axis=0)[: options.triplets])
 
 
-def _angles(poses: Pose, rays: FloatArray, points: FloatArray) -> FloatArray:
+def _angles(poses: RigidMotion, rays: FloatArray, points: FloatArray) -> FloatArray:
     """(k, n) distances of unit vectors: measured rays, and rays to the points, in each of k poses."""
     sights = points - poses.centre[:, None, :]
     sights /= np.linalg.norm(sights, axis=2, keepdims=True)
@@ -197,7 +197,7 @@ def _angles(poses: Pose, rays: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(turned - sights, axis=2))
 
 
-def _scores(poses: Pose, rays: FloatArray, points: FloatArray) -> FloatArray:
+def _scores(poses: RigidMotion, rays: FloatArray, points: FloatArray) -> FloatArray:
     """(k,) mean angles of the poses, the larger ones counting less: as good as half of the points is good."""
     scores = np.empty(len(poses.centre))
     n = len(points)
@@ -205,12 +205,12 @@ def _scores(poses: Pose, rays: FloatArray, points: FloatArray) -> FloatArray:
     step = max(1, 1_000_000 // n)
     for first in range(0, len(scores), step):
         part = slice(first, first + step)
-        errors = np.sort(_angles(Pose(poses.centre[part], poses.rotation[part]), rays, points), axis=1)
+        errors = np.sort(_angles(RigidMotion(poses.centre[part], poses.rotation[part]), rays, points), axis=1)
         scores[part] = errors @ weights / weights.sum()
     return scores
 
 
-def _second_score(found: Pose, scores: FloatArray, pose: Pose, points: FloatArray) -> float:
+def _second_score(found: RigidMotion, scores: FloatArray, pose: RigidMotion, points: FloatArray) -> float:
     """The best score of a different solution, over the best of all."""
     distance = float(np.linalg.norm(points.mean(axis=0) - pose.centre))
     moved = np.linalg.norm(found.centre - pose.centre, axis=1) > APART * distance

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -26,7 +26,7 @@ RATIO_TOLERANCE = 1e-3
 """Share by which a ratio of squared distances may be missed: a double root is only good to sqrt(eps)."""
 
 
-def poses_of_triplets(directions: FloatArray, ground: FloatArray) -> tuple[Pose, IntArray]:
+def poses_of_triplets(directions: FloatArray, ground: FloatArray) -> tuple[RigidMotion, IntArray]:
     """All the poses of triplets.
 
     Args:
@@ -110,11 +110,11 @@ def _perimeter(triangles: FloatArray) -> FloatArray:
     return np.asarray(_square(triangles - np.roll(triangles, 1, axis=1)).sum(axis=1))
 
 
-def _motions(local: FloatArray, ground: FloatArray) -> Pose:
+def _motions(local: FloatArray, ground: FloatArray) -> RigidMotion:
     """The rigid motions that carry triangles (k, 3, 3) to triangles: first vertex, first side, plane."""
     rotations = _frames(ground) @ np.swapaxes(_frames(local), 1, 2)
     centres = ground[:, 0] - (rotations @ local[:, 0, :, None])[:, :, 0]
-    return Pose(centres, rotations)
+    return RigidMotion(centres, rotations)
 
 
 def _frames(triangles: FloatArray) -> FloatArray:

@@ -133,6 +133,8 @@ class UnknownBlocks:
         """Adds the unknowns of objects; they get the values of every accepted state (see `objects`)."""
         for item in objects:
             if not isinstance(item, UnknownObject):
-                raise InputError(f"attach: objects with unknowns are wanted (Point, Pose, ...), not {item!r}")
+                raise InputError(
+                    f"attach: objects with unknowns are wanted (Point, UnknownPose, ...), not {item!r}"
+                )
             item.attach(self)
             self.objects.append(item)

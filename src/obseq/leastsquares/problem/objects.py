@@ -137,7 +137,7 @@ class Rotation(UnknownObject):
 
 
 @dataclass(eq=False)
-class Pose(UnknownObject):
+class UnknownPose(UnknownObject):
     """A local frame in the world: centre (3,) and rotation from local to world (3, 3)."""
 
     parts: ClassVar[Mapping[str, str | Manifold]] = {"centre": "add_points", "rotation": "add_rotations"}
