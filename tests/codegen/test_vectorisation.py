@@ -16,7 +16,7 @@ from vectorised import PACKED, SCALAR, Verdicts, is_vectorised
 from obseq.compilation import cache, host, numba_compiler
 from obseq.compilation.functions import Function
 from obseq.compilation.routines import Routine
-from obseq.compilation.signatures import KERNEL
+from obseq.compilation.signatures import KERNEL, Signature
 from obseq.kernels import formula_names, load, ondemand
 from obseq.kernels.loading import routine
 
@@ -35,7 +35,7 @@ def _optimised(module: ModuleType, function: str) -> str:
 
 def _module(kernel: Routine) -> Any:
     """LLVM's module of a kernel for this processor, compiled afresh."""
-    machine = host.machine()
+    machine = host.machine(kernel.signature.wide)
     module = numba_compiler.optimised(kernel.function, kernel.signature, kernel.symbol, machine)
     if cache.read(kernel.symbol) is None:
         cache.write(kernel.symbol, bytes(machine.emit_object(module)))
@@ -99,7 +99,24 @@ def test_machine_code_is_vectorised(name: str) -> None:
 
 
 def _assembly(kernel: Routine) -> str:
-    return str(host.machine().emit_assembly(_module(kernel)))
+    return str(host.machine(kernel.signature.wide).emit_assembly(_module(kernel)))
+
+
+@pytest.mark.parametrize(
+    ("level", "wide", "there"), [("v3", True, False), ("v4", True, True), ("v4", False, False)]
+)
+def test_the_widest_vectors_are_for_processors_that_have_them(level: str, wide: bool, there: bool) -> None:
+    kernel = routine(load("Dist3D").module, "value")
+    machine = host.other_machine(f"x86-64-{level}", wide)
+    module = numba_compiler.optimised(kernel.function, kernel.signature, kernel.symbol, machine)
+    assert ("zmm" in str(machine.emit_assembly(module))) is there
+
+
+def test_code_of_another_width_has_another_name() -> None:
+    """What was compiled before kernels were wide is never taken for what they are now."""
+    function = routine(load("Dist3D").module, "value").function
+    narrow = Signature(KERNEL.arguments, KERNEL.result)
+    assert Routine(function, KERNEL).symbol != Routine(function, narrow).symbol
 
 
 def test_the_check_sees_a_loop_that_is_not_vectorised() -> None:

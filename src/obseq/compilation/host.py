@@ -22,20 +22,31 @@ def features() -> str:
     return str(llvm.get_host_cpu_features().flatten())
 
 
-def machine() -> Value:
-    """The target of code that is put to work in this process."""
+WIDE = "-prefer-256-bit"
+"""Takes back LLVM's reserve against vectors of 512 bits, on processors that have them; others ignore it."""
+
+
+def machine(wide: bool = False) -> Value:
+    """The target of code that is put to work in this process; `wide` with the widest vectors there are."""
     _initialise()
     target = llvm.Target.from_triple(llvm.get_process_triple())
     model = "static" if target.name.startswith("x86") else "default"
     options = {"reloc": model, "codemodel": "jitdefault", "jit": True}
-    return target.create_target_machine(llvm.get_host_cpu_name(), features(), opt=3, **options)
+    wanted = _preferring(features(), target, wide)
+    return target.create_target_machine(llvm.get_host_cpu_name(), wanted, opt=3, **options)
 
 
-def other_machine(processor: str) -> Value:
+def other_machine(processor: str, wide: bool = False) -> Value:
     """The target of code for a kind of processor, to be linked in a library."""
     _initialise()
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(processor, opt=3, reloc="pic", codemodel="default")
+    wanted = _preferring("", target, wide)
+    return target.create_target_machine(processor, wanted, opt=3, reloc="pic", codemodel="default")
+
+
+def _preferring(usual: str, target: Value, wide: bool) -> str:
+    """Features of a target, the preference for the widest vectors among them."""
+    return ",".join(filter(None, (usual, WIDE if wide and target.name.startswith("x86") else "")))
 
 
 def load(code: bytes, symbol: str) -> int:

@@ -81,7 +81,7 @@ def _codegen() -> _Codegen:
 
 def compile_for_here(function: Function, signature: Signature, symbol: str) -> bytes:
     """Object file of a function for this processor, to be loaded by `host.load`."""
-    machine = host.machine()
+    machine = host.machine(signature.wide)
     return bytes(machine.emit_object(optimised(function, signature, symbol, machine)))
 
 
@@ -91,7 +91,7 @@ def compile_for(
     """Object files of a function for kinds of processors, as LLVM calls them, to be linked in libraries."""
     text, found = str(assembled(function, signature, symbol)), {}
     for processor in processors:
-        machine, module = host.other_machine(processor), llvm.parse_assembly(text)
+        machine, module = host.other_machine(processor, signature.wide), llvm.parse_assembly(text)
         optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
         found[processor] = bytes(machine.emit_object(module))
     return found

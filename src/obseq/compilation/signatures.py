@@ -75,11 +75,13 @@ class Signature:
         arguments: the arguments of the Python function.
         result: type of the result: a number, or None.
         at_once: whether Python calls it as one of its builtins (see `loops.QuickLoop`).
+        wide: whether it gains by the widest vectors of a processor, which compilers avoid in short loops.
     """
 
     arguments: tuple[Argument, ...]
     result: str | None
     at_once: bool = False
+    wide: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -88,7 +90,7 @@ class Signature:
 
     def __str__(self) -> str:
         together = f"({', '.join(map(str, self.parameters))}) -> {self.result}"
-        return together + " at once" * self.at_once
+        return together + " at once" * self.at_once + " wide" * self.wide
 
 
 KERNEL = Signature(
@@ -97,6 +99,7 @@ KERNEL = Signature(
         Argument("n_tiles", (Parameter("n_tiles", "int64", 0),)),
     ),
     None,
+    wide=True,
 )
 """Signature of generated kernels: aligned tiles and their number."""
 
