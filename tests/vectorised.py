@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from obseq.compilation import cache, numba_compiler
-from obseq.compilation.functions import Function
+from obseq.compilation.digests import Function
 from obseq.compilation.signatures import Signature
 
 SCALAR = re.compile(

@@ -62,7 +62,7 @@ LOOPS = {
         "turn_entries",
         "write_rows",
     ),
-    "obseq.leastsquares.solvers.tree": (
+    "obseq.leastsquares.solvers.elimination_tree": (
         "count_rows",
         "find_parents",
         "gather_vertices",

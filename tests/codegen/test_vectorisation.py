@@ -14,7 +14,7 @@ from llvmlite import binding
 from vectorised import PACKED, SCALAR, Verdicts, is_vectorised
 
 from obseq.compilation import cache, host, numba_compiler
-from obseq.compilation.functions import Function
+from obseq.compilation.digests import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL, Signature
 from obseq.kernels import formula_names, load, ondemand

@@ -5,7 +5,7 @@ import pytest
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.diagnosis.motions import motions
+from obseq.leastsquares.diagnosis.free_motions import find_motions
 
 RNG = np.random.default_rng(0)
 
@@ -100,7 +100,7 @@ def named(system, ids):
     system.solve()
     analysis = system.analysis(reduced=True)
     parts = analysis.equations
-    return list(motions(parts.table, parts.free, parts.pattern, analysis.solver.null_vectors()))
+    return list(find_motions(parts.table, parts.free, parts.pattern, analysis.solver.null_vectors()))
 
 
 def test_motions_of_a_kernel_are_named_and_span_it():

@@ -6,7 +6,7 @@ import pytest
 from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.problem.objects import Direction, Point, Scalar, UnknownPose, Vector
+from obseq.leastsquares.problem.unknown_objects import Direction, Point, Scalar, UnknownPose, Vector
 
 
 def station_network(**classes):

@@ -14,7 +14,7 @@ from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
     from obseq.images.aerial import FrameCamera, Geoid, HeightType, MapSystem, Surface, Worksite
-    from obseq.images.aerial.tables import LeftOut, Table
+    from obseq.images.aerial.result_columns import LeftOut, Table
 
 LEFT_OUT = 1
 """Exit code: something was left out."""
@@ -258,14 +258,14 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
 
 
 def _with(table: "Table", before: "list[LeftOut]") -> "Table":
-    from obseq.images.aerial.tables import Table
+    from obseq.images.aerial.result_columns import Table
 
     return Table(table.columns, (*before, *table.left_out))
 
 
 def _site(arguments: argparse.Namespace) -> "tuple[Worksite, list[LeftOut]]":
     from obseq.images.aerial import Worksite, read_shots
-    from obseq.images.aerial.tables import LeftOut
+    from obseq.images.aerial.result_columns import LeftOut
 
     shots, bad = read_shots(
         arguments.shots,

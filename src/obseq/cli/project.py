@@ -234,8 +234,8 @@ def _medians(
 
 def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.images import Exposures, initial_block
-    from obseq.project.blocks import BlockFile, block_text
     from obseq.project.cameras import read_orientation
+    from obseq.project.rigid_blocks import BlockFile, block_text
 
     poses, _ = read_orientation(tree.orientation(arguments.orientation))
     exposures = Exposures.of(poses.images, arguments.pattern, *arguments.groups)

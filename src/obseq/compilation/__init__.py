@@ -5,7 +5,7 @@ that it calls. It is taken from the objects compiled ahead of time if one has th
 user's cache, else numba compiles it, when it is first called.
 """
 
-from obseq.compilation.functions import Function, Instruction
+from obseq.compilation.digests import Function, Instruction
 from obseq.compilation.loops import Loop, compiled
 
 __all__ = ["Function", "Instruction", "Loop", "compiled"]

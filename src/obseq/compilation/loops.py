@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 
 import numpy as np
 
-from obseq.compilation.functions import Function
+from obseq.compilation.digests import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.settings import FAILED, OBJECT_HEADER
 from obseq.compilation.signatures import signature_of

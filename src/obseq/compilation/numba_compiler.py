@@ -19,7 +19,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
 from obseq.compilation import front_end, host
-from obseq.compilation.functions import Function, Instruction, named_values
+from obseq.compilation.digests import Function, Instruction, named_values
 from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from threading import RLock
 from typing import TYPE_CHECKING
 
 from obseq.compilation import objects
-from obseq.compilation.functions import DIGITS
+from obseq.compilation.digests import DIGITS
 from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.compilation.functions import Function
+    from obseq.compilation.digests import Function
     from obseq.compilation.signatures import Signature
 
 LOGGER = logging.getLogger(__name__)

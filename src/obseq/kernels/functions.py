@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from obseq.compilation import Instruction, compiled
-from obseq.compilation.functions import CONTRACT
+from obseq.compilation.digests import CONTRACT
 
 __all__ = [
     "acos",

@@ -6,7 +6,7 @@ import functools
 import importlib
 from typing import TYPE_CHECKING
 
-from obseq.compilation.functions import CONTRACT, Function
+from obseq.compilation.digests import CONTRACT, Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
 from obseq.dataclass import dataclass

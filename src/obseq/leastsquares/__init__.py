@@ -38,7 +38,8 @@ if TYPE_CHECKING:
         Tukey,
     )
     from obseq.leastsquares.problem.manifolds import Curved, Manifold
-    from obseq.leastsquares.problem.objects import (
+    from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.problem.unknown_objects import (
         Calibration,
         Direction,
         Point,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
         UnknownPose,
         Vector,
     )
-    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult, StopReason
     from obseq.leastsquares.solvers import (
         SOLVER_NAMES,
@@ -91,7 +91,7 @@ _HOMES = {
     "problem.batches": ("Batch",),
     "problem.losses": ("Attenuated", "Cauchy", "GemanMcClure", "Huber", "IGG3", "L1", "Loss", "Tukey"),
     "problem.manifolds": ("Curved", "Manifold"),
-    "problem.objects": (
+    "problem.unknown_objects": (
         "Calibration",
         "Direction",
         "Point",

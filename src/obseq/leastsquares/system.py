@@ -15,9 +15,9 @@ from obseq.leastsquares.iterations.gauss_newton import sigma0_of
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.blocks import UnknownBlocks
-from obseq.leastsquares.problem.objects import synchronise
 from obseq.leastsquares.problem.problem import Problem
+from obseq.leastsquares.problem.unknown_blocks import UnknownBlocks
+from obseq.leastsquares.problem.unknown_objects import synchronise
 from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult
 
 if TYPE_CHECKING:

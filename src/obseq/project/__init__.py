@@ -6,7 +6,6 @@ from obseq.lazy import lazy_names
 
 if TYPE_CHECKING:
     from obseq.project.assembly import assembled
-    from obseq.project.blocks import BlockFile, block_text, read_block
     from obseq.project.bundle_options import BundleOptions, parse_options
     from obseq.project.cameras import (
         calibration_text,
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
         read_system,
         system_text,
     )
+    from obseq.project.rigid_blocks import BlockFile, block_text, read_block
     from obseq.project.tie_points import find_pairs, pairs_text, read_pairs, read_tracks
     from obseq.project.topo import read_topo, topo_text
     from obseq.project.tree import read_tree, tree_text
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "assembly": ("assembled",),
     "bundle_options": ("BundleOptions", "parse_options"),
-    "blocks": ("BlockFile", "block_text", "read_block"),
+    "rigid_blocks": ("BlockFile", "block_text", "read_block"),
     "cameras": (
         "calibration_text",
         "pose_text",

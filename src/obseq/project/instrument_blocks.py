@@ -12,8 +12,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.project.blocks import read_pose_fields
 from obseq.project.metadata import read_names
+from obseq.project.rigid_blocks import read_pose_fields
 from obseq.project.tree import Reader, pairs, read_tree
 
 if TYPE_CHECKING:

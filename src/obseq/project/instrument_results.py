@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.project.blocks import pose_tree
 from obseq.project.instrument_joining import ENTRIES
+from obseq.project.rigid_blocks import pose_tree
 from obseq.project.tree import data_text
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.images import ControlPoints
 from obseq.project.assembly import block_files, instrument_file
-from obseq.project.blocks import block_text, read_block
 from obseq.project.cameras import orientation_files
 from obseq.project.instrument_blocks import read_instrument_block
 from obseq.project.instrument_results import adjusted_text
 from obseq.project.networks import adjusted_sets, control_of
 from obseq.project.points import NO_SYSTEM, read_system, system_text
+from obseq.project.rigid_blocks import block_text, read_block
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
 from obseq.survey import automatic_fix
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.datum import Datum
-    from obseq.survey.adjustment.instruments import estimating
+    from obseq.survey.adjustment.instrument_unknowns import estimating
     from obseq.survey.adjustment.quality import Quality
     from obseq.survey.epochs.comparison import Comparison, compare
     from obseq.survey.files.cor import read_cor, write_cor
@@ -52,7 +52,7 @@ _HOMES = {
     "Stations": "model",
     "automatic_fix": "model",
     "compare": "epochs.comparison",
-    "estimating": "adjustment.instruments",
+    "estimating": "adjustment.instrument_unknowns",
     "initial_values": "initial.initial_values",
     "join": "model",
     "kind_of_formula": "kinds.registry",

@@ -14,8 +14,8 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.aerial.angles import axes_of, unit_of
 from obseq.images.aerial.headers import Columns
+from obseq.images.aerial.result_columns import LeftOut
 from obseq.images.aerial.shots import FrameCamera, Shots
-from obseq.images.aerial.tables import LeftOut
 from obseq.survey.files.text import parse_number, read_text
 
 if TYPE_CHECKING:

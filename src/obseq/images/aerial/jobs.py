@@ -13,8 +13,8 @@ from obseq.errors import InputError, ObseqError
 from obseq.images.aerial.heights import HeightType, convert_heights
 from obseq.images.aerial.intersection import intersect_pairs, intersect_rays, most_distant_pairs
 from obseq.images.aerial.resection import resect
+from obseq.images.aerial.result_columns import LeftOut, Table
 from obseq.images.aerial.shots import Shots
-from obseq.images.aerial.tables import LeftOut, Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.helmert.block_tree import Tree
 from obseq.leastsquares.helmert.cutting import Cut, cut
-from obseq.leastsquares.helmert.tree import Tree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.helmert.block_tree import Executor
     from obseq.leastsquares.helmert.leaves import Answers
-    from obseq.leastsquares.helmert.tree import Executor
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.system import LeastSquares
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.compilation.functions import SUMS
+from obseq.compilation.digests import SUMS
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.tiles import call_kernel
 from obseq.kernels.vectors import outer1, outer4, outer_threes, transpose3, transpose4

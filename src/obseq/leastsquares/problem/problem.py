@@ -8,12 +8,12 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.blocks import UnknownBlocks
 from obseq.leastsquares.problem.datum import NO_DATUM, datum_of
 from obseq.leastsquares.problem.linear import linear_batch, root_rows
-from obseq.leastsquares.problem.objects import matching
 from obseq.leastsquares.problem.priors import Prior, Viscosity
 from obseq.leastsquares.problem.shapes import formula_shape
+from obseq.leastsquares.problem.unknown_blocks import UnknownBlocks
+from obseq.leastsquares.problem.unknown_objects import matching
 from obseq.leastsquares.problem.unknowns import UnknownTable
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
 """Solvers of the normal equations: one protocol, several factorisations behind it."""
 
 from obseq.errors import SingularMatrixError, SolverStateError, SolverUnavailableError
-from obseq.leastsquares.solvers.choice import SOLVER_NAMES, checked_solver, choose_solver
 from obseq.leastsquares.solvers.protocol import (
     Defect,
     Solver,
     SolverStatistics,
     SymmetricPattern,
 )
+from obseq.leastsquares.solvers.selection import SOLVER_NAMES, checked_solver, choose_solver
 
 __all__ = [
     "SOLVER_NAMES",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.compilation.functions import SUMS
+from obseq.compilation.digests import SUMS
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows

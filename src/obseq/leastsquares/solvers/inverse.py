@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.compilation.functions import SUMS
+from obseq.compilation.digests import SUMS
 from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, address_of, fortran, lapack
 from obseq.leastsquares.solvers.dense_loops import invert_small
 from obseq.leastsquares.solvers.numeric import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from obseq.compilation import compiled
 from obseq.dataclass import dataclass
-from obseq.leastsquares.solvers.tree import front_seconds
+from obseq.leastsquares.solvers.elimination_tree import front_seconds
 from obseq.pools import thread_pool
 
 if TYPE_CHECKING:

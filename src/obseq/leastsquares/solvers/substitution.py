@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.compilation import compiled
-from obseq.compilation.functions import SUMS
+from obseq.compilation.digests import SUMS
 from obseq.leastsquares.solvers.blas import GEMV, TRSV, address_of, fortran
 from obseq.leastsquares.solvers.numeric import LOWER, NOT_UNIT, ONE, PLAIN, TRANSPOSED, ZERO
 from obseq.leastsquares.solvers.symbolic import Structure

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.compilation import compiled
+from obseq.leastsquares.solvers.elimination_tree import column_counts, elimination_tree, postorder, supernodes
 from obseq.leastsquares.solvers.graph import group_indistinguishable
 from obseq.leastsquares.solvers.ordering import elimination_order
-from obseq.leastsquares.solvers.tree import column_counts, elimination_tree, postorder, supernodes
 
 if TYPE_CHECKING:
     from obseq.arrays import IndexArray, IntArray

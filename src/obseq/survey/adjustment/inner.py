@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import SingularSystemError
-from obseq.leastsquares.diagnosis.motions import COMBINED, SHAPE
+from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
 from obseq.survey.adjustment.undetermined import free_motions
 from obseq.survey.kinds.registry import BY_CODE
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.diagnosis.motions import motions
+from obseq.leastsquares.diagnosis.free_motions import find_motions
 from obseq.record import MotionRecord
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.diagnosis.motions import Motion
+    from obseq.leastsquares.diagnosis.free_motions import Motion
     from obseq.survey.adjustment.equations import Equations
 
 DECIMALS = 4
@@ -32,7 +32,7 @@ def free_motions(equations: Equations, names: Sequence[str]) -> tuple[MotionReco
     normal = analysis.equations
     rows = {block: row for row, block in enumerate(equations.points.tolist())}
     kernel = analysis.solver.null_vectors()
-    found = motions(normal.table, normal.free, normal.pattern, kernel)
+    found = find_motions(normal.table, normal.free, normal.pattern, kernel)
     return tuple(_record(motion, rows, names) for motion in found)
 
 

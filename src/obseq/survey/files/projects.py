@@ -39,7 +39,7 @@ READERS: dict[str, Reader] = {
     ".comp": _read_comp3d,
     ".gkf": _read_gama,
     ".snx": _reader("sinex", "read_sinex"),
-    ".csv": _reader("tables", "read_tables"),
+    ".csv": _reader("table_reader", "read_tables"),
     ".dat": _reader("starnet", "read_starnet"),
     ".stn": _read_dna,
     ".msr": _read_dna,

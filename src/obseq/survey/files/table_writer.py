@@ -1,4 +1,4 @@
-"""Observations as a table with named columns (.csv), which `tables` reads."""
+"""Observations as a table with named columns (.csv), which `table_reader` reads."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.files.tables import BARYCENTRES, TYPES
+from obseq.survey.files.table_reader import BARYCENTRES, TYPES
 from obseq.survey.files.text import check_writable
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import GroupKind, Orientation

@@ -57,7 +57,7 @@ class InitialValues:
         point_steps: how each point was placed ("given" for coordinates of the file), None if it was not.
         station_steps: how each station was oriented, None if it was not.
         unplaced: the points without position and the stations without orientation, with the reasons.
-        spreads: (n,) expected errors of the coordinates (m).
+        expected_sigmas: (n,) expected errors of the coordinates (m).
         replaced: rows of the points whose approximate coordinates the observations contradict: others stand
             in `coordinates`.
     """
@@ -69,7 +69,7 @@ class InitialValues:
     point_steps: tuple[Step | None, ...]
     station_steps: tuple[Step | None, ...]
     unplaced: tuple[Unplaced, ...]
-    spreads: FloatArray
+    expected_sigmas: FloatArray
     replaced: tuple[int, ...] = ()
 
     def require_complete(self) -> None:

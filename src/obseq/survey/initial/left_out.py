@@ -231,7 +231,7 @@ def _without(
         point_steps=tuple(initial.point_steps[row] for row in points.tolist()),
         station_steps=tuple(initial.station_steps[row] for row in stations.tolist()),
         unplaced=(),
-        spreads=initial.spreads[points],
+        expected_sigmas=initial.expected_sigmas[points],
     )
     book = _book_without(given.book, bad_points, stations, active)
     return Determined(given.points.subset(points), book, kept, (*given.left_out, *named))

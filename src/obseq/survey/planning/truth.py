@@ -46,7 +46,7 @@ def truth(network: Network) -> InitialValues:
         point_steps=(given,) * len(points),
         station_steps=(given,) * stations,
         unplaced=(),
-        spreads=np.zeros(len(points)),
+        expected_sigmas=np.zeros(len(points)),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
-from obseq.survey.adjustment.instruments import estimating
+from obseq.survey.adjustment.instrument_unknowns import estimating
 from obseq.survey.kinds.lengths import DIST, DIST_HZ
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS

@@ -143,7 +143,7 @@ def is_doubtful(start: Determined, equations: Equations) -> bool:
     for rows, batch in equations.batches.values():
         misfits = np.abs(equations.system.residuals(batch)[:, 0])
         ends = observations.from_points[rows], observations.to_points[rows]
-        moved = np.hypot(initial.spreads[ends[0]], initial.spreads[ends[1]])
+        moved = np.hypot(initial.expected_sigmas[ends[0]], initial.expected_sigmas[ends[1]])
         lengths = np.linalg.norm(initial.coordinates[ends[1]] - initial.coordinates[ends[0]], axis=1)
         is_angle = IS_ANGLE[observations.types[rows]]
         moved = np.where(is_angle, moved / np.maximum(lengths, 1e-3), moved)

@@ -45,7 +45,7 @@ class Motion:
     moves: FloatArray
 
 
-def motions(
+def find_motions(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
 ) -> Iterator[Motion]:
     """The motions that span a kernel (n_free, k), of each connected part of the unknowns for itself."""

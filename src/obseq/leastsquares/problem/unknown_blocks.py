@@ -15,7 +15,7 @@ from obseq.leastsquares.problem.manifolds import (
     VECTOR,
     Manifold,
 )
-from obseq.leastsquares.problem.objects import UnknownObject, matching
+from obseq.leastsquares.problem.unknown_objects import UnknownObject, matching
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.survey.kinds.calibrated import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
 from obseq.survey.kinds.directions import ZEN
-from obseq.survey.kinds.instruments import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.model import Group, GroupKind, Orientation
 
