@@ -132,13 +132,19 @@ def test_bad_lines_are_refused(case: str, site: Path, capsys) -> None:
         ("cor", b"", "site.cor: the file is empty"),
         ("obs", b"7 PtA PtB\x00\x01\x02 0 0.001\n", "binary"),
         ("obs", "7 Pté PtB 0 0.001\n".encode("latin-1"), "UTF-8"),
-        ("cor", POINTS.encode("utf-16"), "UTF-16"),
+        ("cor", POINTS.encode("utf-16-be"), "UTF-16"),
         ("cor", b"0 PtA 657700 6860700 10\n0 PtB 657710 6860700 10\n", "known"),
     ],
 )
 def test_bad_files_are_refused(kind: str, content: bytes, expected: str, site: Path, capsys) -> None:
     (site / f"site.{kind}").write_bytes(content)
     assert_refused(site, capsys, expected)
+
+
+@pytest.mark.parametrize("coefficient", ["12", "-1.5"])
+def test_a_refraction_that_no_air_has_is_refused(coefficient: str, site: Path, capsys) -> None:
+    expected = f"refraction coefficient {coefficient}: air bends rays by -1 to 1"
+    assert_refused(site, capsys, expected, f"--refraction={coefficient}")
 
 
 def test_a_file_that_is_absent_is_named(site: Path, capsys) -> None:

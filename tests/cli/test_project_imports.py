@@ -93,7 +93,9 @@ def test_the_training_network_is_imported_and_adjusted(project, shared_data, cap
     np.testing.assert_allclose(spread, [0.006959, 0.013631, 0.001272], rtol=2e-2)
     sigma0 = json.loads((project.parent / "r.json").read_text())["sigma0"]
     assert sigma0 == pytest.approx(1.765647361, abs=2e-3)
-    assert "converged" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "converged" in said
+    assert "Topo/Out/" in said.partition("Written: ")[2] and "r.json" in said
 
 
 @pytest.mark.parametrize("ending", [".xml", ".json"])

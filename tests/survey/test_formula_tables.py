@@ -147,6 +147,18 @@ def test_a_slip_in_a_formula_is_said_with_its_line(tmp_path, capsys, before, aft
     assert "defect of obseq" not in said
 
 
+def test_two_files_may_not_define_formulas_of_one_name(tmp_path, capsys):
+    network(tmp_path)
+    for name in ("own.py", "other.py"):
+        (tmp_path / name).write_text(OWN)
+    files = [str(tmp_path / name) for name in ("p.csv", "f.csv")]
+    own = ["--formulas", str(tmp_path / "own.py"), str(tmp_path / "other.py")]
+    assert main(["adjust", *files, *own, "--out", str(tmp_path / "r")]) == 2
+    said = capsys.readouterr().err
+    assert "other.py, line 16: a formula HeightOverLine is defined at" in said
+    assert "own.py, line 16 already; give one of them another name" in said
+
+
 def test_mutated_tables_are_read_or_refused_by_name(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(TOOLS)
     mutated = importlib.import_module("fuzz_readers").mutated

@@ -157,6 +157,9 @@ WRONG = {
     "is none of": '<point id="X" adj="x" />' + SIGHTS,
     "minutes and seconds": SIGHTS.replace("59.0334", "53-61-00"),
     "has no cov-mat": '<vectors><vec from="A" to="B" dx="1" dy="1" dz="1" /></vectors>',
+    'has no from: the directions of a set are from one station, which the set names; write <obs from="A">': (
+        '<obs><direction from="A" to="B" val="1" stdev="5" /></obs>'
+    ),
     "the XML is broken": SIGHTS.replace("</obs>", "", 1),
 }
 

@@ -194,7 +194,8 @@ def test_errors_name_file_line_and_text(tmp_path, line, message):
         (b" \n\n", "the file is empty"),
         (b"* only a title\n#VERT\n", "holds no observation"),
         (b"3 A B 1 1\n\x00\x01", "survey.obs:2: holds a zero byte: this is a binary file"),
-        ("3 A B 1 1".encode("utf-16"), "the file is in UTF-16; save it as UTF-8"),
+        ("3 A B 1 1".encode("utf-16-le"), "looks like UTF-16 that does not begin with its mark; save it as"),
+        ("\n".encode("utf-16"), "the file is empty"),
         (
             "3 A B 1 1\n3 A b\u00e9ton 1 1".encode("latin-1"),
             r"survey.obs:2: the name b\udce9ton is not written in UTF-8",
@@ -206,6 +207,12 @@ def test_unreadable_files(tmp_path, data, message):
         book_of(tmp_path, data)
     assert message in str(caught.value)
     str(caught.value).encode("utf-8")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_encodings_that_say_what_they_are_need_no_option(tmp_path, encoding):
+    book = book_of(tmp_path, "3 Rép B 1 1\r\n".encode(encoding))
+    assert book.point_names == ("Rép", "B")
 
 
 def test_latin_1_comments_do_not_matter(tmp_path):

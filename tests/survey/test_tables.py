@@ -138,9 +138,32 @@ def test_bad_tables_are_refused_by_file_and_line(tmp_path, change, message, caps
     capsys.readouterr()
 
 
+@pytest.mark.parametrize("empty", ["o.csv", "p.csv"])
+def test_a_table_without_rows_is_named(tmp_path, empty):
+    rows, points = (ROWS[:1], POINTS) if empty == "o.csv" else (ROWS, POINTS.partition("\n")[0])
+    with pytest.raises(InputError, match=f"{empty}:1: the table holds no row below the names"):
+        network(tmp_path, rows, points)
+
+
+def test_tables_in_utf_16_are_read(tmp_path):
+    expected = network(tmp_path).points.coordinates
+    for path in tmp_path.glob("*.csv"):
+        path.write_text(path.read_text(), encoding="utf-16")
+    found = Network.read_project([tmp_path / "o.csv", tmp_path / "p.csv"]).points
+    np.testing.assert_array_equal(found.coordinates, expected)
+
+
+def test_networks_and_adjustments_are_printed_in_a_few_lines(tmp_path):
+    made = network(tmp_path)
+    assert repr(made).startswith("Network: 3 points (2 known), 6 observations, 1 stations; frame Local")
+    first, *others = str(made.adjust()).split("\n")
+    assert first.startswith("Adjustment: 3 points, converged after ")
+    assert any(line.startswith("  sigma0 ") for line in others) and len(others) < 12
+
+
 def test_both_tables_are_needed(tmp_path):
     network(tmp_path)
-    with pytest.raises(InputError, match="no table of points is given"):
+    with pytest.raises(InputError, match=r"o\.csv: only observations; name the table of points too"):
         Network.read_project(tmp_path / "o.csv")
     with pytest.raises(InputError, match=r"p\.csv:2: a sigma is empty"):
         network(tmp_path, points=POINTS.replace("0.001", "-1", 1))

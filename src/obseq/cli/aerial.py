@@ -22,8 +22,9 @@ SHOWN = 20
 """Lines of what was left out that are printed."""
 
 MORE = """
-Files have columns separated by blanks; a header says what they hold, one letter each: N shot, X Y,
-Z altitude or H ellipsoidal height, O P K angles, C camera, P point, T type, S skipped."""
+Files have columns separated by blanks, and no line that names them: options (--shots-header, ...) say
+what they hold, one letter each: N shot, X Y, Z altitude or H ellipsoidal height, O P K angles,
+C camera, P point, T type, S skipped."""
 
 EXIT = "exit code: 0 done; 1 done, and lines were left out (each with its reason); 2 could not run"
 

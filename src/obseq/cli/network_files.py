@@ -127,8 +127,8 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         "--refraction",
         type=finite_number,
         metavar="K",
-        help="refraction coefficient of zenith angles (without it: 0.12; 0: no refraction; 1: neither "
-        "refraction nor curvature)",
+        help="refraction coefficient of zenith angles, -1 to 1 (without it: 0.12; 0: no refraction; 1: "
+        "neither refraction nor curvature)",
     )
     computation.add_argument(
         "--sigmas",
@@ -153,8 +153,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
     Raises:
         InputError: no files are named, or a project with what it says itself.
     """
-    for path in arguments.formulas or ():
-        use_formulas(path)
+    use_formulas(arguments.formulas or ())
     reading = given(
         {
             "encoding": arguments.encoding,

@@ -2,7 +2,7 @@
 
 import runpy
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,19 +19,31 @@ _ADVICE = (
 """What to do about an exception whose text holds some words."""
 
 
-def use_formulas(path: Path) -> None:
-    """Runs a file, and lets tables of observations name the formulas that it defines.
+def use_formulas(paths: Sequence[Path]) -> None:
+    """Runs files, and lets tables of observations name the formulas that they define.
 
     Raises:
-        InputError: It cannot be run, or defines no formula of one to three points, or one that cannot be
-            compiled or has the name of one of the catalogue.
+        InputError: One cannot be run, or defines no formula of one to three points, or one that cannot be
+            compiled, or has the name of one of the catalogue or of another of these files.
     """
-    names = _names(path)
-    classes = _classes(path, names)
+    places: dict[str, str] = {}
+    for path in paths:
+        for one in _classes(path, _names(path)):
+            kernel = _compiled(path, one)
+            place = _line_of(path, one)
+            if kernel.name in places:
+                raise InputError(
+                    f"{place}: a formula {kernel.name} is defined at {places[kernel.name]} already; give "
+                    "one of them another name"
+                )
+            places[kernel.name] = place
+            _use(kernel)
+
+
+def _use(kernel: "Kernel") -> None:
     from obseq.survey import kind_of_formula
 
-    for one in classes:
-        kind_of_formula(_compiled(path, one))
+    kind_of_formula(kernel)
 
 
 def _names(path: Path) -> Mapping[str, Any]:
@@ -67,7 +79,7 @@ def _compiled(path: Path, one: type) -> "Kernel":
     from obseq.codegen import compile_formula
     from obseq.kernels import formula_names
 
-    place = f"{path}, line {_first_line(one)}"
+    place = _line_of(path, one)
     try:
         formula = one()
         if formula.name in formula_names():
@@ -94,8 +106,8 @@ def _refuse_bare_arguments(place: str, one: Any) -> None:
         )
 
 
-def _first_line(one: Any) -> int:
-    return int(one.residual.__code__.co_firstlineno)
+def _line_of(path: Path, one: Any) -> str:
+    return f"{path}, line {int(one.residual.__code__.co_firstlineno)}"
 
 
 def _place(path: Path, error: Exception, otherwise: str = "") -> str:

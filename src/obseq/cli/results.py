@@ -40,9 +40,9 @@ def outputs_in(folder: Path) -> Outputs:
     return [(path, form) for form, path in _inside(folder, STEM)]
 
 
-def show(record: AdjustmentRecord, outputs: Outputs) -> None:
-    """Print the summary, and what was written."""
-    paths = [path for path, _ in outputs]
+def show(record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = ()) -> None:
+    """Print the summary, and what was written: other files first."""
+    paths = [*others, *(path for path, _ in outputs)]
     say(summary(record, [str(path) for path in paths]), paths)
 
 

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         files = _files(arguments, tree, options, adjustment, definition)
         check_writable(files)
         write_all(files | {path: form.write(record) for path, form in outputs})
-    show(record, outputs)
+    show(record, outputs, list(files))
     return 0 if record.is_complete else INCOMPLETE
 
 

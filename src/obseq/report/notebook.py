@@ -1,4 +1,4 @@
-"""What a notebook shows of a network and of its adjustment: a plan and short tables, without any script."""
+"""What a notebook or a terminal shows of a network and of its adjustment, without any script."""
 
 from __future__ import annotations
 
@@ -38,6 +38,12 @@ def adjustment_html(record: AdjustmentRecord) -> str:
     return _framed([*_outcome(record), network_figure(record), _table(observed), _table(points)])
 
 
+def adjustment_text(record: AdjustmentRecord) -> str:
+    """The outcome in a few lines, for a terminal."""
+    first, *others = (text for text, _ in _told(record))
+    return "\n".join([f"Adjustment: {first}", *(f"  {text}" for text in others)])
+
+
 def network_html(
     points: Sequence[PointRecord], sights: Iterable[tuple[str, str]], stations: set[str], counts: str
 ) -> str:
@@ -50,8 +56,13 @@ def _framed(parts: Iterable[str]) -> str:
 
 
 def _outcome(record: AdjustmentRecord) -> list[str]:
+    return [f'<p class="{"bad" if is_bad else ""}">{escaped(text)}</p>' for text, is_bad in _told(record)]
+
+
+def _told(record: AdjustmentRecord) -> list[tuple[str, bool]]:
+    """The outcome sentence by sentence, and whether each is bad news."""
     verdict = Verdict(record)
-    lines = [
+    return [
         (f"{len(record.points)} points, {how_it_ended(record)}", not record.is_complete),
         *((line.strip(), True) for line in (*gross_errors(record, 5), *left_out(record))),
         (f"{record.n_observations} observations ({kinds(record)}), redundancy {record.redundancy}", False),
@@ -59,7 +70,6 @@ def _outcome(record: AdjustmentRecord) -> list[str]:
         (verdict.explanation, False),
         *((line, bool(suspects(record))) for line in single_tests(record)),
     ]
-    return [f'<p class="{"bad" if is_bad else ""}">{escaped(text)}</p>' for text, is_bad in lines]
 
 
 def _table(table: rows.Table) -> str:

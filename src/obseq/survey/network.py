@@ -27,7 +27,7 @@ from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
-from obseq.survey.adjustment.drawing import network_html
+from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
@@ -229,6 +229,9 @@ class Network:
             raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")
         deflections = np.where(np.isnan(given), found, given)
         return replace(self, points=replace(self.points, deflections=deflections))
+
+    def __repr__(self) -> str:
+        return f"Network: {network_text(self.points, self.book, self.frame)}"
 
     def _repr_html_(self) -> str:
         return network_html(self.points, self.book, self.frame)

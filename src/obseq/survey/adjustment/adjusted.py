@@ -276,6 +276,11 @@ class Adjustment:
         columns = columns_of(found)
         return columns if package is None else as_table(columns, package)
 
+    def __repr__(self) -> str:
+        from obseq.report.notebook import adjustment_text
+
+        return adjustment_text(self.record())
+
     def _repr_html_(self) -> str:
         from obseq.report.notebook import adjustment_html
 

@@ -1,4 +1,4 @@
-"""What a notebook shows of a network before it is adjusted."""
+"""What a notebook or a terminal shows of a network before it is adjusted."""
 
 from __future__ import annotations
 
@@ -17,11 +17,18 @@ def network_html(points: Points, book: FieldBook, frame: Frame) -> str:
 
     names, observations = book.point_names, book.observations
     ends = zip(observations.from_points.tolist(), observations.to_points.tolist(), strict=True)
-    known = int((~points.is_free).any(axis=1).sum())
     return notebook.network_html(
         place_records(points),
         ((names[a], names[b]) for a, b in ends),
         {names[row] for row in book.stations.origins.tolist()},
-        f"{len(points)} points ({known} known), {len(observations)} observations, "
-        f"{len(book.stations)} stations; frame {frame.system.definition}",
+        network_text(points, book, frame),
+    )
+
+
+def network_text(points: Points, book: FieldBook, frame: Frame) -> str:
+    """What a network consists of, in a line."""
+    known = int((~points.is_free).any(axis=1).sum())
+    return (
+        f"{len(points)} points ({known} known), {len(book.observations)} observations, "
+        f"{len(book.stations)} stations; frame {frame.system.definition}"
     )

@@ -22,6 +22,8 @@ RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 MEAN_RADIUS = 6371008.8
 """Radius (m) of the Earth where its place is not known: the mean one of GRS 80."""
 
+_LARGEST_COEFFICIENT = 1.0
+"""Refraction coefficients beyond it, in size, are mistakes: at 1 rays are as curved as the Earth."""
 _FARTHEST = 1000.0
 """Distance from the middle of the points, in typical ones, beyond which a point has no part in the origin."""
 
@@ -41,6 +43,19 @@ class Frame:
 
     system: crs.CoordinateSystem
     refraction_coefficient: float = crs.REFRACTION_COEFFICIENT
+
+    def __post_init__(self) -> None:
+        """Refuses a coefficient that no air has.
+
+        Raises:
+            InputError: It is beyond 1, or below -1.
+        """
+        if not abs(self.refraction_coefficient) <= _LARGEST_COEFFICIENT:
+            raise InputError(
+                f"refraction coefficient {self.refraction_coefficient:g}: air bends rays by -1 to 1, "
+                "commonly by 0.07 to 0.2 (0.12 when nothing is said; 0: no refraction; 1: neither refraction "
+                "nor curvature); correct it"
+            )
 
     @property
     def is_plane(self) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns, Measure
+from obseq.survey.files.text import quoted
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
@@ -128,7 +129,7 @@ class ObservationReader:
         child.allow((*COMMON, "bs", "fs", "rs", "bs_dh", "fs_dh") if is_angle else COMMON)
         start = parent.get("from") if kind is HZ else child.get("from") or parent.get("from")
         if start is None:
-            raise child.error(f"<{child.name}> has no from, nor has its set; give one of them")
+            raise child.error(_without_station(child, parent, kind))
         target = child.get("fs") or child.get("rs") if is_angle else child.wanted("to")
         backsight = (child.get("bs") or child.get("to")) if is_angle else None
         if target is None or (is_angle and backsight is None):
@@ -356,3 +357,14 @@ def _measured(child: Element, kind: ObservationKind, hand: float) -> tuple[Value
 def _require_matrix(element: Element) -> None:
     if element.first("cov-mat") is None:
         raise element.error(f"<{element.name}> has no cov-mat; it is the only source of their precision")
+
+
+def _without_station(child: Element, parent: Element, kind: ObservationKind) -> str:
+    """What is missing where nothing says from where a sight goes."""
+    if kind is not HZ:
+        return f"<{child.name}> has no from, nor has its <{parent.name}>; give one of them"
+    station = child.get("from") or "NAME"
+    return (
+        f"<{parent.name}> (line {parent.line}) has no from: the directions of a set are from one station, "
+        f'which the set names; write <{parent.name} from="{quoted(station)}">'
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.survey.files.project import Reading, only_one
-from obseq.survey.files.text import quoted, read_bytes
+from obseq.survey.files.text import encoding_of, quoted, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,7 +93,8 @@ def reader_of(path: Path) -> Reader:
 
 def _reader_of_root(path: Path) -> Reader:
     """By the first element; the whole file is looked at only where that is not found at its start."""
-    found = _FIRST_ELEMENT.search(read_bytes(path)[:_START].decode("utf-8", "replace"))
+    start = read_bytes(path)[:_START]
+    found = _FIRST_ELEMENT.search(start.decode(encoding_of(start), "replace"))
     name = found.group(1).rpartition(":")[2] if found else _root(path)
     reader = ROOTS.get(name)
     if reader is None:

@@ -76,6 +76,11 @@ class Table:
             known = ", ".join((*wanted, *more))
             raise self.file.error(0, f"column {quoted(unknown[0])} is unknown; there are {known}")
 
+    def check_rows(self) -> None:
+        """Refuses a table of which there are only the names of columns."""
+        if not any(line.strip() for line in self.file.lines[1:]):
+            raise self.file.error(0, "the table holds no row below the names of its columns; add its rows")
+
     def rows(self) -> Iterator[tuple[int, dict[str, str]]]:
         """Line (from 0) and cells by column of each row."""
         for index, line in enumerate(self.file.lines[1:], start=1):
@@ -131,6 +136,7 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     columns, points = Columns(), []
     for path in paths:
         table = Table(read_text(path, reading.encoding))
+        table.check_rows()
         if "type" in table.columns:
             _Observations(table, columns).read()
         elif "formula" in table.columns:
@@ -138,9 +144,18 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
         else:
             points.append(_points(table))
     if not points or not len(columns):
-        what = "points" if not points else "observations"
-        raise InputError(f"{paths[0]}: no table of {what} is given; name both kinds of tables together")
+        raise InputError(_only_of(paths, "observations" if points else "points"))
     return Project(merge_points(points), columns.field_book())
+
+
+def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
+    """What to do where no table of the other kind is given."""
+    given, wanted = ("points", OF_OBSERVATIONS) if lacking == "observations" else ("observations", OF_POINTS)
+    listed = ", ".join(map(str, paths))
+    return (
+        f"{listed}: only {given}; name the table of {lacking} too (its columns: {' '.join(wanted)}), for "
+        "instance: obseq adjust points.csv observations.csv"
+    )
 
 
 def _points(table: Table) -> Points:

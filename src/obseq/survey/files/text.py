@@ -13,7 +13,7 @@ from obseq.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-_MARKS_OF_OTHER_ENCODINGS = ((b"\xff\xfe", "UTF-16"), (b"\xfe\xff", "UTF-16"))
+_MARKS_OF_UTF16 = b"\xff\xfe", b"\xfe\xff"
 _LONGEST_QUOTE = 160
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
@@ -59,25 +59,31 @@ class TextFile:
 
 
 def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
-    """Reads a text file; line ends may be LF, CRLF or CR, a byte-order mark is dropped.
+    """Reads a text file; line ends may be LF, CRLF or CR, a mark of UTF-8 is dropped, one of UTF-16 obeyed.
 
     Comments in another encoding are accepted; names are checked one by one with `TextFile.check_name`.
 
     Raises:
-        InputError: absent, a directory, unreadable, empty, binary, UTF-16, or unknown encoding.
+        InputError: absent, a directory, unreadable, empty, binary, or unknown encoding.
     """
     data = read_bytes(Path(path))
-    if not data.strip():
-        raise InputError(f"{path}: the file is empty")
-    _refuse_binary(path, data)
+    encoding = encoding_of(data, encoding)
+    _refuse_binary(path, data, encoding)
     try:
-        text = data.decode(
-            "utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding, "surrogateescape"
-        )
+        text = data.decode(encoding, "surrogateescape")
     except (LookupError, ValueError) as error:
         raise InputError(f"{path}: cannot be read in encoding {encoding!r}: {error}") from error
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper())
+    return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper().removesuffix("-SIG"))
+
+
+def encoding_of(data: bytes, encoding: str = "utf-8") -> str:
+    """The encoding of what a file holds: UTF-16 where its first bytes say so, whatever was expected."""
+    if data.startswith(_MARKS_OF_UTF16):
+        return "utf-16"
+    return "utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding
 
 
 def read_bytes(path: Path) -> bytes:
@@ -96,14 +102,17 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read: {error}") from error
 
 
-def _refuse_binary(path: str | Path, data: bytes) -> None:
-    for mark, encoding in _MARKS_OF_OTHER_ENCODINGS:
-        if data.startswith(mark):
-            raise InputError(f"{path}: the file is in {encoding}; save it as UTF-8")
-    position = data.find(b"\0")
-    if position >= 0:
-        line = data.count(b"\n", 0, position) + 1
-        raise InputError(f"{path}:{line}: holds a zero byte: this is a binary file, not a text file")
+def _refuse_binary(path: str | Path, data: bytes, encoding: str) -> None:
+    position = -1 if encoding.lower().startswith(("utf-16", "utf16")) else data.find(b"\0")
+    if position < 0:
+        return
+    if 2 * data.count(0) >= len(data) - 2:
+        raise InputError(
+            f"{path}: looks like UTF-16 that does not begin with its mark; save it as UTF-8 (or say its "
+            "encoding: --encoding utf-16-le on the command line)"
+        )
+    line = data.count(b"\n", 0, position) + 1
+    raise InputError(f"{path}:{line}: holds a zero byte: this is a binary file, not a text file")
 
 
 def _has_surrogates(text: str) -> bool:

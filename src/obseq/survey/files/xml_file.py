@@ -9,7 +9,7 @@ from xml.sax.handler import ContentHandler, feature_external_ges
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.files.text import TextFile, parse_number, quoted, read_bytes
+from obseq.survey.files.text import TextFile, encoding_of, parse_number, quoted, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
@@ -130,7 +130,8 @@ def xml_of(data: bytes, name: str) -> Element:
     from defusedxml.common import DefusedXmlException
     from defusedxml.sax import make_parser
 
-    file = TextFile(name, data.decode("utf-8", "replace").splitlines() or [""], True, "UTF-8")
+    lines = data.decode(encoding_of(data), "replace").splitlines()
+    file = TextFile(name, lines or [""], True, "UTF-8")
     parser = make_parser()
     parser.forbid_external = False  # a document type is named in old files: it is not loaded
     parser.setFeature(feature_external_ges, False)
