@@ -71,3 +71,28 @@ def test_tables_hold_them(tmp_path):
 def test_what_is_no_barycentre_is_refused(tmp_path, cells):
     with pytest.raises(InputError, match=r"o\.csv:2: x of a barycentre: from is a point, to two or more"):
         network(tmp_path, HEAD + f"Barycentre,{cells},0,0.001,m\n")
+
+
+WEIGHTED = "type,from,to,value,sigma,unit,weights\n"
+
+
+def test_members_have_weights(tmp_path):
+    # M: three parts of A and one of B; N: beyond B on the line from A, as the tip of a rod with two targets
+    rows = WEIGHTED + "Barycentre,M,A B,0,0.002,m,3 1\nBarycentre,N,A B,0,0.002,m,-0.5 1.5\n"
+    adjusted = network(tmp_path, rows).adjust()
+    found = dict(zip(adjusted.points.names, adjusted.points.coordinates, strict=True))
+    np.testing.assert_allclose(found["M"], (7.5, 0, 10), atol=1e-9)
+    np.testing.assert_allclose(found["N"], (45, 0, 10), atol=1e-9)
+    covariance = adjusted.points.covariances[adjusted.points.names.index("N")]
+    np.testing.assert_allclose(covariance, (2.5e-6 + 4e-6) * np.eye(3), rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("weights", ["1", "1 2 3", "1 -1", "-1 -2"])
+def test_weights_are_one_for_each_member_with_a_positive_sum(tmp_path, weights):
+    with pytest.raises(InputError, match=r"o\.csv:2: x of a barycentre: . weights of sum"):
+        network(tmp_path, WEIGHTED + f"Barycentre,M,A B,0,0.002,m,{weights}\n")
+
+
+def test_only_barycentres_have_weights(tmp_path):
+    with pytest.raises(InputError, match="slope distance: only barycentres have weights"):
+        network(tmp_path, WEIGHTED + "Dist,A,B,30,0.002,m,1 2\n")

@@ -70,7 +70,7 @@ def test_a_formula_of_the_catalogue(tmp_path):
         (("unit,station", "unit,target"), "f.csv:2: Dist3D takes the points p1, p2 .* target is none"),
         (("p1,p2,D", "p1,p2,E"), "f.csv:2: .*the numbers D; column d is missing or empty"),
         (("C,P,8.3", "C,C,8.3"), "f.csv:4: Dist3D: it needs 2 different points"),
-        (("1,mm", "1,gon"), "f.csv:3: unit 'gon' is none of m, mm, km"),
+        (("1,mm", "1,gon"), "f.csv:3: unit 'gon' is none of m, mm, cm, km, ft, us-ft"),
         (("1,mm", "0,mm"), "f.csv:3: column sigma: it is not positive"),
         (("B,P,9", "B,P,x9"), "f.csv:3: column d: 'x9.*' is not a number"),
         (("formula,p1", "formulas,p1"), "column name is missing"),

@@ -46,7 +46,7 @@ NETWORK_WRITERS: dict[str, Callable[[Network], str]] = {
     ".obs": lambda network: obs_text(network.book),
     ".cor": lambda network: cor_text(known_points(network)),
     ".xml": lambda network: dynaml_text(as_dynaml(network)),
-    ".csv": lambda network: csv_text(in_own_system(network)),
+    ".csv": lambda network: csv_text(tabled_points(network)),
     ".obs.csv": lambda network: table_text(network.book),
 }
 """What writes networks, by the suffix of the file: its text."""
@@ -195,18 +195,43 @@ def known_points(network: Network) -> Points:
         InputError: Some cannot be placed, or the points carry a datum that a COR file cannot say.
     """
     points = network.points
-    if points.in_datum.any():
-        name = points.names[int(np.flatnonzero(points.in_datum.any(axis=1))[0])]
-        raise InputError(
-            f"point {name} carries the datum of a free network, which a COR file cannot say; write .gkf"
-        )
-    if points.covariance is not None:
-        raise InputError("known coordinates have a covariance, which a COR file cannot say")
+    _refuse_datum(points, "a COR file")
     if not points.has_coordinates.all():
         computed = network.initial_values().coordinates
         given = points.coordinates
         points = replace(points, coordinates=np.where(np.isnan(given), computed, given))
     return in_own_system(replace(network, points=points))
+
+
+def tabled_points(network: Network) -> Points:
+    """The points for a table.
+
+    Raises:
+        InputError: They have deflections, or carry a datum, that a table cannot say.
+    """
+    points = network.points
+    _refuse_datum(points, "a table of points")
+    deflected = np.flatnonzero(np.isfinite(points.deflections).any(axis=1))
+    if deflected.size:
+        raise InputError(
+            f"point {points.names[deflected[0]]} has a deflection of the vertical, which a table of points "
+            "cannot say; write .cor (or --ignore deflections)"
+        )
+    return in_own_system(network)
+
+
+def _refuse_datum(points: Points, what: str) -> None:
+    """Refuses the datum of a free network and covariances of known coordinates."""
+    if points.in_datum.any():
+        name = points.names[int(np.flatnonzero(points.in_datum.any(axis=1))[0])]
+        raise InputError(
+            f"point {name} carries the datum of a free network, which {what} cannot say; write .gkf"
+        )
+    if points.covariance is not None:
+        raise InputError(
+            f"known coordinates have a covariance, which {what} cannot say: only Comp3D's projects have it "
+            "(coord_cov_file), or correlated Px, Py, Pz in a table of observations"
+        )
 
 
 def _refuse_corrections(network: Network, program: str, without: float) -> None:

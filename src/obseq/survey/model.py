@@ -147,6 +147,7 @@ class Group:
         numbers: What the formula of its observations takes before the value, where files give that.
         kind: What its observations are grouped by.
         members: Rows of the field book's `point_names`: the points of a barycentre.
+        weights: Their weights in it, of a positive sum.
     """
 
     name: str
@@ -154,6 +155,13 @@ class Group:
     numbers: tuple[float, ...] = ()
     kind: GroupKind = GroupKind.UNKNOWNS
     members: tuple[int, ...] = ()
+    weights: tuple[float, ...] = ()
+
+    @property
+    def shares(self) -> FloatArray:
+        """(k,) what each member counts for in the barycentre; their sum is 1."""
+        weights = np.array(self.weights, np.float64)
+        return np.asarray(weights / weights.sum())
 
     def renumbered(self, numbers: IntArray) -> Group:
         """The same with new rows of its members."""

@@ -13,7 +13,9 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.survey.files.columns import Columns, Measure
-from obseq.survey.kinds.registry import KINDS
+from obseq.survey.files.table import CLUSTERED
+from obseq.survey.files.table_clusters import Clusters, Member
+from obseq.survey.files.table_reader import BARYCENTRES, TYPES
 from obseq.survey.model import FieldBook, Orientation, Points, make_points
 
 if TYPE_CHECKING:
@@ -40,12 +42,13 @@ OBSERVATION_COLUMNS = (
     "from_height",
     "to_height",
     "backsight",
+    *CLUSTERED,
     "active",
 )
 FILE = "observations"
 """What messages call the table of observations: its rows count from 1, as lines do."""
 
-_KINDS = {kind.name: kind for kind in KINDS}
+_KINDS = {kind.name: kind for kind in TYPES.values() if kind not in BARYCENTRES}
 
 
 def points_of(table: Table) -> Points:
@@ -74,7 +77,9 @@ def observations_of(table: Table, angles: str = "rad") -> FieldBook:
     Columns: `type` (`Hz`, `Zen`, `Dist`, `DH`...: `obseq.survey.KINDS`), `from`, `to`, `value`, `sigma`; and
     where they are needed `setup` (what tells set-ups of one point apart), `orientation` of the set-up
     (`VERT`, the default, `FIX`, `BASC`), `instrument` (a name, for unknowns of its own), `relative_sigma`,
-    `from_height`, `to_height`, `backsight`, `active`.
+    `from_height`, `to_height`, `backsight`, `active`. Correlated rows
+    have the same `cluster`, and `covariances` (or `correlations`): numbers, one for each row of the cluster
+    before, in a list or with blanks between them.
 
     Args:
         table: The columns.
@@ -99,11 +104,14 @@ class _Book:
         self._book = Columns()
         self._book.files.append(FILE)
         self._setups: dict[tuple[str, Cell], int] = {}
+        self._clusters = Clusters()
 
     def filled(self) -> FieldBook:
         """The book with all rows."""
         for row, measure in enumerate(self._measures()):
             self._book.append(measure, 0, row)
+            self._correlate(row, measure)
+        self._clusters.give(self._book)
         return self._book.field_book()
 
     def _measures(self) -> Iterator[Measure]:
@@ -132,6 +140,25 @@ class _Book:
                 else -1,
                 backsight=self._point(row, "backsight") if self._has(row, "backsight") else -1,
             )
+
+    def _correlate(self, row: int, measure: Measure) -> None:
+        given = [name for name in CLUSTERED[1:] if self._has(row, name)]
+        if len(given) > 1 or (given and not self._has(row, "cluster")) or (given and measure.relative):
+            raise InputError(
+                f"{self._place(row)}: a correlated row has covariances or correlations, the name of its "
+                "cluster and no relative_sigma"
+            )
+        if self._has(row, "cluster"):
+            numbers = self._listed(row, given[0]) if given else []
+            unit = self._unit if measure.kind.is_angle else 1.0
+            member = Member(row, measure.sigma, unit, self._place(row))
+            self._clusters.add(str(self._given["cluster"][row]), member, numbers, given == ["correlations"])
+
+    def _listed(self, row: int, name: str) -> list[float]:
+        """The numbers of a cell: a text, a list or a single one."""
+        cell = self._given[name][row]
+        parts = cell.split() if isinstance(cell, str) else np.atleast_1d(cell).tolist()
+        return _numbers(FILE, name, parts, len(parts), 0.0).tolist()
 
     def _place(self, row: int) -> str:
         return f"{FILE}, row {row + 1} ({self._given['from'][row]} -> {self._given['to'][row]})"

@@ -56,12 +56,10 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
     """
     observations, xyz = book.observations, points.coordinates.copy()
     for row in np.flatnonzero((observations.types == BARY_X.code) & observations.active).tolist():
-        centre, members = (
-            observations.from_points[row],
-            list(book.groups[observations.groups[row]].members),
-        )
+        centre, group = observations.from_points[row], book.groups[observations.groups[row]]
+        members = list(group.members)
         if np.isnan(placed[centre]).any() and np.isfinite(placed[members]).all():
-            xyz[centre] = placed[members].mean(axis=0)
+            xyz[centre] = group.shares @ placed[members]
     is_more = np.isfinite(xyz).sum() > np.isfinite(points.coordinates).sum()
     return replace(points, coordinates=xyz) if is_more else None
 

@@ -70,9 +70,10 @@ class NetworkSite:
         most = max(len(group.members) for group in self.book.groups)
         blocks, shares = np.zeros((len(rows), most), np.int64), np.zeros((len(rows), most))
         for k, number in enumerate(self.book.observations.groups[rows].tolist()):
-            members = self.points[list(self.book.groups[number].members)]
+            group = self.book.groups[number]
+            members = self.points[list(group.members)]
             blocks[k], blocks[k, : len(members)] = members[0], members
-            shares[k, : len(members)] = 1.0 / len(members)
+            shares[k, : len(members)] = group.shares
         return blocks, shares
 
     def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:

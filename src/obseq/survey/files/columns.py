@@ -106,9 +106,9 @@ class Columns:
         self.groups.append(group if unnamed else replace(group, name=f"{group.name} ({seen})"))
         return len(self.groups) - 1
 
-    def open_barycentre(self, members: tuple[int, ...]) -> int:
+    def open_barycentre(self, members: tuple[int, ...], weights: tuple[float, ...]) -> int:
         """Index of a new group: the conditions of one barycentre."""
-        self.groups.append(Group("barycentre", members=members))
+        self.groups.append(Group("barycentre", members=members, weights=weights))
         return len(self.groups) - 1
 
     def open_frame(self, name: str) -> int:

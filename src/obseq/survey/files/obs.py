@@ -259,7 +259,10 @@ def obs_text(book: FieldBook) -> str:
         raise InputError(f"{book.label(int(without[0]))}: an OBS file has no line for this ({words})")
     if book.clusters:
         first = book.label(int(book.clusters[0].rows[0]))
-        raise InputError(f"{first}: it is correlated with others, which an OBS file cannot say")
+        raise InputError(
+            f"{first}: it is correlated with others, which an OBS file cannot say; write .obs.csv (or "
+            ".gkf, in a plane)"
+        )
     return "\n".join(_with_instruments(book)) + "\n"
 
 

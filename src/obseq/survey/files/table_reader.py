@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from typing import TYPE_CHECKING
 
@@ -11,22 +10,23 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.printable import printable
 from obseq.survey.files.columns import Columns, Measure
-from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.project import Project
-from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted, read_text
+from obseq.survey.files.table import CLUSTERED, Table
+from obseq.survey.files.table_clusters import Clusters
+from obseq.survey.files.text import LEAST_SIGMA, quoted, read_text
 from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
+from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM
-from obseq.survey.kinds.geodetic import CHORD, HEIGHT, LATITUDE, LONGITUDE
+from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DIST_HZ
 from obseq.survey.kinds.registry import KINDS, kind_of_formula
+from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 from obseq.survey.model import Orientation, Points, merge_points
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from obseq.survey.files.project import Reading
-    from obseq.survey.files.text import TextFile
     from obseq.survey.kinds.formulas import FormulaKind
     from obseq.survey.kinds.kind import ObservationKind
 
@@ -34,97 +34,20 @@ OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "va
 MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
 MORE_OF_OBSERVATIONS = (
     *("unit", "backsight", "set", "orientation", "instrument", "relative_sigma", "from_height", "to_height"),
-    *("active", "remark"),
+    *("weights", *CLUSTERED, "active", "remark"),
 )
-OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", "active", "remark")
+OF_FORMULAS, MORE_OF_FORMULAS = ("formula", "sigma"), ("unit", *CLUSTERED, "active", "remark")
 OWN_OF_FORMULAS = (*OF_FORMULAS, *MORE_OF_FORMULAS)
-LENGTHS = {"m": 1.0, "mm": 1e-3, "km": 1e3}
-DEFAULT_UNITS = {True: "gon", False: "m"}
 BARYCENTRES, ALL_OF_BARYCENTRE = (BARY_X, BARY_Y, BARY_Z), "barycentre"
 """The conditions of a barycentre, and what calls for all of them."""
-ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD, *BARYCENTRES)
+LEAST_SUM = 1e-6
+"""Sum of the weights of a barycentre: some may be negative, all together not nothing."""
+VECTORS = (VECTOR, VECTOR_Y, VECTOR_Z, LOCAL_X, LOCAL_Y, LOCAL_Z)
+POSITIONS = (GEO_X, GEO_Y, GEO_Z, POINT_X, POINT_Y, POINT_Z)
+ALONE = (ANGLE, DIST_HZ, HEIGHT, LATITUDE, LONGITUDE, CHORD, *VECTORS, *POSITIONS, *BARYCENTRES)
 """Kinds that a row can hold, and no line of an OBS file."""
 TYPES = {kind.name.lower(): kind for kind in KINDS if kind.is_line or kind in ALONE}
 """Kinds that a row can hold, by name in small letters."""
-OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
-
-
-class Table:
-    """A table, row by row.
-
-    Attributes:
-        file: Its lines.
-        columns: Position of each column, by name in small letters.
-    """
-
-    def __init__(self, file: TextFile) -> None:
-        self.file = file
-        head = file.lines[0]
-        self.separator = max(",;\t", key=head.count)
-        names = [name.strip().lower() for name in head.split(self.separator)]
-        self.columns = {name: place for place, name in enumerate(names)}
-        if len(self.columns) < len(names):
-            raise file.error(0, "two columns have the same name")
-
-    def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
-        """Refuses columns that are missing or unknown."""
-        missing = [name for name in wanted if name not in self.columns]
-        unknown = [name for name in self.columns if name not in (*wanted, *more)]
-        if missing:
-            raise self.file.error(0, f"column {missing[0]} is missing")
-        if unknown:
-            known = ", ".join((*wanted, *more))
-            raise self.file.error(0, f"column {quoted(unknown[0])} is unknown; there are {known}")
-
-    def check_rows(self) -> None:
-        """Refuses a table of which there are only the names of columns."""
-        if not any(line.strip() for line in self.file.lines[1:]):
-            raise self.file.error(0, "the table holds no row below the names of its columns; add its rows")
-
-    def rows(self) -> Iterator[tuple[int, dict[str, str]]]:
-        """Line (from 0) and cells by column of each row."""
-        for index, line in enumerate(self.file.lines[1:], start=1):
-            if not line.strip():
-                continue
-            cells = next(csv.reader([line], delimiter=self.separator))
-            if len(cells) != len(self.columns):
-                raise self.file.error(index, f"{len(cells)} cells for {len(self.columns)} columns")
-            yield index, {name: cells[place].strip() for name, place in self.columns.items()}
-
-    def number(self, index: int, cells: dict[str, str], column: str, default: float | None = None) -> float:
-        """The number in a cell; the default when it is empty or the column is not there."""
-        text = cells.get(column, "")
-        if not text and default is not None:
-            return default
-        try:
-            return parse_number(text)
-        except ValueError as error:
-            raise self.file.error(index, f"column {column}: {error}") from error
-
-    def unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
-        """What value and sigma of a row are multiplied by."""
-        units = ANGLES if kind.is_angle else LENGTHS
-        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
-        if name not in units:
-            raise self.file.error(
-                index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
-            )
-        return units[name]
-
-    def is_active(self, index: int, cells: dict[str, str]) -> bool:
-        """Whether a row is not switched off."""
-        text = cells.get("active", "").lower()
-        if text not in OFF:
-            raise self.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
-        return OFF[text]
-
-    def check_measure(self, index: int, kind: ObservationKind, value: float, sigma: float) -> None:
-        """Refuses a value that its kind cannot have, and a sigma that would be an infinite weight."""
-        if not sigma >= LEAST_SIGMA:
-            raise self.file.error(index, "column sigma: it is not positive; the weight would be infinite")
-        problem = kind.problem(value)
-        if problem is not None:
-            raise self.file.error(index, f"the {kind.words} {problem}; correct it, or active 0")
 
 
 def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
@@ -133,16 +56,17 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    columns, points = Columns(), []
+    columns, clusters, points = Columns(), Clusters(), []
     for path in paths:
         table = Table(read_text(path, reading.encoding))
         table.check_rows()
         if "type" in table.columns:
-            _Observations(table, columns).read()
+            _Observations(table, columns, clusters).read()
         elif "formula" in table.columns:
-            _Formulas(table, columns).read()
+            _Formulas(table, columns, clusters).read()
         else:
             points.append(_points(table))
+    clusters.give(columns)
     if not points or not len(columns):
         raise InputError(_only_of(paths, "observations" if points else "points"))
     return Project(merge_points(points), columns.field_book())
@@ -192,9 +116,9 @@ def _points(table: Table) -> Points:
 class _Observations:
     """Reads a table of observations into columns."""
 
-    def __init__(self, table: Table, columns: Columns) -> None:
+    def __init__(self, table: Table, columns: Columns, clusters: Clusters) -> None:
         table.check(OF_OBSERVATIONS, MORE_OF_OBSERVATIONS)
-        self._table, self._columns = table, columns
+        self._table, self._columns, self._clusters = table, columns, clusters
         self._number = columns.open_file(table.file)
         self._stations: dict[tuple[int, str, Orientation, bool], int] = {}
 
@@ -202,7 +126,9 @@ class _Observations:
         """Adds all rows."""
         for index, cells in self._table.rows():
             for kind in self._kinds(index, cells):
-                self._columns.append(self._measure(index, cells, kind), self._number, index)
+                measure = self._measure(index, cells, kind)
+                self._table.correlate(index, cells, self._clusters, len(self._columns), measure)
+                self._columns.append(measure, self._number, index)
 
     def _measure(self, index: int, cells: dict[str, str], kind: ObservationKind) -> Measure:
         table = self._table
@@ -214,6 +140,8 @@ class _Observations:
             table.check_measure(index, kind, value, sigma)
         if kind in BARYCENTRES:
             return self._barycentre(index, cells, Measure(kind, -1, -1, value, sigma, is_active))
+        if cells.get("weights"):
+            raise table.file.error(index, f"{kind.words}: only barycentres have weights")
         ends = self._ends(index, cells, kind)
         return Measure(
             kind,
@@ -238,11 +166,22 @@ class _Observations:
                 f"{measure.kind.words}: from is a point, to two or more others with blanks between them",
             )
         centre, *members = (self._columns.point(self._table.file, index, name) for name in names)
-        group = self._columns.open_barycentre(tuple(members))
+        weights = self._table.numbers(index, cells, "weights") or [1.0] * len(members)
+        if len(weights) != len(members) or not sum(weights) > LEAST_SUM:
+            raise self._table.file.error(
+                index,
+                f"{measure.kind.words}: {len(weights)} weights of sum {sum(weights):g} for "
+                f"{len(members)} points; give one for each, with blanks between them and a positive sum",
+            )
+        group = self._columns.open_barycentre(tuple(members), tuple(weights))
         return measure._replace(origin=centre, target=members[0], group=group)
 
     def _kinds(self, index: int, cells: dict[str, str]) -> tuple[ObservationKind, ...]:
         name = cells["type"].lower()
+        if name == ALL_OF_BARYCENTRE and cells.get("cluster"):
+            raise self._table.file.error(
+                index, "a barycentre in a cluster: write rows BaryX, BaryY and BaryZ"
+            )
         return BARYCENTRES if name == ALL_OF_BARYCENTRE else (self._kind(index, cells),)
 
     def _kind(self, index: int, cells: dict[str, str]) -> ObservationKind:
@@ -291,9 +230,9 @@ class _Observations:
 class _Formulas:
     """Reads a table of observations of formulas: a column for each point and each number that these name."""
 
-    def __init__(self, table: Table, columns: Columns) -> None:
+    def __init__(self, table: Table, columns: Columns, clusters: Clusters) -> None:
         table.check(OF_FORMULAS, tuple(table.columns))
-        self._table, self._columns = table, columns
+        self._table, self._columns, self._clusters = table, columns, clusters
         self._number = columns.open_file(table.file)
 
     def read(self) -> None:
@@ -301,7 +240,9 @@ class _Formulas:
         for index, cells in self._table.rows():
             kind = self._kind(index, cells)
             self._check(index, cells, kind)
-            self._columns.append(self._measure(index, cells, kind), self._number, index)
+            measure = self._measure(index, cells, kind)
+            self._table.correlate(index, cells, self._clusters, len(self._columns), measure)
+            self._columns.append(measure, self._number, index)
 
     def _kind(self, index: int, cells: dict[str, str]) -> FormulaKind:
         try:

@@ -15,13 +15,13 @@ from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import GroupKind, Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from obseq.survey.model import FieldBook
 
 HEADER = (
     *("type", "from", "to", "backsight", "value", "sigma", "unit", "set", "orientation", "instrument"),
-    *("relative_sigma", "from_height", "to_height", "active"),
+    *("relative_sigma", "from_height", "to_height", "weights", "cluster", "covariances", "active"),
 )
 
 
@@ -29,7 +29,7 @@ def table_text(book: FieldBook) -> str:
     """Observations as a table with a header, in metres and radians: numbers come back as they are.
 
     Raises:
-        InputError: A table has no row for an observation, or observations are correlated.
+        InputError: A table has no row for an observation.
     """
     codes = [kind.code for kind in TYPES.values()]
     without = np.flatnonzero(~np.isin(book.observations.types, codes))
@@ -38,9 +38,6 @@ def table_text(book: FieldBook) -> str:
         raise InputError(
             f"{book.label(int(without[0]))}: a table of observations has no row for this ({words})"
         )
-    if book.clusters:
-        first = book.label(int(book.clusters[0].rows[0]))
-        raise InputError(f"{first}: it is correlated with others, which a table cannot say")
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(HEADER)
@@ -50,26 +47,30 @@ def table_text(book: FieldBook) -> str:
 
 def _rows(book: FieldBook) -> Iterator[tuple[str, ...]]:
     """The cells of each observation."""
-    rows, named = book.observations, book.in_groups(GroupKind.INSTRUMENT)
+    rows, named, clustered = book.observations, book.in_groups(GroupKind.INSTRUMENT), _clustered(book)
     for row, code in enumerate(rows.types.tolist()):
         kind, station = BY_CODE[code], int(rows.stations[row])
         names = [book.point_names[end] for end in (rows.from_points[row], rows.to_points[row])]
-        third = rows.backsights[row]
+        third, weights = rows.backsights[row], ""
         if kind in BARYCENTRES:
-            names[1] = _members(book, row)
+            names[1], weights = _members(book, row), _numbers(book.groups[rows.groups[row]].weights)
         orientation = Orientation(book.stations.orientations[station]).name if station >= 0 else ""
+        cluster, sigma, covariances = clustered.get(row, ("", float(rows.sigmas[row]), ""))
         numbers = (rows.relative_sigmas[row], rows.from_heights[row], rows.to_heights[row])
         yield (
             kind.name,
             *names,
             book.point_names[third] if third >= 0 else "",
             repr(float(rows.values[row])),
-            repr(float(rows.sigmas[row])),
+            repr(sigma),
             kind.unit,
             str(station) if station >= 0 else "",
             orientation,
             book.groups[rows.groups[row]].name if named[row] else "",
             *(repr(float(number)) if number else "" for number in numbers),
+            weights,
+            cluster,
+            covariances,
             "" if rows.active[row] else "0",
         )
 
@@ -80,3 +81,17 @@ def _members(book: FieldBook, row: int) -> str:
     for name in names:
         check_writable(name)
     return " ".join(names)
+
+
+def _clustered(book: FieldBook) -> dict[int, tuple[str, float, str]]:
+    """The cells of correlated observations: their cluster, sigma, covariances with those before."""
+    return {
+        row: (str(number), float(np.sqrt(cluster.covariance[k, k])), _numbers(cluster.covariance[k, :k]))
+        for number, cluster in enumerate(book.clusters, 1)
+        for k, row in enumerate(cluster.rows.tolist())
+    }
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Numbers with blanks between them."""
+    return " ".join(repr(float(value)) for value in values)

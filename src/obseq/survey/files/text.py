@@ -39,9 +39,13 @@ class TextFile:
     is_clean: bool
     encoding: str
 
+    def place(self, index: int) -> str:
+        """What messages call line `index` (from 0)."""
+        return f"{self.name}:{index + 1}"
+
     def error(self, index: int, problem: str) -> InputError:
         """An error about line `index` (from 0), which it quotes."""
-        return InputError(f"{self.name}:{index + 1}: {problem}\n    {quoted(self.lines[index])}")
+        return InputError(f"{self.place(index)}: {problem}\n    {quoted(self.lines[index])}")
 
     def check_name(self, index: int, name: str) -> None:
         """Refuses a point name that is not in the encoding of the file, or that nobody could read."""
