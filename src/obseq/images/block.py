@@ -185,7 +185,7 @@ class Block:
         cameras = [self.cameras[self.camera_of[image]] for image in measures.image_names]
         sizes = np.array([(c.width or np.inf, c.height or np.inf) for c in cameras]).reshape(-1, 2)
         lowest = np.array([-MARGIN if c.width else -np.inf for c in cameras])
-        size, low = sizes[measures.image], lowest[measures.image][:, None]
+        size, low = sizes.take(measures.image, axis=0), lowest.take(measures.image)[:, None]
         wrong = np.flatnonzero(((measures.xy < low) | (measures.xy > size + MARGIN)).any(axis=1))
         if wrong.size:
             row = int(wrong[0])

@@ -81,7 +81,7 @@ class BundleAdjustment(Block):
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
         equations = Equations(self, start, system, eliminate and not keeps_points)
-        shared = dict(zip(start.points, map(int, equations.points), strict=True))
+        shared = zip(start.points, map(int, equations.points), strict=True)
         surveys = join_surveys(self.surveys, initial, system, shared)
         solving: Solving = {
             "max_iterations": max_iterations or (MOST_ROBUST if self._is_robust else MAX_ITERATIONS),

@@ -337,7 +337,7 @@ def are_in_front(
         arms: (n, 3) from the centre of the image to the point, in the world.
         rotations: (k, 3, 3) of the images.
     """
-    seen = np.einsum("ni,ni->n", arms, rotations[:, :, 2][image]) > 0.0
+    seen = np.einsum("ni,ni->n", arms, rotations[:, :, 2].take(image, axis=0)) > 0.0
     for row in np.flatnonzero(~seen):  # in front, every projection is defined; behind, some are
         local = arms[row] @ rotations[image[row]]
         seen[row] = cameras[image[row]].is_in_front(local[None])[0]

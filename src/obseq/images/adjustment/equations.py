@@ -208,8 +208,8 @@ class Equations:
         return self.system.add(
             formula,
             blocks,
-            measures.xy[rows],
-            measures.sigmas[rows],
+            measures.xy.take(rows, axis=0),
+            measures.sigmas.take(rows, axis=0),
             lambda row: measures.label(int(rows[row])),
             part.given.name,
             loss=None if weighting is None else weighting.loss,

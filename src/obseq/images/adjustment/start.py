@@ -273,10 +273,13 @@ def _require_in_front(
     poses: Poses, cameras: list[Camera], names: list[str], sets: list[NumberedSet], coordinates: FloatArray
 ) -> None:
     """Refuses points with given coordinates that are measured from behind."""
+    is_known = np.asarray(np.isfinite(coordinates).all(axis=1))
     for part in sets:
-        rows = np.flatnonzero(np.isfinite(coordinates[part.point]).all(axis=1))
-        image, point = part.image[rows], part.point[rows]
-        arms = coordinates[point] - poses.centres[image]
+        image, point = part.image, part.point
+        if not is_known.all():
+            rows = np.flatnonzero(is_known[point])
+            image, point = image[rows], point[rows]
+        arms = coordinates.take(point, axis=0) - poses.centres.take(image, axis=0)
         seen = are_in_front(cameras, image, arms, poses.rotations)
         if not seen.all():
             k = int(np.flatnonzero(~seen)[0])

@@ -12,7 +12,7 @@ from obseq.errors import InputError
 from obseq.survey.adjustment.equations import Equations
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.start import Start
@@ -79,10 +79,10 @@ def join_surveys(
     networks: Sequence[Network],
     initial: Sequence[InitialValues],
     system: LeastSquares,
-    shared: dict[str, int],
+    shared: Iterable[tuple[str, int]],
 ) -> list[JoinedSurvey]:
     """Adds networks to a system that has the points `shared` (name, block) already."""
-    parts = []
+    parts, known = [], dict(shared) if networks else {}
     for network, found in zip(networks, initial, strict=True):
         equations = Equations(
             network.frame,
@@ -91,9 +91,9 @@ def join_surveys(
             network.book,
             found,
             system,
-            shared,
+            known,
         )
-        shared |= dict(zip(network.points.names, map(int, equations.points), strict=True))
+        known |= dict(zip(network.points.names, map(int, equations.points), strict=True))
         parts.append(JoinedSurvey(network, equations))
     return parts
 
