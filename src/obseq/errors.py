@@ -6,7 +6,7 @@ import difflib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from obseq.arrays import FloatArray, IntArray
 
@@ -33,6 +33,7 @@ class SingularSystemError(ObseqError):
         unknowns: (n) their names.
         defect: How many of them would have to be known; None where nobody counted.
         kernel: (n, defect) how they may change without any residual; None where nobody computed it.
+        movements: For points that move together as a rigid whole: what is not fixed of it, in words.
     """
 
     def __init__(
@@ -41,11 +42,13 @@ class SingularSystemError(ObseqError):
         unknowns: tuple[str, ...] = (),
         defect: int | None = None,
         kernel: FloatArray | None = None,
+        movements: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(message)
         self.unknowns = unknowns
         self.defect = defect
         self.kernel = kernel
+        self.movements = movements or {}
 
 
 class CrsError(InputError):

@@ -20,7 +20,6 @@ from obseq.survey.model import join
 
 if TYPE_CHECKING:
     from obseq import crs
-    from obseq.stopwatch import Stopwatch
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation
     from obseq.survey.adjustment.datum import Datum
@@ -129,13 +128,13 @@ class Fieldwork:
                 check_counts(self.points, self.book)
             replaced = replaced_coordinates(self.points, self.point_system, given.initial)
             given = leave_out(given, given.initial.unplaced)
-        errors = self._announced(given, computation.watch, strict=strict)
+        errors = self._announced(given, computation, strict=strict)
         try:
             adjustment = computation.determined(given, strict=strict)
         except ObseqError as error:
-            blame(error, errors or self.gross_errors())
+            blame(error, errors or self._errors_among_determined(given, computation))
         if not errors and not adjustment.is_honest:
-            errors = self.gross_errors()
+            errors = self._errors_among_determined(given, computation)
             if strict and errors:
                 refuse(errors)
         return adjustment.announcing(errors, replaced)
@@ -154,14 +153,23 @@ class Fieldwork:
                 raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
             raise
 
-    def _announced(self, start: Determined, watch: Stopwatch, *, strict: bool) -> tuple[GrossError, ...]:
+    def _errors_among_determined(self, start: Determined, computation: Computation) -> tuple[GrossError, ...]:
+        """The gross errors without what nothing determines, which therefore contradicts nothing."""
+        kept = computation.whole(start).book.observations.active
+        lost = start.book.observations.active & ~kept
+        return replace(self, book=self.book.without(lost)).gross_errors()
+
+    def _announced(
+        self, start: Determined, computation: Computation, *, strict: bool
+    ) -> tuple[GrossError, ...]:
         """The gross errors, looked for where some observation does not fit the initial values."""
         from obseq.survey.screening.search import is_doubtful, refuse
 
         check_sights(start.book, start.initial)
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
-        with watch.phase("gross errors"):
-            errors = self.gross_errors() if is_doubtful(start, self._equations(start)) else ()
+        with computation.watch.phase("gross errors"):
+            doubtful = is_doubtful(start, self._equations(start))
+            errors = self._errors_among_determined(start, computation) if doubtful else ()
         for error in errors:
             _LOG.info("%s", error.sentence())
         if strict and errors:

@@ -49,12 +49,15 @@ class Part:
 
 def free_movements(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
-) -> tuple[str, ...]:
-    """One sentence for each connected part of the kernel (n_free, k) that moves points as a rigid whole."""
+) -> dict[str, IntArray]:
+    """One sentence for each connected part of the kernel (n_free, k) that moves points as a rigid whole.
+
+    With the points (ids) of each.
+    """
     if not kernel.size:
-        return ()
-    sentences = (_sentence(table, part) for part in parts(table, free, pattern, kernel))
-    return tuple(sentence for sentence in sentences if sentence)
+        return {}
+    found = {_sentence(table, part): part.points for part in parts(table, free, pattern, kernel)}
+    return {sentence: points for sentence, points in found.items() if sentence}
 
 
 def parts(

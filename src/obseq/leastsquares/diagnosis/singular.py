@@ -47,7 +47,8 @@ def singular_error(
     message = f"{message}: {REMEDY}"
     if not involved:
         return SingularSystemError(message, pivots, len(pivots))
-    return SingularSystemError(message, involved, len(pivots), kernel[moving])
+    movements = {table.names[point]: text for text, points in meaning.items() for point in points.tolist()}
+    return SingularSystemError(message, involved, len(pivots), kernel[moving], movements)
 
 
 def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:

@@ -15,8 +15,8 @@ from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
-from obseq.survey.adjustment.checks import singular_parts
 from obseq.survey.adjustment.inner import inner_covariances
+from obseq.survey.adjustment.loose_parts import singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
@@ -107,6 +107,19 @@ class Computation:
                 if not undetermined or self._was_determined(start, undetermined):
                     raise
                 start = leave_out(start, undetermined)
+
+    def whole(self, start: Determined) -> Determined:
+        """A network without what its observations leave undetermined where the iterations start."""
+        while True:
+            try:
+                self._equations(start).system.solve(max_iterations=1)
+            except SingularSystemError as error:
+                undetermined = singular_parts(start, error)
+                if not undetermined:
+                    return start
+                start = leave_out(start, undetermined)
+            else:
+                return start
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)

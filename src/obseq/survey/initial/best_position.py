@@ -129,7 +129,9 @@ def _disagreement(around: Surroundings, candidate: Candidate) -> float:
 
 
 def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
-    apart = math.hypot(*minus(a.position, b.position))
+    """Whether two candidates are one solution; of two without height, in plan."""
+    offset = times(around.vertical, minus(a.position, b.position))
+    apart = math.hypot(*(offset if a.has_height or b.has_height else offset[:2]))
     return apart <= _SAME * max(math.hypot(*minus(a.position, around.origin)), 1e-3)
 
 

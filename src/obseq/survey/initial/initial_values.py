@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
+from obseq.crs.normals import Normals
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
@@ -175,7 +176,7 @@ def _computed(
     """Initial values without the coordinates of hidden points, as far as the observations place these."""
     known = Known(points.names, len(graph.origins), vertical)
     hints = _take_given(known, points, hidden)
-    _take_parts(known, points)
+    _take_parts(known, points, hidden)
     known.origins = graph.origins
     placement = Placement(known, graph, hints)
     _work(placement, known, graph)
@@ -210,9 +211,10 @@ def _take_given(known: Known, points: Points, hidden: BoolArray) -> dict[int, Sp
     return hints
 
 
-def _take_parts(known: Known, points: Points) -> None:
-    """Points of which the file gives the plan or the height only."""
-    given, heights = points.coordinates, points.coordinates[:, 2]
+def _take_parts(known: Known, points: Points, hidden: BoolArray) -> None:
+    """Points of which the file gives the plan or the height only, or of which only these are not hidden."""
+    given = _parts_given(known, points, hidden)
+    heights = given[:, 2]
     has_plan = np.isfinite(given[:, :2]).all(axis=1)
     middle = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
     for row in np.flatnonzero(has_plan & np.isnan(heights)).tolist():
@@ -220,6 +222,15 @@ def _take_parts(known: Known, points: Points) -> None:
         known.positions[row], known.point_steps[row] = (x, y, middle), _GIVEN
     rows = np.flatnonzero(~has_plan & np.isfinite(heights)).tolist()
     known.given_heights = {row: float(heights[row]) for row in rows}
+
+
+def _parts_given(known: Known, points: Points, hidden: BoolArray) -> FloatArray:
+    """(n, 3) coordinates, NaN where none is given or hidden; those that are not free stay, in a plane."""
+    if isinstance(known.vertical, Normals):
+        return points.coordinates
+    is_open = points.is_free & (hidden & ~points.is_free.all(axis=1))[:, None]
+    is_open[:, :2] |= is_open[:, :2].any(axis=1, keepdims=True)
+    return np.where(is_open, np.nan, points.coordinates)
 
 
 def _take(known: Known, row: int, position: Space, point_sigma: float) -> None:
@@ -233,13 +244,19 @@ def _work(placement: Placement, known: Known, graph: SightGraph) -> None:
     placement.start(sorted(located, key=lambda point: not known.has_height[point]))
     frames = LocalFrames(known, graph)
     _place_all(placement, frames)
-    left = [p for p in placement.hints if known.positions[p] is None and not placement.is_ambiguous(p)]
+    left = [p for p in placement.hints if _needs_hint(known, p) and not placement.is_ambiguous(p)]
     if left:
         for point in left:
             _take(known, point, placement.hints[point], _SIGMA_OF_APPROXIMATE)
         placement.start(left)
         _place_all(placement, frames)
     reconcile(known, graph)
+
+
+def _needs_hint(known: Known, point: int) -> bool:
+    """Whether the observations place nothing of a point, or not the height over its given plan."""
+    is_given = known.point_steps[point] is _GIVEN
+    return known.positions[point] is None or (is_given and not known.has_height[point])
 
 
 def _place_all(placement: Placement, frames: LocalFrames) -> None:

@@ -11,8 +11,9 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.registry import codes_where
-from obseq.survey.model import group_by_station
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import codes_for, codes_where
+from obseq.survey.model import Orientation, group_by_station
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -122,22 +123,38 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     rows, n = given.book.observations, len(given.points)
     active = _still_active(given, bad_points, bad_stations)
     count = given.book.counts(active, n)
-    free = given.points.is_free.sum(axis=1)
+    free, zeros = given.points.is_free.sum(axis=1), _zeros(given, active)
+    numbers = np.column_stack((count, free, zeros))
     levelled = np.isin(rows.types, codes_where(lambda kind: kind.is_levelled))
     others = rows.counts(active & ~levelled, n)
     hints = np.where((count > 0) & (others == 0) & (free == 3), _ONLY_LEVELLED, "")
     return [
-        Unplaced(
-            f"point {given.points.names[row]}", _too_few(int(count[row]), int(free[row])) + hints[row], row
-        )
-        for row in np.flatnonzero((count < free) & ~bad_points).tolist()
+        Unplaced(f"point {given.points.names[row]}", _too_few(*map(int, numbers[row])) + hints[row], row)
+        for row in np.flatnonzero((count < free + zeros) & ~bad_points).tolist()
     ]
 
 
-def _too_few(count: int, free: int) -> str:
+def _zeros(given: Determined, active: BoolArray) -> IntArray:
+    """(n,) unknown zeros of circles set up on each free point, which its readings have to give as well."""
+    rows, points = given.book.observations, given.points
+    readings = active & np.isin(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
+    stations = np.unique(rows.stations[readings])
+    stations = stations[given.initial.orientations[stations] == Orientation.VERT]
+    count = np.bincount(given.book.stations.origins[stations], minlength=len(points))[: len(points)]
+    return np.where(points.is_free.any(axis=1) & ~points.in_datum.any(axis=1), count, 0)
+
+
+def _too_few(count: int, free: int, zeros: int) -> str:
     if count == 0:
         return "no usable observation names it; observe it, or remove it from the point file"
     plural = "" if count == 1 else "s"
+    if zeros:
+        missing = free + zeros - count
+        more = "one more direction is" if missing == 1 else f"{missing} more observations are"
+        return (
+            f"it has {count} usable observation{plural} for {free} unknown coordinates and {zeros} unknown "
+            f"orientation{'' if zeros == 1 else 's'}; {more} needed"
+        )
     return f"it has {count} usable observation{plural} for {free} unknown coordinates; observe it more"
 
 

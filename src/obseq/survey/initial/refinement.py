@@ -148,20 +148,29 @@ def _relative_misfit(
 def _expected_misfits(
     known: Known, relations: Sequence[Relation], position: Space, sigmas: Sequence[float], length: float
 ) -> list[float]:
-    """Expected size of the scaled misfits: noise of observations, and of points relative to the best one."""
-    located = [c.other for c in relations if known.positions[c.other] is not None]
-    best = min(located, key=lambda other: known.point_sigmas[other])
+    """Expected size of the scaled misfits: noise of observations, and of points relative to the best one.
+
+    The best one is among those that have a position, and not only a height, if there are such.
+    """
+    best = min(
+        (c.other for c in relations),
+        key=lambda other: (known.positions[other] is None, known.point_sigmas[other]),
+    )
     expected = []
     for c in relations:
-        other = known.positions[c.other]
-        away = 0.0 if other is None else math.hypot(*minus(other, known.position_of(best)))
-        moved = 0.0 if c.other == best else known.relative_sigma(best, c.other, away)
+        moved = 0.0 if c.other == best else known.relative_sigma(best, c.other, _apart(known, best, c.other))
         sigma = c.sigma(sigmas)
         if c.kind in ANGLES:
             expected.append(math.hypot(sigma, moved / distance_to(known, c, position)))
         else:
             expected.append(math.hypot(sigma, moved) / length)
     return expected
+
+
+def _apart(known: Known, a: int, b: int) -> float:
+    """Distance of two points, 0 where one has only a height."""
+    first, second = known.positions[a], known.positions[b]
+    return 0.0 if first is None or second is None else math.hypot(*minus(first, second))
 
 
 def _mean_distance(known: Known, relations: Sequence[Relation], position: Space) -> float:

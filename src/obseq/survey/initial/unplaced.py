@@ -31,6 +31,7 @@ _WORDS = {
     Measured.EAST: ("DX of zero with", "DX of zero with"),
     Measured.NORTH: ("DY of zero with", "DY of zero with"),
 }
+ISOLATED = "not connected to any known point by a chain of observations"
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 _MOST_NAMES = 4
 
@@ -106,7 +107,7 @@ def _reason(known: Known, graph: SightGraph, best: BestPosition | None, linked: 
     if not neighbours:
         return "no active observation names it, and it has no coordinates"
     if point not in linked:
-        return "not connected to any known point by a chain of observations"
+        return ISOLATED
     if best is not None and best.alternatives:
         places = " or ".join(f"({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in best.alternatives[:3])
         return f"its observations fit several positions equally well: {places}; one more observation decides"

@@ -94,7 +94,9 @@ class Estimate:
 
     @property
     def suspects(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """Rows of the observations that contradict the others, the worst first."""
+        """Rows of the observations that contradict the others, the worst first; none where none is spare."""
+        if self.control <= 0.0:
+            return np.zeros(0, np.intp)
         rows = np.flatnonzero(self.ratios > self.limit)
         return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
 

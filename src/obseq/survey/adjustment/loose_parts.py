@@ -1,0 +1,95 @@
+"""What a singular network leaves loose: its points and stations, each with the true reason."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.adjustment.equations import station_names
+from obseq.survey.adjustment.undetermined import directions
+from obseq.survey.initial.unplaced import ISOLATED, Unplaced
+from obseq.survey.kinds.registry import codes_where
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray
+    from obseq.errors import SingularSystemError
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import FieldBook, Points
+
+SINGULAR = "its observations do not determine it (the system is singular)"
+ELSEWHERE = "observe it from other directions"
+
+
+def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplaced]:
+    """The points, or else the stations, that a singular system leaves undetermined.
+
+    Empty when these are all unknown points: then it is the datum that lacks, and nothing can be done without.
+    """
+    names = {name.rsplit(".", 1)[0] for name in error.unknowns}
+    free = start.points.is_free.any(axis=1)
+    points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
+    if points:
+        found = _undetermined(start, points, error)
+        return found if len(found) < np.count_nonzero(free) else []
+    book = start.book
+    return [
+        Unplaced(
+            f"{name} ({book.place(int(book.stations.observations(k)[0]))})",
+            f"{SINGULAR}; {ELSEWHERE}",
+            int(origin),
+            k,
+        )
+        for k, (name, origin) in enumerate(
+            zip(station_names(start.points, book), book.stations.origins, strict=True)
+        )
+        if name in names
+    ]
+
+
+def _undetermined(start: Determined, rows: list[int], error: SingularSystemError) -> list[Unplaced]:
+    """Points of a singular system, with what nothing holds of them."""
+    named = [start.points.names[row] for row in rows]
+    along = [()] * len(rows) if error.kernel is None else directions(named, error.unknowns, error.kernel)
+    linked = linked_to_known(start.points, start.book)
+    return [
+        Unplaced(f"point {name}", _reason(name, axes, error, bool(linked[row])), row, None, axes or None)
+        for name, row, axes in zip(named, rows, along, strict=True)
+    ]
+
+
+def _reason(name: str, axes: tuple[tuple[float, ...], ...], error: SingularSystemError, linked: bool) -> str:
+    """Why a point is loose: it hangs on nothing, or moves together with others, or in some directions."""
+    if not linked:
+        return ISOLATED
+    if name in error.movements and not error.movements[name].endswith(f" of {name}"):
+        return f"{SINGULAR}; nothing fixes {error.movements[name]}"
+    if not axes:
+        return f"{SINGULAR}; {ELSEWHERE}"
+    listed = " and ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in axes)
+    return f"{SINGULAR}; {ELSEWHERE}; nothing holds it along {listed}"
+
+
+def linked_to_known(points: Points, book: FieldBook) -> BoolArray:
+    """(n,) whether a chain of observations links each point to a coordinate that is known or observed."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    rows, n = book.observations, len(book.point_names)
+    third = rows.active & (rows.backsights >= 0)
+    groups = [
+        (members[0], other) for row, members in book.barycentres if rows.active[row] for other in members
+    ]
+    grouped = np.array(groups, np.int32).reshape(-1, 2).T
+    first = np.concatenate([rows.from_points[rows.active], rows.from_points[third], grouped[0]])
+    second = np.concatenate([rows.to_points[rows.active], rows.backsights[third], grouped[1]])
+    graph = coo_array((np.ones(len(first), np.bool_), (first, second)), shape=(n, n))
+    part = connected_components(graph, directed=False)[1]
+    absolute = rows.active & np.isin(rows.types, codes_where(lambda kind: kind.is_absolute))
+    known = np.concatenate([np.flatnonzero(_is_known(points)), rows.from_points[absolute]])
+    return np.asarray(np.isin(part, part[known]))
+
+
+def _is_known(points: Points) -> BoolArray:
+    """(n,) whether something of a point is known, or carries a datum."""
+    return np.asarray(~points.is_free.all(axis=1) | points.in_datum.any(axis=1))
