@@ -37,6 +37,7 @@ from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
 from obseq.survey.files.geoid import read_geoid
 from obseq.survey.files.obs import read_obs
+from obseq.survey.files.once import repeated_runs, require_distinct
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
@@ -60,6 +61,7 @@ def _read_free_format(
     files: str | Path | Sequence[str | Path], point_format: str, options: PointFileOptions
 ) -> Points:
     paths = [files] if isinstance(files, str | Path) else files
+    require_distinct(paths)
     return merge_points([read_points(path, point_format, options) for path in paths])
 
 
@@ -258,7 +260,7 @@ class Network:
             warning = crs.area_warning(given, points.coordinates[placed], names)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
-        points, book = join(replace(points, coordinates=coordinates), book)
+        points, book = join(replace(points, coordinates=coordinates), book.warned(*repeated_runs(book)))
         return cls(points, book, Frame(computation, refraction), given, watch.seconds)
 
     @property

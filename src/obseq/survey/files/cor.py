@@ -31,6 +31,7 @@ from obseq.arguments import NOTHING, NUMBER, PATH, PATHS, TEXT, WORDS, expecting
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import checked_ignore
+from obseq.survey.files.once import require_distinct
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
@@ -101,6 +102,7 @@ def read_cor(
     if default_sigma is not None:
         check_default_sigma(default_sigma, "the default sigma of known points (--point-sigma, default_sigma)")
     files = [paths] if isinstance(paths, str | Path) else paths
+    require_distinct(files)
     points = merge_points([_read_one(read_text(path, encoding), default_sigma) for path in files])
     if "deflections" in checked_ignore(ignore):
         return replace(points, deflections=np.full_like(points.deflections, np.nan))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.survey.files.once import TWICE
 from obseq.survey.files.text import read_text
 
 if TYPE_CHECKING:
@@ -30,12 +31,14 @@ class Folder:
         encoding: Of the names in its files.
         outside: Whether files outside of it may be read.
         strays: Those that were read all the same.
+        finished: Places of the files whose lines have been read to the end.
     """
 
     root: Path
     encoding: str
     outside: bool
     strays: dict[str, None] = field(default_factory=dict)
+    finished: set[Path] = field(default_factory=set)
 
     def path(self, name: str, beside: Path | None = None) -> Path:
         r"""The path of a file that another one names; `\` counts as `/`.
@@ -101,4 +104,8 @@ class Folder:
                 raise file.error(
                     index, f"files include files more than {DEEPEST} levels deep; is there a loop?"
                 )
-            yield from self._lines(self.path(fields[0][1:], path.parent), opened, includes, depth + 1)
+            included = self.path(fields[0][1:], path.parent)
+            if included.resolve() in self.finished:
+                raise file.error(index, f"{included} has been read already: {TWICE}")
+            yield from self._lines(included, opened, includes, depth + 1)
+        self.finished.add(path.resolve())

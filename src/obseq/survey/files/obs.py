@@ -27,6 +27,7 @@ from obseq.arguments import PATH, PATHS, TEXT, WORDS, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import NOTHING, AfterSigma, Triple, checked_ignore
 from obseq.survey.files.columns import Columns, Measure
+from obseq.survey.files.once import require_distinct
 from obseq.survey.files.text import (
     LEAST_SIGMA,
     TextFile,
@@ -92,10 +93,11 @@ def read_obs(
         ignore: what is to be left out, with a warning (see `after_sigma.IGNORABLE`).
 
     Raises:
-        InputError: naming file and line, what is wrong and what to do.
+        InputError: naming file and line, what is wrong and what to do; or the same file given twice.
     """
-    reader = _Reader(checked_ignore(ignore))
-    for path in [paths] if isinstance(paths, str | Path) else paths:
+    reader, files = _Reader(checked_ignore(ignore)), [paths] if isinstance(paths, str | Path) else paths
+    require_distinct(files)
+    for path in files:
         reader.read(read_text(path, encoding))
     return reader.columns.field_book()
 

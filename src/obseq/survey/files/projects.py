@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.survey.files.once import require_distinct
 from obseq.survey.files.project import Reading, only_one
 from obseq.survey.files.text import encoding_of, quoted, read_bytes
 
@@ -72,6 +73,7 @@ def read_project(paths: str | Path | Sequence[str | Path], reading: Reading = DE
     named = tuple(Path(path) for path in listed)
     if not named:
         raise InputError("read_project: name a file")
+    require_distinct(named)
     return reader_of(named[0])(named, reading)
 
 

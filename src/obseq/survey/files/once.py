@@ -1,0 +1,141 @@
+"""The same data given twice: files are refused, runs of equal observations are told."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.survey.files.text import read_bytes
+from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.model import GroupKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.model import FieldBook
+
+TWICE = "what it holds would count twice; name it once"
+
+SHORTEST_RUN = 3
+"""Equal observations in a row of which something is said."""
+LEAST_CHANCE = 1e-3
+"""Chance that as many honest repetitions come out equal, from which they are taken for such."""
+_UNITS = {True: (math.pi / 200.0, math.pi / 180.0, math.pi / 648000.0), False: (1.0,)}
+"""In which values are written, by whether they are angles (rad, m)."""
+_DECIMALS = 7
+
+
+def require_distinct(paths: Sequence[str | Path]) -> None:
+    """Refuses a file that is named twice, through a link or by its content too.
+
+    Raises:
+        InputError: naming both.
+    """
+    files = [Path(path) for path in paths]
+    places: dict[Path, Path] = {}
+    for file in files:
+        first = places.setdefault(_place(file), file)
+        if first is not file:
+            raise InputError(f"{file}: is the same file as {first}: {TWICE}")
+    contents: dict[str, Path] = {}
+    for file in _of_equal_size(files):
+        first = contents.setdefault(hashlib.sha256(read_bytes(file)).hexdigest(), file)
+        if first is not file:
+            raise InputError(f"{file}: holds the same as {first}, to the last byte: {TWICE}")
+
+
+def _place(file: Path) -> Path:
+    """Where a file is; as it is written where links lead nowhere, or no file can be called so."""
+    try:
+        return file.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return file
+
+
+def _of_equal_size(files: Sequence[Path]) -> list[Path]:
+    """Those of which another one has the same size; readers complain of what is no file."""
+    sizes = [file.stat().st_size if file.is_file() else -1 for file in files]
+    return [file for file, size in zip(files, sizes, strict=True) if size > 0 and sizes.count(size) > 1]
+
+
+def repeated_runs(book: FieldBook) -> tuple[str, ...]:
+    """A sentence about observations that repeat earlier ones in a row, to the last digit.
+
+    Single repeated readings may be equal, in particular where values are rounded coarsely: nothing is said
+    of runs that honest readings would show with a chance of more than `LEAST_CHANCE`.
+    """
+    rows = np.flatnonzero(book.observations.active & ~book.in_groups(GroupKind.UNKNOWNS))
+    chances = _log_chances(book, rows)
+    runs = [run for run in _runs(_labels(book, rows)) if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
+    if not runs:
+        return ()
+    count = sum(len(again) for again, _ in runs)
+    again, before = (rows[places] for places in max(runs, key=lambda run: len(run[0])))
+    return (
+        f"{count} observations repeat earlier ones in the same order and to the last digit, and count twice: "
+        f"{book.place(int(again[0]))} to {book.place(int(again[-1]))} those from "
+        f"{book.place(int(before[0]))} to {book.place(int(before[-1]))}. If they are the same readings, take "
+        "them out: the precisions are too good by a factor of up to 1.4",
+    )
+
+
+def _labels(book: FieldBook, rows: IntArray) -> IntArray:
+    """(n,) numbers that are equal for observations that are equal in everything but their place."""
+    found = book.observations
+    parts = (
+        found.types,
+        found.from_points,
+        found.to_points,
+        found.backsights,
+        found.values,
+        found.sigmas,
+        found.relative_sigmas,
+        found.from_heights,
+        found.to_heights,
+    )
+    table = np.column_stack([part[rows].astype(np.float64) for part in parts])
+    return np.asarray(np.unique(table, axis=0, return_inverse=True)[1].ravel())
+
+
+def _runs(labels: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Places in a row that repeat earlier places in a row; and these."""
+    order = np.argsort(labels, kind="stable")
+    same = labels[order[1:]] == labels[order[:-1]]
+    back = np.zeros(len(labels), np.int64)
+    back[order[1:][same]] = (order[1:] - order[:-1])[same]
+    again = np.flatnonzero(back)
+    breaks = np.flatnonzero((np.diff(again) != 1) | (np.diff(back[again]) != 0)) + 1
+    for run in np.split(again, breaks):
+        if len(run) >= SHORTEST_RUN:
+            yield run, run - back[run]
+
+
+def _log_chances(book: FieldBook, rows: IntArray) -> FloatArray:
+    """(n,) logarithms of the chance that an honest repetition of each observation is equal to it.
+
+    Two values with normal errors of `sigma`, rounded to steps of r, are equal with a chance of about
+    r / (2 sqrt(pi) sigma); a value of 0 is one that somebody set.
+    """
+    values, sigmas = book.observations.values[rows], book.observations.sigmas[rows]
+    is_angle = IS_ANGLE[book.observations.types[rows]]
+    chances = np.ones(len(rows))
+    for kind, units in _UNITS.items():
+        these = np.flatnonzero((is_angle == kind) & (values != 0.0))
+        step = max((_step(values[these] / unit) * unit for unit in units), default=0.0)
+        chances[these] = step / (2.0 * math.sqrt(math.pi) * sigmas[these])
+    return np.asarray(np.log(np.clip(chances, 1e-12, 1.0)))
+
+
+def _step(values: FloatArray) -> float:
+    """What all values are written to multiples of, among powers of ten."""
+    for decimals in range(_DECIMALS):
+        scaled = values * 10.0**decimals
+        if (np.abs(scaled - np.round(scaled)) <= 1e-12 * np.maximum(np.abs(scaled), 1.0) + 1e-9).all():
+            return 10.0**-decimals
+    return 10.0**-_DECIMALS
