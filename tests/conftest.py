@@ -1,5 +1,7 @@
-"""Shared fixtures: where the outside values lie; and the same random examples in every run."""
+"""Shared fixtures: where the outside values lie, the same random examples in every run, no waste of time."""
 
+import gc
+import os
 import signal
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +12,18 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker for each processor: more threads wait, busily
+gc.set_threshold(20_000, 20, 20)
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as under a runner in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """What is there when tests begin stays to the end: nobody need look again whether it is garbage."""
+    gc.collect()
+    gc.freeze()
+
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 EXCERPTS = Path(__file__).parent / "data"

@@ -3,6 +3,7 @@
 import ast
 import statistics
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,9 @@ def files(rooms: tuple[str, ...]) -> list[Path]:
     return [path for path in found if not any(path.is_relative_to(link) for link in links)]
 
 
-TREES = {path: ast.parse(path.read_text("utf-8")) for path in files(ROOMS)}
+@cache
+def trees() -> dict[Path, ast.Module]:
+    return {path: ast.parse(path.read_text("utf-8")) for path in files(ROOMS)}
 
 
 def test_files_are_short() -> None:
@@ -47,7 +50,7 @@ def lines_of(path: Path) -> int:
 def test_functions_are_short() -> None:
     sizes = {
         f"{path.name}: {node.name}": length_of(node)
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, Function)
     }
@@ -65,7 +68,7 @@ def length_of(node: Function) -> int:
 
 def test_public_things_say_what_they_are() -> None:
     missing, found = [], 0
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for node in public(tree):
             found += 1
             if not ast.get_docstring(node):
@@ -86,8 +89,8 @@ def public(tree: ast.AST) -> Iterator[Function | ast.ClassDef]:
 
 
 def test_types_are_said() -> None:
-    said = sum(isinstance(n, ast.Name) and n.id == "Any" for tree in TREES.values() for n in ast.walk(tree))
-    ignored = sum(path.read_text("utf-8").count("type: ignore") for path in TREES)
+    said = sum(isinstance(n, ast.Name) and n.id == "Any" for tree in trees().values() for n in ast.walk(tree))
+    ignored = sum(path.read_text("utf-8").count("type: ignore") for path in trees())
     assert (said <= MOST_ANY, ignored <= MOST_IGNORED) == (True, True), (said, ignored)
 
 
@@ -95,7 +98,7 @@ def test_types_are_said() -> None:
 def test_no_private_name_is_used_from_another_file(room: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {name}"
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         if path.is_relative_to(ROOT / room)
         for line, name in foreign(tree)
     ]
