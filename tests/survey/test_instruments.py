@@ -9,7 +9,7 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import Network, estimating, write_obs
+from obseq.survey import Datum, Network, estimating, write_obs
 
 POINTS = {"A": (0, 0, 10), "B": (900, 50, 60), "C": (300, 700, 25), "D": (1000, 900, 90), "P": (500, 400, 40)}
 FRAME = "RTL*2.4*48.8*0*+proj=longlat +datum=WGS84"
@@ -183,3 +183,19 @@ def test_a_polar_frame_has_a_scale_of_its_own(tmp_path):
     )  # distances at 50 m of height
     assert adjusted.solution.n_unknowns == given.adjust().solution.n_unknowns + 1
     assert adjusted.sigma0 < given.adjust().sigma0 / 10
+
+
+@pytest.mark.parametrize("datum", ["inner", "given"])
+def test_a_scale_that_nothing_determines_is_refused_with_the_reason(tmp_path, datum):
+    given = network(tmp_path)
+    sigmas = given.points.sigmas.copy()
+    sigmas[1:] = np.nan
+    azimuth = math.atan2(900, 50) * 200 / math.pi
+    (tmp_path / "z.obs").write_text(f"8 A B {azimuth} 0.0005\n")
+    files = [tmp_path / "o.obs", tmp_path / "z.obs"]
+    both = replace(
+        Network.read(files, tmp_path / "p.cor", frame=FRAME), points=replace(given.points, sigmas=sigmas)
+    )
+    assert both.adjust(datum=Datum(datum)).solution.converged
+    with pytest.raises(InputError, match=r"nothing determines the scale of o.obs.*two known points"):
+        more(both, "scale").adjust(datum=Datum(datum))

@@ -12,6 +12,7 @@ from obseq.survey.adjustment.checks import check_counts, check_datum, check_sigh
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
 from obseq.survey.adjustment.first_places import with_barycentres, with_first_places
+from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues, initial_values
@@ -128,6 +129,7 @@ class Fieldwork:
                 check_counts(self.points, self.book)
             replaced = replaced_coordinates(self.points, self.point_system, given.initial)
             given = leave_out(given, given.initial.unplaced)
+        check_scales(given, self._equations, computation.whole)
         errors = self._announced(given, computation, strict=strict)
         try:
             adjustment = computation.determined(given, strict=strict)

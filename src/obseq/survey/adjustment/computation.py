@@ -103,21 +103,22 @@ class Computation:
             try:
                 return self._adjusted(start)
             except SingularSystemError as error:
-                undetermined = [] if strict else singular_parts(start, error)
-                if not undetermined or self._was_determined(start, undetermined):
+                undetermined = singular_parts(start, error)
+                if strict or self._was_determined(start, undetermined):
                     raise
                 start = leave_out(start, undetermined)
 
     def whole(self, start: Determined) -> Determined:
-        """A network without what its observations leave undetermined where the iterations start."""
+        """A network without what its observations leave undetermined where the iterations start.
+
+        Raises:
+            SingularSystemError: that is all of it.
+        """
         while True:
             try:
                 self._equations(start).system.solve(max_iterations=1)
             except SingularSystemError as error:
-                undetermined = singular_parts(start, error)
-                if not undetermined:
-                    return start
-                start = leave_out(start, undetermined)
+                start = leave_out(start, singular_parts(start, error))
             else:
                 return start
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.errors import SingularSystemError
 from obseq.survey.adjustment.equations import station_names
 from obseq.survey.adjustment.undetermined import directions
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
@@ -13,7 +14,6 @@ from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray
-    from obseq.errors import SingularSystemError
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
@@ -24,26 +24,41 @@ ELSEWHERE = "observe it from other directions"
 def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplaced]:
     """The points, or else the stations, that a singular system leaves undetermined.
 
-    Empty when these are all unknown points: then it is the datum that lacks, and nothing can be done without.
+    Raises:
+        SingularSystemError: these are all unknown points, or none: then nothing can be done without them.
     """
     names = {name.rsplit(".", 1)[0] for name in error.unknowns}
     free = start.points.is_free.any(axis=1)
     points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
-    if points:
-        found = _undetermined(start, points, error)
-        return found if len(found) < np.count_nonzero(free) else []
-    book = start.book
+    if points and len(points) == np.count_nonzero(free):
+        raise _all_loose(error)
+    found = _undetermined(start, points, error) if points else _stations(start, names)
+    if not found:
+        raise error
+    return found
+
+
+def _all_loose(error: SingularSystemError) -> SingularSystemError:
+    """The error of a network whose datum lacks something, in the words of a surveyor."""
+    if not error.movements:
+        return error
+    free = "; nor ".join(dict.fromkeys(error.movements.values()))
+    azimuth = ", such as an azimuth" if "rotation" in free else ""
+    message = (
+        f"nothing fixes {free}. Rank deficiency {error.defect}: make more points known, or add observations "
+        f"that hold it{azimuth}"
+    )
+    return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
+
+
+def _stations(start: Determined, names: set[str]) -> list[Unplaced]:
+    """The stations of these names."""
+    book, called = start.book, station_names(start.points, start.book)
+    found = [(k, int(book.stations.origins[k])) for k, name in enumerate(called) if name in names]
+    reason = f"{SINGULAR}; {ELSEWHERE}"
     return [
-        Unplaced(
-            f"{name} ({book.place(int(book.stations.observations(k)[0]))})",
-            f"{SINGULAR}; {ELSEWHERE}",
-            int(origin),
-            k,
-        )
-        for k, (name, origin) in enumerate(
-            zip(station_names(start.points, book), book.stations.origins, strict=True)
-        )
-        if name in names
+        Unplaced(f"{called[k]} ({book.place(int(book.stations.observations(k)[0]))})", reason, origin, k)
+        for k, origin in found
     ]
 
 

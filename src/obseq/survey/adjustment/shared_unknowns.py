@@ -64,6 +64,12 @@ class SharedUnknowns:
             if part in UNITS
         )
 
+    def scales(self) -> dict[str, int]:
+        """Blocks of the scales, by the name of what has them."""
+        return {
+            self._book.groups[owner].name: at for (owner, part), at in self._blocks.items() if part == "scale"
+        }
+
     def of_instruments(self, system: LeastSquares) -> Iterator[tuple[str, float]]:
         """Names and present values (m, parts) of the unknowns of instruments and refraction."""
         for (_, part), block in self._blocks.items():

@@ -91,8 +91,9 @@ class NetworkSite:
 
     def refraction_of_one(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) what a coefficient of 1 adds to the corrections of zenith angles."""
-        more = replace(self.frame, refraction_coefficient=self.refraction_coefficient + 1.0)
-        return more.refraction(self.book, rows, coordinates) - self.refraction(rows, coordinates)
+        none, one = (replace(self.frame, refraction_coefficient=k) for k in (0.0, 1.0))
+        book = self.book
+        return one.refraction(book, rows, coordinates) - none.refraction(book, rows, coordinates)
 
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
