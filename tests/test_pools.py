@@ -1,11 +1,25 @@
 """Pools of threads end with their block, and an interruption stays one."""
 
+import os
 import threading
 import time
 
 import pytest
 
-from obseq.pools import thread_pool
+from obseq.pools import processors, thread_pool
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "sched_setaffinity"), reason="processes cannot be kept to a processor here"
+)
+def test_processors_are_those_of_the_process():
+    everywhere = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(everywhere)})
+        assert processors() == 1
+    finally:
+        os.sched_setaffinity(0, everywhere)
+    assert processors() == len(everywhere)
 
 
 def test_work_is_done_by_threads_of_the_pool():

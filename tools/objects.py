@@ -31,7 +31,13 @@ from obseq.kernels.loading import routine
 
 ROOT = Path(__file__).resolve().parents[1]
 LOOPS = {
-    "obseq.kernels.tiles": ("call_kernel", "evaluate", "evaluate_jacobian", "evaluate_values"),
+    "obseq.kernels.tiles": (
+        "call_kernel",
+        "evaluate",
+        "evaluate_jacobian",
+        "evaluate_to_memory",
+        "evaluate_values",
+    ),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
     "obseq.leastsquares.loops.blocks_to_matrix": ("add_diagonal_blocks", "add_pairs", "pattern_rows"),
     "obseq.leastsquares.loops.leverages": ("leverages",),

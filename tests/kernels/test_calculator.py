@@ -7,6 +7,8 @@ import pytest
 
 import obseq
 from obseq.errors import FormulaError, InputError
+from obseq.kernels import derivatives
+from obseq.kernels.layout import LANES
 
 POINTS = [[0.0, 0.0, 0.0, 3.0, 4.0, 0.0], [1.0, 1.0, 1.0, 1.0, 1.0, 4.0]]
 
@@ -154,12 +156,31 @@ def test_places_that_cannot_take_the_results_are_refused(distance: obseq.Calcula
         distance.values(POINTS, [[4.0], [3.5]], out=out)
 
 
+@pytest.mark.parametrize("name", ["Dist2DCons", "TopoDX", "TopoHz", "BlocRigid_RE", "SumSquare_8"])
+@pytest.mark.parametrize("n", [1, LANES - 1, 5 * LANES + 7, 1500])
+def test_what_goes_past_the_caches_is_the_same(name: str, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever in a line of a cache the first derivative is."""
+    usual, formula = obseq.calculator(name), obseq.calculator(name)
+    u, o = derivatives.draw(formula.kernel, n, np.random.default_rng(n))
+    expected = usual.values_and_jacobian(u, o)
+    for limit in ("QUICK_ROWS", "STREAMED_BYTES"):
+        monkeypatch.setitem(formula.values.__func__.__globals__, limit, 0)
+    size = expected[1].size
+    for shift in range(0, 9, 4):
+        room = np.full(size + 9, 7.0)
+        jacobian = room[shift : shift + size].reshape(expected[1].shape)
+        values, _ = formula.values_and_jacobian(u, o, (np.empty_like(expected[0]), jacobian))
+        np.testing.assert_array_equal(values, expected[0])
+        np.testing.assert_array_equal(jacobian, expected[1])
+        assert (room[:shift] == 7.0).all() and (room[shift + size :] == 7.0).all()
+
+
 def test_two_threads_give_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     formula = obseq.calculator("TopoHz")
     u, o = np.random.default_rng(7).uniform(0.5, 1.0, (2000, 9)), np.ones((2000, 10))
     alone = formula.values_and_jacobian(u, o)
     monkeypatch.setitem(formula.values.__func__.__globals__, "THREADED_ROWS", 100)
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setitem(formula.values.__func__.__globals__, "processors", lambda: 2)
     together = formula.values_and_jacobian(u, o)
     np.testing.assert_array_equal(alone[0], together[0])
     np.testing.assert_array_equal(alone[1], together[1])

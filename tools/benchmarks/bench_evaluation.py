@@ -6,7 +6,8 @@ rival is the original's own way through its calculator (`rival.py`, `rival_calcu
 of at most 256 evaluations by virtual functions), the generated loop runs over the buffer, and its lines are
 copied out, all in a loop in C++: only ours pays for a call from Python. A loop without the calculator, which
 no user of the original has, is not the rival; nor are its checked accessors, entry by entry, charged to it.
-One thread, CPU time, interleaved rounds. Without names, the middle formula of every family.
+CPU time, interleaved rounds; what two threads would share is done by one under `taskset -c 0`. Without names,
+the middle formula of every family.
 
     python tools/benchmarks/bench_evaluation.py
     python tools/benchmarks/bench_evaluation.py Dist3D BlocRigid --rows 1 100 --json evaluation.json

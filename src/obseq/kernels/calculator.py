@@ -2,7 +2,6 @@
 
 import functools
 import math
-import os
 import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -16,12 +15,15 @@ from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
-from obseq.pools import thread_pool
+from obseq.pools import processors, thread_pool
 
 FLOAT = np.dtype(np.float64)
 
 SCRATCH_DOUBLES = 2 << 10
 """Size of the scratch tiles of an evaluation: 16 KiB, which leave room for rows in a first-level cache."""
+
+STREAMED_BYTES = 2 << 20
+"""Derivatives of so many bytes and more, of one thread, are written past caches, which cannot keep them."""
 
 QUICK_ROWS = 1024
 """Up to so many rows are evaluated without letting go of Python's lock, which costs more than it gives."""
@@ -236,13 +238,12 @@ class Calculator:
         if not values.size:
             return
         n = len(u)
-        if n < THREADED_ROWS or (os.cpu_count() or 1) < 2:
-            _tiles().evaluate(run.address, _scratch(run), run.rows, u, o, values, derivatives)
+        if n < THREADED_ROWS or processors() < 2:
+            _evaluate_rows(run, u, o, values, derivatives)
             return
 
         def evaluate_part(first: int, last: int) -> None:
-            arrays = (array[first:last] for array in (u, o, values, derivatives))
-            _tiles().evaluate(run.address, _scratch(run), run.rows, *arrays)
+            _evaluate_rows(run, *(array[first:last] for array in (u, o, values, derivatives)))
 
         middle = n // (2 * LANES) * LANES
         with thread_pool(1) as pool:
@@ -262,6 +263,16 @@ class Calculator:
 
 
 _KEPT = threading.local()
+
+
+def _evaluate_rows(run: _Run, *arrays: FloatArray) -> None:
+    """Runs a kernel over rows of unknowns and observations; writes residuals and derivatives."""
+    derivatives = arrays[-1]
+    if derivatives.nbytes < STREAMED_BYTES:
+        _tiles().evaluate(run.address, _scratch(run), run.rows, *arrays)
+        return
+    rows = np.empty((LANES, derivatives.shape[1]))
+    _tiles().evaluate_to_memory(run.address, _scratch(run), run.rows, *arrays, rows)
 
 
 def _scratch(run: _Run) -> FloatArray:

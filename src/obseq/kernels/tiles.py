@@ -18,6 +18,9 @@ U = np.uint64
 ROW, TWO, THREE = U(STRIDE), U(2), U(3)
 
 pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
+ask_for, stream, finish_streams = (
+    Instruction("obseq.kernels.memory_instructions", name) for name in ("ask_for", "stream", "finish_streams")
+)
 rows_of, copy_ones, split_pairs, join_pairs = (
     Instruction("obseq.kernels.array_instructions", name)
     for name in ("rows_of", "copy_ones", "split_pairs", "join_pairs")
@@ -110,19 +113,74 @@ def evaluate(
         derivatives: (n, what the kernel writes after the residuals), written.
     """
     tile_size = n_rows * STRIDE
-    most = tiles.size // tile_size
-    observed = unknowns.shape[1] * STRIDE
-    residuals = observed + observations.shape[1] * STRIDE
+    residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
     derived = residuals + values.shape[1] * STRIDE
-    for start in range(0, unknowns.shape[0], most * LANES):
-        n_tiles = min(most, (unknowns.shape[0] - start + LANES - 1) // LANES)
-        for k in range(n_tiles):
-            fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES)
-            fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES)
-        call_kernel(address, tiles, n_tiles)
-        for k in range(n_tiles):
+    for start in range(0, unknowns.shape[0], tiles.size // tile_size * LANES):
+        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start)):
             read_lanes(tiles, k * tile_size + residuals, values, start + k * LANES)
             read_lanes(tiles, k * tile_size + derived, derivatives, start + k * LANES)
+
+
+@compiled
+def run_tiles(
+    address: int,
+    tiles: FloatArray,
+    tile_size: int,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    start: int,
+) -> int:
+    """Fills tiles with rows of arguments, from row `start` on, and runs a kernel; how many tiles it took."""
+    observed = unknowns.shape[1] * STRIDE
+    n_tiles: int = min(tiles.size // tile_size, (unknowns.shape[0] - start + LANES - 1) // LANES)
+    for k in range(n_tiles):
+        fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES)
+        fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES)
+    ask_for_rows(unknowns, start + n_tiles * LANES, n_tiles * LANES)
+    ask_for_rows(observations, start + n_tiles * LANES, n_tiles * LANES)
+    call_kernel(address, tiles, n_tiles)
+    return n_tiles
+
+
+@compiled
+def ask_for_rows(rows: FloatRows, first: int, n: int) -> None:
+    """Has as many of n rows brought near as there are from row `first` on."""
+    ask_for(rows, first * rows.shape[1], max(0, min(n, len(rows) - first)) * rows.shape[1])
+
+
+@compiled
+def evaluate_to_memory(
+    address: int,
+    tiles: FloatArray,
+    n_rows: int,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    values: FloatRows,
+    derivatives: FloatRows,
+    rows: FloatRows,
+) -> None:
+    """Does what `evaluate` does, for derivatives that no cache holds: they go straight to memory.
+
+    Args:
+        address: Address of the kernel.
+        tiles: Aligned scratch tiles.
+        n_rows: Rows of a tile.
+        unknowns: (n, n_unknowns).
+        observations: (n, n_observations), or what else the kernel reads after the unknowns.
+        values: (n, n_residuals), written.
+        derivatives: (n, what the kernel writes after the residuals), written.
+        rows: (LANES, the same), scratch.
+    """
+    tile_size, width = n_rows * STRIDE, derivatives.shape[1]
+    residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
+    derived = residuals + values.shape[1] * STRIDE
+    for start in range(0, unknowns.shape[0], tiles.size // tile_size * LANES):
+        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start)):
+            first = start + k * LANES
+            read_lanes(tiles, k * tile_size + residuals, values, first)
+            read_lanes(tiles, k * tile_size + derived, rows, 0)
+            stream(rows, derivatives, first * width, min(LANES, len(derivatives) - first) * width)
+    finish_streams()
 
 
 @compiled
