@@ -156,6 +156,7 @@ class ObservationRecord:
         backsight: Of an angle, the point from which it counts.
         effect: What its detectable bias does to coordinates; None when it was not asked for.
         adjusted: What the adjusted coordinates give: value plus residual; None where it is not used.
+        azimuth: Where a direction that is not used points, clockwise from y (rad); None of others.
     """
 
     type: str
@@ -179,6 +180,7 @@ class ObservationRecord:
     backsight: str | None = None
     effect: EffectRecord | None = None
     adjusted: float | None = None
+    azimuth: float | None = None
 
 
 @dataclass(frozen=True)

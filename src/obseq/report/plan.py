@@ -9,7 +9,7 @@ from obseq.printable import printable_line
 from obseq.report.quality import ellipse_level
 
 if TYPE_CHECKING:
-    from obseq.record import AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.record import AdjustmentRecord, PointRecord
 
 TOGETHER = 0.1
 """Width (rad) of the bundles of rays that are drawn as one, with all their names."""
@@ -89,13 +89,10 @@ def _loose(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float]]:
 def _rays(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float | str]]:
     """Sights of adjusted points to left out ones without a place: row of the point, unit step, name."""
     lost = set(_unplaced(record))
-    zeros: dict[str, set[float | None]] = {}
-    for station in record.stations:
-        zeros.setdefault(station.origin, set()).add(station.g0)
     bundles: dict[tuple[int, int], list[tuple[float, str]]] = {}
     for sight in record.observations:
-        bearing = _bearing(sight, zeros) if sight.target in lost else None
-        if bearing is not None and rows[sight.origin] < len(record.points):
+        bearing = sight.azimuth
+        if sight.target in lost and bearing is not None and rows[sight.origin] < len(record.points):
             bundle = rows[sight.origin], round(bearing % math.tau / TOGETHER)
             bundles.setdefault(bundle, []).append((bearing, printable_line(sight.target)))
     return [
@@ -107,11 +104,3 @@ def _rays(record: AdjustmentRecord, rows: dict[str, int]) -> list[list[float | s
         ]
         for (row, _), rays in bundles.items()
     ]
-
-
-def _bearing(sight: ObservationRecord, zeros: dict[str, set[float | None]]) -> float | None:
-    """Where a direction points, clockwise from y (rad); None when it is none, or of an uncertain zero."""
-    if sight.type == "Azim":
-        return sight.value
-    (zero, *others) = zeros.get(sight.origin, {None})
-    return None if sight.type != "Hz" or zero is None or others else zero + sight.value

@@ -19,8 +19,7 @@ from obseq.survey.files.gama_writer import gama_text
 from obseq.survey.files.obs import obs_text
 from obseq.survey.files.sinex_writer import sinex_text
 from obseq.survey.files.table_writer import table_text
-from obseq.survey.kinds.directions import ZEN
-from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes_where
 from obseq.survey.maps import geojson, geopackage
 from obseq.survey.network import Network
 from obseq.survey.point_files import cor_of, csv_of, csv_text
@@ -237,7 +236,7 @@ def _refuse_datum(points: Points, what: str) -> None:
 def _refuse_corrections(network: Network, program: str, without: float) -> None:
     """Refuses what a program does not correct; `without` is the coefficient at which nothing is corrected."""
     rows = network.book.observations
-    zeniths = np.flatnonzero(rows.active & (rows.types == ZEN.code))
+    zeniths = np.flatnonzero(rows.active & np.isin(rows.types, codes_where(lambda kind: kind.is_refracted)))
     if zeniths.size and network.frame.refraction_coefficient != without:
         raise InputError(
             f"{network.book.label(int(zeniths[0]))}: zenith angles are corrected (coefficient "

@@ -34,6 +34,7 @@ from obseq.survey.adjustment.adjusted_records import (
     known_letters,
     moves,
     roots_of_diagonals,
+    unused_azimuths,
 )
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.adjustment.suspicion import suspicion
@@ -330,7 +331,7 @@ class Adjustment:
             strict=True,
         )
         numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
-        effects = self.quality.effects
+        effects, azimuths = self.quality.effects, unused_azimuths(book, self.stations.g0)
         for k, row in enumerate(columns):
             code, origin, target, value, sigma, residual, normalised, adjusted, *rest = row
             file, line, active, backsight = rest
@@ -351,6 +352,7 @@ class Adjustment:
                 backsight=book.point_names[backsight] if backsight >= 0 else None,
                 effect=None if effects is None else effects[k],
                 adjusted=adjusted,
+                azimuth=azimuths.get(k),
                 **{name: column[k] for name, column in numbers.items()},
             )
 

@@ -19,7 +19,7 @@ from obseq.record import (
     StatisticsRecord,
     defined,
 )
-from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -41,6 +41,22 @@ def known_letters(points: Points) -> list[str]:
     """Which coordinates of each point are known, of "xyz"; those held fixed in capitals."""
     letters = np.where(points.is_free, "", np.where(points.is_held, ["X", "Y", "Z"], ["x", "y", "z"]))
     return ["".join(row) for row in letters.tolist()]
+
+
+def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
+    """By row of those directions that are not used, where they point, clockwise from y (rad).
+
+    Args:
+        book: The observations.
+        g0: (m,) azimuths of the zeros of the circles of the stations.
+    """
+    rows = book.observations
+    from_north = np.isin(rows.types, codes_where(lambda kind: kind.is_from_north))
+    of_circle = np.isin(rows.types, codes_where(lambda kind: kind.is_of_circle))
+    zeros = np.where(from_north, 0.0, np.append(g0, np.nan)[rows.stations])
+    azimuths = rows.values + zeros
+    wanted = ~rows.active & (of_circle | from_north) & np.isfinite(azimuths)
+    return dict(zip(np.flatnonzero(wanted).tolist(), azimuths[wanted].tolist(), strict=True))
 
 
 def moves(points: Points, coordinates: FloatArray) -> list[tuple[float, ...] | None]:

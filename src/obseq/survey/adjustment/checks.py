@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 
 if TYPE_CHECKING:
     from obseq.survey.initial.initial_values import InitialValues
@@ -24,7 +24,7 @@ SHORTEST_HORIZONTAL = 1e-5
 def check_datum(points: Points, book: FieldBook) -> None:
     """Raises InputError when no coordinate of any point is known, or observed, or carries a datum."""
     observed = (
-        np.isin(book.observations.types, [kind.code for kind in BY_CODE.values() if kind.is_absolute])
+        np.isin(book.observations.types, codes_where(lambda kind: kind.is_absolute))
         & book.observations.active
     )
     if points.is_free.all() and not points.in_datum.any() and not observed.any():

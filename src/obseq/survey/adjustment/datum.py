@@ -10,8 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.kinds.directions import AZIM
-from obseq.survey.kinds.registry import KINDS, codes_where
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -100,17 +99,14 @@ def freed(points: Points, coordinates: FloatArray, datum: Datum) -> Points:
 
 def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
     """The observations without azimuths, which orient a network from outside; and a sentence about them."""
-    azimuths = (book.observations.types == AZIM.code) & book.observations.active
+    from_north = codes_where(lambda kind: kind.is_from_north)
+    azimuths = np.isin(book.observations.types, from_north) & book.observations.active
     count = int(np.count_nonzero(azimuths))
     if not count:
         return book, ()
     return book.without(azimuths), (
         f"inner constraints: {count} azimuths have no part, they would orient it",
     )
-
-
-TURNING = ("Dist", "DistHz", "DH", "Angle")
-"""Kinds of observations without an instrument that do not change when a network turns about the vertical."""
 
 
 def is_held(book: FieldBook, known: BoolArray) -> bool:
@@ -131,8 +127,8 @@ def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[n
         orientations: (m,) values of `Orientation` of the stations.
     """
     rows = book.observations
-    alike = [kind.code for kind in KINDS if kind.name in TURNING or (kind.needs_station and not kind.orients)]
-    reading = [kind.code for kind in KINDS if kind.needs_station and kind.orients]
+    alike = codes_where(lambda kind: kind.turns_freely or (kind.needs_station and not kind.orients))
+    reading = codes_where(lambda kind: kind.needs_station and bool(kind.orients))
     at = np.maximum(rows.stations, 0)
     turns = np.isin(orientations, (Orientation.VERT, Orientation.BASC))
     follows = np.isin(rows.types, reading) & (rows.stations >= 0)

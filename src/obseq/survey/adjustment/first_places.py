@@ -8,25 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.kinds.axes import AXIS_RADIUS
-from obseq.survey.kinds.barycentres import BARY_X
-from obseq.survey.kinds.geodetic import GEO_X
-from obseq.survey.kinds.vectors import LOCAL_X, VECTOR
+from obseq.survey.kinds.kind import FirstPlace
+from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook, Observations, Points
 
 
 def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     """The points, with places for those observed in position, at the end of a vector, or of an axis."""
     observations = book.observations
-    circles = np.flatnonzero((observations.types == AXIS_RADIUS.code) & observations.active)
-    positions, coordinates = _triples(observations, GEO_X)
-    vectors, geocentric = _triples(observations, VECTOR)
-    local, steps = _triples(observations, LOCAL_X)
+    circles = _rows_of(observations, FirstPlace.CIRCLE)
+    positions, coordinates = _triples(observations, FirstPlace.POSITION)
+    vectors, geocentric = _triples(observations, FirstPlace.VECTOR)
+    local, steps = _triples(observations, FirstPlace.LOCAL_VECTOR)
     if not (positions.size or vectors.size or local.size or circles.size):
         return points
     xyz = points.coordinates.copy()
@@ -55,7 +52,7 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
         placed: (n, 3) places of the points, NaN for none.
     """
     observations, xyz = book.observations, points.coordinates.copy()
-    for row in np.flatnonzero((observations.types == BARY_X.code) & observations.active).tolist():
+    for row in _rows_of(observations, FirstPlace.BARYCENTRE).tolist():
         centre, group = observations.from_points[row], book.groups[observations.groups[row]]
         members = list(group.members)
         if np.isnan(placed[centre]).any() and np.isfinite(placed[members]).all():
@@ -64,15 +61,21 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
     return replace(points, coordinates=xyz) if is_more else None
 
 
-def _triples(observations: Observations, lead: ObservationKind) -> tuple[IntArray, FloatArray]:
+def _rows_of(observations: Observations, use: FirstPlace) -> IntArray:
+    codes = codes_where(lambda kind: kind.first_place is use)
+    return np.flatnonzero(np.isin(observations.types, codes) & observations.active)
+
+
+def _triples(observations: Observations, use: FirstPlace) -> tuple[IntArray, FloatArray]:
     """First rows (n,) and values (n, 3) of the vectors or positions whose three components are all active.
 
     Args:
         observations: All observations.
-        lead: The kind of their first components; those of the others have the next codes.
+        use: What they give; their kinds are three, one for each component, in this order.
     """
-    component = observations.types.astype(np.int64) - lead.code
-    rows = np.flatnonzero((component >= 0) & (component < 3) & observations.active)
+    codes = np.array(codes_where(lambda kind: kind.first_place is use))
+    component = np.searchsorted(codes, observations.types)
+    rows = _rows_of(observations, use)
     ends = np.stack([observations.from_points[rows], observations.to_points[rows]])
     starts = rows[:-2][(rows[2:] == rows[:-2] + 2) & (ends[:, 2:] == ends[:, :-2]).all(axis=0)]
     three = starts[:, None] + np.arange(3)

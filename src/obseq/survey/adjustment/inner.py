@@ -17,7 +17,7 @@ import numpy as np
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
 from obseq.survey.adjustment.undetermined import free_motions
-from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
-
-DATUM_KINDS = ("Azim",)
-"""Kinds that say where a network is and no more, besides observed coordinates."""
 
 NONE = "no precisions of inner constraints: without the known coordinates and the azimuths, "
 """How the reasons begin for which there are none."""
@@ -80,7 +77,7 @@ def _freed(points: Points, coordinates: FloatArray, observed: BoolArray) -> Poin
 
 def _inner_book(book: FieldBook) -> FieldBook:
     """The observations without those that say where the network is."""
-    codes = [kind.code for kind in BY_CODE.values() if kind.is_absolute or kind.name in DATUM_KINDS]
+    codes = codes_where(lambda kind: kind.is_absolute or kind.is_from_north)
     return book.without(np.isin(book.observations.types, codes))
 
 

@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.kinds.calibrated import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
-from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
-from obseq.survey.kinds.directions import ZEN
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.registry import UNKNOWNS, WITH_UNKNOWNS, codes_with
 from obseq.survey.model import Group, GroupKind, Orientation
 
 if TYPE_CHECKING:
@@ -25,15 +22,11 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook
 
-UNKNOWNS = ("constant", "scale", "refraction", "frame-scale")
-"""What can be estimated: additive constant (m) and scale of distances, refraction, scale of frames."""
-SCALED = {DX.code: DX_SCALE.code, DY.code: DY_SCALE.code, DZ.code: DZ_SCALE.code}
-"""Of components in the axes of a station, the code of those with a scale."""
-OF_DISTANCES = {
-    frozenset({"constant"}): DIST_CONSTANT,
-    frozenset({"scale"}): DIST_SCALE,
-    frozenset({"constant", "scale"}): DIST_CONSTANT_SCALE,
-}
+
+SCALED = codes_with("frame-scale")
+"""Of components in the axes of a station, by code, the code of those with a scale."""
+SCALED_IN_FRAMES = codes_with("scale")
+"""The same of distances, which are polar coordinates in a frame."""
 
 
 def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
@@ -57,13 +50,20 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
         alone[cluster.rows] = False
     scaled = _with_scales(book, alone) if "frame-scale" in wanted else book
     alone &= scaled.observations.types == rows.types
-    distances = OF_DISTANCES.get(wanted - {"refraction", "frame-scale"})
-    if distances is not None:
-        scaled = _grouped(scaled, alone & (rows.types == DIST.code), distances)
-    if "refraction" not in wanted:
-        return scaled
     plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
-    return _grouped(scaled, alone & plumb & (rows.types == ZEN.code), ZEN_REFRACTION)
+    for code, kind in _of_instruments(wanted - {"frame-scale"}).items():
+        chosen = alone & (rows.types == code)
+        scaled = _grouped(scaled, chosen & plumb if kind.needs_station else chosen, kind)
+    return scaled
+
+
+def _of_instruments(wanted: frozenset[str]) -> dict[int, ObservationKind]:
+    """By the code of observations, what they are with those of the wanted unknowns that they can have."""
+    offered: dict[int, frozenset[str]] = {}
+    for code, unknowns in WITH_UNKNOWNS:
+        offered[code] = offered.get(code, frozenset()) | unknowns
+    asked = {code: unknowns & wanted for code, unknowns in offered.items()}
+    return {code: WITH_UNKNOWNS[code, unknowns] for code, unknowns in asked.items() if unknowns}
 
 
 def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
@@ -71,7 +71,7 @@ def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
     rows, names = book.observations, book.point_names
     grid = np.append(book.stations.orientations == Orientation.GRID, np.True_)[rows.stations]
     chosen = alone & ~grid & np.isin(rows.types, list(SCALED))
-    polar = alone & book.in_groups(GroupKind.FRAME) & (rows.types == DIST.code)
+    polar = alone & book.in_groups(GroupKind.FRAME) & np.isin(rows.types, list(SCALED_IN_FRAMES))
     if not ((chosen | polar) & rows.active).any():
         raise InputError(
             "--estimate frame-scale: there is no active observation dx, dy or dz, nor a distance, of a frame"
@@ -81,7 +81,7 @@ def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
     groups = [Group(f"frame {k + 1} at {names[row]}") for k, row in enumerate(origins)]
     types, numbers = rows.types.copy(), rows.groups.copy()
     types[chosen] = [SCALED[code] for code in rows.types[chosen].tolist()]
-    types[polar] = DIST_SCALE.code
+    types[polar] = [SCALED_IN_FRAMES[code] for code in rows.types[polar].tolist()]
     numbers[chosen] = len(book.groups) + np.searchsorted(stations, rows.stations[chosen])
     numbers[polar] = len(book.groups) + len(groups) + np.searchsorted(frames, rows.groups[polar])
     groups += [Group(book.groups[number].name) for number in frames.tolist()]

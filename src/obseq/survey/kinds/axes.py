@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind, Shared
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Shared
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -89,7 +89,13 @@ class AxisFoot(ObservationKind):
 
 
 AXIS_RADIUS = OnCircle(
-    "AxisRadius", 181, "distance from an axis", "AxisRadius", takes_heights=False, is_line=False
+    "AxisRadius",
+    181,
+    "distance from an axis",
+    "AxisRadius",
+    first_place=FirstPlace.CIRCLE,
+    takes_heights=False,
+    is_line=False,
 )
 AXIS_PLANE = OnCircle(
     "AxisPlane", 182, "distance from the plane of a circle", "AxisPlane", takes_heights=False, is_line=False

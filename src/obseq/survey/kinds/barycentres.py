@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -48,6 +48,7 @@ def _along(axis: int) -> BarycentreComponent:
         191 + axis,
         f"{name.lower()} of a barycentre",
         "",
+        first_place=FirstPlace.BARYCENTRE,
         family="Barycentre",
         takes_heights=False,
         is_line=False,

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.kind import ObservationKind, Shared, Start
+from obseq.survey.kinds.lengths import DIST
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -21,11 +23,8 @@ SHORTEST = 1e-9
 class OfInstrument(ObservationKind):
     """An observation with unknowns of its group, in linear rows that are made anew at each place.
 
-    Attributes:
-        parts: The unknowns, by name.
+    The unknowns are those that a user asks for, by the same names.
     """
-
-    parts: tuple[str, ...] = ()
 
     def is_linear(self, site: Site) -> bool:
         """Linear rows."""
@@ -39,7 +38,9 @@ class OfInstrument(ObservationKind):
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """Both ends, and the unknowns."""
         origins, targets = site.ends(rows)
-        return {"origin": origins, "target": targets} | {part: site.shared(rows, part) for part in self.parts}
+        return {"origin": origins, "target": targets} | {
+            part: site.shared(rows, part) for part in self.with_unknowns
+        }
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Derivatives by both ends, and by the unknowns."""
@@ -89,11 +90,11 @@ class CalibratedDistance(OfInstrument):
         """1 for the constant, what was read for the scale."""
         read = site.measured(rows)
         columns = {"constant": np.ones(len(rows)), "scale": read}
-        return np.column_stack([columns[part] for part in self.parts])
+        return np.column_stack([columns[part] for part in self.with_unknowns])
 
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """An instrument without error."""
-        return {part: Shared(0.0) for part in self.parts}
+        return {part: Shared(0.0) for part in self.with_unknowns}
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,15 @@ class ZenithWithRefraction(OfInstrument):
 def _distance(name: str, code: int, *parts: str) -> CalibratedDistance:
     words = f"slope distance with unknown {' and '.join(parts)}"
     return CalibratedDistance(
-        name, code, words, "", start=Start.DISTANCE, takes_heights=False, is_line=False, parts=parts
+        name,
+        code,
+        words,
+        "",
+        start=Start.DISTANCE,
+        plain=DIST,
+        with_unknowns=parts,
+        takes_heights=False,
+        is_line=False,
     )
 
 
@@ -143,5 +152,6 @@ ZEN_REFRACTION = ZenithWithRefraction(
     start=Start.ZENITH,
     takes_heights=False,
     is_line=False,
-    parts=("refraction",),
+    plain=ZEN,
+    with_unknowns=("refraction",),
 )

@@ -57,6 +57,8 @@ def _scaled(kind: ObservationKind, axis: int) -> ScaledComponent:
         orients=kind.orients,
         start=kind.start,
         family="ScaledFrame",
+        plain=kind,
+        with_unknowns=("frame-scale",),
         takes_heights=False,
         is_line=False,
         axis=axis,

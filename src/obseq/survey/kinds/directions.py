@@ -30,6 +30,11 @@ class ZenithAngle(ObservationKind):
         return site.refraction(rows, coordinates)[:, None]
 
     @property
+    def is_refracted(self) -> bool:
+        """It is."""
+        return True
+
+    @property
     def depends_on_place(self) -> bool:
         """Refraction grows with the distance."""
         return True
@@ -63,6 +68,7 @@ HZ = ObservationKind(
     needs_station=True,
     orients=1,
     start=Start.HZ,
+    is_of_circle=True,
 )
 AZIM = ObservationKind(
     "Azim",
@@ -73,6 +79,7 @@ AZIM = ObservationKind(
     needs_station=True,
     orients=1,
     start=Start.HZ,
+    is_from_north=True,
 )
 ANGLE = HorizontalAngle(
     "Angle",
@@ -81,6 +88,7 @@ ANGLE = HorizontalAngle(
     "TopoAngle",
     is_angle=True,
     start=Start.ANGLE,
+    turns_freely=True,
     takes_heights=False,
     is_line=False,
 )

@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -155,6 +155,7 @@ def _coordinate(axis: int) -> GeocentricCoordinate:
         117 + axis,
         words,
         "",
+        first_place=FirstPlace.POSITION,
         family="Position",
         is_absolute=True,
         takes_heights=False,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -34,6 +35,21 @@ class Start(enum.Enum):
     DX = "dx"
     DY = "dy"
     DZ = "dz"
+
+
+class FirstPlace(enum.Enum):
+    """How an observation, with the others of its family, says where its point is before anything else does.
+
+    Three coordinates, or three components of a vector (geocentric, or along the axes of the frame), on lines
+    that follow each other; points around the origin of an axis; the members of a barycentre.
+    """
+
+    NOTHING = ""
+    POSITION = "position"
+    VECTOR = "vector"
+    LOCAL_VECTOR = "local vector"
+    CIRCLE = "circle"
+    BARYCENTRE = "barycentre"
 
 
 Place = tuple["FloatArray", "FloatArray", "FloatArray"]
@@ -149,11 +165,19 @@ class ObservationKind:
         needs_station: Whether it is read on an instrument, whose axes are an unknown or given rotation.
         orients: Whether it turns a station about its vertical (0: no, 1: yes, -1: unless its value is 0).
         start: What it gives to initial values.
+        first_place: How it places its point before all other initial values.
         family: Kinds of one family have one equation, and may be correlated; its own name when empty.
         is_absolute: Whether one observation says where its point is, not how points lie to each other.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
         is_levelled: Whether it says how heights differ, and nothing of the plan.
+        is_from_north: Whether it is an angle from north: it orients a network, and says nothing of its shape.
+        is_of_circle: Whether it is read on the circle of an instrument, from a zero of the set-up.
+        turns_freely: Whether, without axes of an instrument, it stays the same when a network turns about
+            the vertical.
+        plain: The kind that becomes this one where a user asks for its unknowns; None for any other.
+        with_unknowns: These unknowns, by the names of `estimating`.
+        horizontal: The kind that it is where horizontal values were written for it; None if there is none.
         needs_deflections: Whether, where deflections of the vertical are given, both its ends need one.
     """
 
@@ -165,11 +189,18 @@ class ObservationKind:
     needs_station: bool = False
     orients: int = 0
     start: Start = Start.NOTHING
+    first_place: FirstPlace = FirstPlace.NOTHING
     family: str = ""
     is_absolute: bool = False
     takes_heights: bool = True
     is_line: bool = True
     is_levelled: bool = False
+    is_from_north: bool = False
+    is_of_circle: bool = False
+    turns_freely: bool = False
+    plain: ObservationKind | None = field(default=None, compare=False, repr=False)
+    with_unknowns: tuple[str, ...] = ()
+    horizontal: ObservationKind | None = field(default=None, compare=False, repr=False)
     needs_deflections: bool = False
 
     @property
@@ -224,6 +255,11 @@ class ObservationKind:
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) values that its equation takes."""
         return site.measured(rows)
+
+    @property
+    def is_refracted(self) -> bool:
+        """Whether its values are corrected for refraction, by the coefficient of the network."""
+        return False
 
     @property
     def depends_on_place(self) -> bool:

@@ -81,7 +81,6 @@ class HeightDifference(ObservationKind):
         return True
 
 
-DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE)
 DH = HeightDifference(
     "DH",
     4,
@@ -90,11 +89,21 @@ DH = HeightDifference(
     start=Start.RISE,
     takes_heights=False,
     is_levelled=True,
+    turns_freely=True,
     needs_deflections=True,
 )
 DIST_HZ0 = ReducedDistance(
     "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", takes_heights=False
 )
 DIST_HZ = HorizontalDistance(
-    "DistHz", 101, "horizontal distance", "TopoDistHz", start=Start.FLAT, takes_heights=False
+    "DistHz",
+    101,
+    "horizontal distance",
+    "TopoDistHz",
+    start=Start.FLAT,
+    takes_heights=False,
+    turns_freely=True,
+)
+DIST = Distance(
+    "Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, turns_freely=True, horizontal=DIST_HZ
 )

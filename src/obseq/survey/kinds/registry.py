@@ -48,6 +48,13 @@ IS_ANGLE: npt.NDArray[np.bool_] = np.zeros(256, np.bool_)
 IS_ANGLE[[kind.code for kind in KINDS if kind.is_angle]] = True
 
 
+WITH_UNKNOWNS = {
+    (kind.plain.code, frozenset(kind.with_unknowns)): kind for kind in KINDS if kind.plain is not None
+}
+"""What observations of a code are where a user asks for some unknowns of theirs."""
+UNKNOWNS = tuple(dict.fromkeys(name for kind in KINDS for name in kind.with_unknowns))
+"""What can be asked for."""
+
 FIRST_OF_FORMULAS = 200
 """Code of the first kind that is made from a formula; they end with the codes."""
 
@@ -86,6 +93,11 @@ def _next_code(formula: str | Kernel) -> int:
 def codes_where(is_wanted: Callable[[ObservationKind], bool]) -> list[int]:
     """The codes of the kinds that answer yes, those of formulas too."""
     return [code for code, kind in BY_CODE.items() if is_wanted(kind)]
+
+
+def codes_with(unknown: str) -> dict[int, int]:
+    """By code of observations, their code where this is their only unknown."""
+    return {code: kind.code for (code, names), kind in WITH_UNKNOWNS.items() if names == {unknown}}
 
 
 def codes_for(*uses: Start) -> list[int]:

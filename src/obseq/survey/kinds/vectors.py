@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -60,6 +60,7 @@ def _geocentric(axis: int) -> GeocentricComponent:
         107 + axis,
         words,
         "TopoSubFrame",
+        first_place=FirstPlace.VECTOR,
         family="Vector",
         takes_heights=False,
         is_line=False,
@@ -75,6 +76,7 @@ def _of_frame(axis: int) -> VectorComponent:
         131 + axis,
         words,
         "TopoSubFrame",
+        first_place=FirstPlace.LOCAL_VECTOR,
         family="LocalVector",
         takes_heights=False,
         is_line=False,

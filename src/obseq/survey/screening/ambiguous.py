@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.components import DZ
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.values import GON, Explanation, explain
+from obseq.survey.screening.values import COORDINATE, GON, Explanation, explain
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
@@ -118,7 +117,7 @@ class Ambiguity:
         return f"the others give {factor * fits:.4f}{name}, it is {factor * (value - fits):.4f}{name} off"
 
     def _explanation(self, one: Alternative) -> Explanation | None:
-        kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else DZ
+        kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else COORDINATE
         value, fits, unit = self._values(one)
         return explain(kind, value, fits, _HIT * self.found.scale * one.sigma / unit)
 

@@ -10,7 +10,7 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.survey.adjustment.instrument_unknowns import estimating
-from obseq.survey.kinds.lengths import DIST, DIST_HZ
+from obseq.survey.kinds.registry import BY_CODE, codes_where
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
 
@@ -32,7 +32,8 @@ _MAP_SCALE = 3e-3
 def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """What all distances have in common, with the network in which it is estimated; None for nothing."""
     rows = trials.found.book.observations
-    mine = np.flatnonzero((rows.types == DIST.code) & rows.active)
+    slopes = codes_where(lambda kind: kind.horizontal is not None)
+    mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
     if len(mine) < _LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
     best: tuple[float, str, Estimate] | None = None
@@ -51,7 +52,7 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     _, what, corrected = best
     size = float(trials.found.ratios[mine].max())
     label = trials.found.book.label(int(mine[0]))
-    name = f"all {len(mine)} {DIST.name} observations (the first: {label})"
+    name = f"all {len(mine)} {BY_CODE[int(rows.types[mine[0]])].name} observations (the first: {label})"
     values = [value for part, value in corrected.instruments if part == what]
     if what == _HORIZONTAL:
         cause, text = Cause.HORIZONTAL, "they look like horizontal distances instead of slope distances"
@@ -65,7 +66,8 @@ def _changed(book: FieldBook, rows: Rows, what: str) -> FieldBook | None:
     """The observations, with distances that are horizontal, or have an unknown; None where that cannot be."""
     if what == _HORIZONTAL:
         types = book.observations.types.copy()
-        types[rows] = DIST_HZ.code
+        horizontal = [BY_CODE[code].horizontal for code in types[rows].tolist()]
+        types[rows] = [kind.code for kind in horizontal if kind is not None]
         return replace(book, observations=replace(book.observations, types=types))
     try:
         return estimating(book, [what])

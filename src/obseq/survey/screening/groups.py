@@ -15,9 +15,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes, codes_where
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
@@ -163,7 +162,9 @@ def _degrees_and_elevations(found: Estimate, group: Group) -> Iterator[tuple[Gro
     """All angles in degrees, the zenith angles being elevations too."""
     values = found.book.observations.values.copy()
     in_degrees = values[group.rows] * 10.0 / 9.0
-    is_zenith = np.isin(found.book.observations.types[group.rows], codes(ZEN))
+    is_zenith = np.isin(
+        found.book.observations.types[group.rows], codes_where(lambda kind: kind.is_refracted)
+    )
     values[group.rows] = np.where(is_zenith, math.pi / 2.0 - in_degrees, in_degrees)
     text = "degrees instead of gon, and elevations instead of zenith angles"
     yield group, Mistake(Cause.ELEVATION, text, lambda v: v), values

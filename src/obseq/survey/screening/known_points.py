@@ -15,10 +15,9 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.kinds.components import DZ
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, Estimate
-from obseq.survey.screening.values import FEET, explain
+from obseq.survey.screening.values import COORDINATE, FEET, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -174,7 +173,7 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
     if len(off) == 1:
         k = off[0]
-        explanation = explain(DZ, float(given[k]), float(right[k]), _NEAR)
+        explanation = explain(COORDINATE, float(given[k]), float(right[k]), _NEAR)
         if explanation is not None:
             return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}"
         return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {given[k] - right[k]:.3f}"

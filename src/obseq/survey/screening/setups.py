@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.kinds.directions import HZ
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Stations, group_by_station
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
@@ -56,7 +56,8 @@ def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
 def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
     """Directions of set-ups in which suspects are, and the first of those that a turn of their own fits."""
     observations = found.book.observations
-    chosen = observations.active & (observations.types == HZ.code) & np.isfinite(found.misfits)
+    of_circle = codes_where(lambda kind: kind.is_of_circle)
+    chosen = observations.active & np.isin(observations.types, of_circle) & np.isfinite(found.misfits)
     suspects = chosen & (found.ratios > GROSS)
     for station in np.unique(observations.stations[suspects & (observations.stations >= 0)]).tolist():
         members = found.book.stations.observations(station)

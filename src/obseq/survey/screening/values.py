@@ -12,13 +12,11 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.kind import ObservationKind, Start
 from obseq.survey.screening.findings import Cause
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-
-    from obseq.survey.kinds.kind import ObservationKind
 
 GON = 200.0 / math.pi
 FEET = 0.3048
@@ -93,6 +91,10 @@ _OF_ANGLE = (
     Mistake(Cause.SENSE, "counted anticlockwise, or its first and its last point exchanged", lambda v: -v),
     _OF_HZ[1],
 )
+
+
+COORDINATE = ObservationKind("coordinate", 0, "coordinate of a point", "")
+"""A known coordinate, as something that may be written wrong like an observation."""
 
 
 def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
