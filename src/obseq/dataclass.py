@@ -1,7 +1,8 @@
 """Dataclasses that cost little to define, and are otherwise those of the standard library.
 
 The standard library writes and compiles up to six methods of each class when its module is imported: half a
-millisecond each, a third of the time of a short run. Here the classes share their methods. What else the
+millisecond each. Here the classes share their methods: `obseq demo` with all its machine code at hand takes
+0.2 s of processor less of 1.4 s (without: 1.46 s, with: 1.24 s), `obseq --version` 0.03 s. What else the
 standard `dataclass` can be asked for (slots, order, ...), it is asked for.
 """
 
