@@ -3,11 +3,15 @@
 import gc
 import os
 import signal
-from dataclasses import dataclass
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
+
+from outside import OutsideData
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
@@ -23,29 +27,6 @@ def pytest_collection_finish() -> None:
     """What is there when tests begin stays to the end: nobody need look again whether it is garbage."""
     gc.collect()
     gc.freeze()
-
-
-SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-EXCERPTS = Path(__file__).parent / "data"
-
-
-@dataclass(frozen=True)
-class OutsideData:
-    """Data sets by name: those beside the repository, else the excerpts in `tests/data`.
-
-    Attributes:
-        folders: Where they are looked for, in order.
-    """
-
-    folders: tuple[Path, ...] = (SHARED_DATA, EXCERPTS)
-
-    def __truediv__(self, path: str) -> Path:
-        """A data set, or a file in one; a test that asks for one that is nowhere is skipped."""
-        data_set = Path(path).parts[0]
-        for folder in self.folders:
-            if (folder / data_set).is_dir():
-                return folder / path
-        pytest.skip(reason=f"the data set {data_set} is not beside the repository: {SHARED_DATA}")
 
 
 @pytest.fixture(scope="package")

@@ -20,7 +20,7 @@ POINTS = 2
 
 WHOLE = ("mmvii-topomini", "mmvii-topo-bench")
 WITHOUT_SCRIPTS = "field-cases"
-RESULTS = ("comp3d-simple2d", "comp3d-weights")
+PROJECTS = ("comp3d-simple2d", "comp3d-weights")
 NETWORKS = {
     "gama-textbook-1d": ("Baumann_Height_fix", "Ghilani12_6_Height_fix", "Niemeier_Height_fix1"),
     "gama-textbook-2d": (
@@ -34,7 +34,10 @@ NETWORKS = {
     "gama-textbook-3d": ("Caspary", "Wolf_3D_Distance_fix"),
 }
 NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
-KEPT = ("file", "equations", "unknowns", "dof", "datum_defect", "sigma_apr", "sigma0", "points")
+KEPT = (
+    *("file", "equations", "unknowns", "dof", "datum_defect", "sigma_apr", "sigma0", "m0", "points"),
+    "published_krumm",
+)
 """What is kept of the expected results of a network."""
 
 
@@ -57,8 +60,8 @@ def write(source: Path, target: Path) -> None:
         _copy(source / name, target / name, ("*.obs", "*.cor", "*.txt", "expected.json"))
     for folder in sorted(path for path in (source / WITHOUT_SCRIPTS).iterdir() if path.is_dir()):
         _copy(folder, target / WITHOUT_SCRIPTS / folder.name, ("*.obs", "*.cor"))
-    for name in RESULTS:
-        _copy(source / name, target / name, ("expected.json",))
+    for name in PROJECTS:
+        _copy(source / name, target / name, ("*.obs", "*.cor", "*.comp", "expected.json"))
     for name, networks in NETWORKS.items():
         _networks(source / name, target / name, networks)
 
@@ -84,7 +87,9 @@ def _networks(source: Path, target: Path, names: Sequence[str]) -> None:
     kept = {name: {key: expected[name][key] for key in KEPT} for name in names}
     (target / "expected.json").write_text(json.dumps({"networks": kept}, indent=1) + "\n", "utf-8")
     for name in names:
-        _network(source / expected[name]["file"], target / expected[name]["file"])
+        file = Path(expected[name]["file"])
+        _network(source / file, target / file)
+        _printed((source / file).with_suffix(".adj"), (target / file).with_suffix(".adj"))
 
 
 def _network(source: Path, target: Path) -> None:
@@ -97,6 +102,13 @@ def _network(source: Path, target: Path) -> None:
                 network.remove(child)
     ElementTree.indent(root, " ")
     target.write_text(ElementTree.tostring(root, "unicode") + "\n", "utf-8")
+
+
+def _printed(source: Path, target: Path) -> None:
+    """The adjusted coordinates and precisions that a textbook prints, if it does: the numbers alone."""
+    if source.exists():
+        lines = (line.split("#")[0].split() for line in source.read_text("utf-8").splitlines())
+        target.write_text("".join(f"{' '.join(words)}\n" for words in lines if words), "utf-8")
 
 
 if __name__ == "__main__":

@@ -4,19 +4,20 @@ import csv
 import json
 import shutil
 import subprocess
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from outside import OutsideData
 
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network, read_cor
 from obseq.survey.conversion import write_gama
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
-NETWORKS = sorted(path.relative_to(DATA).as_posix() for path in DATA.glob("gama-*/*.gkf"))
+SETS = ("gama-local-small", "gama-textbook-1d", "gama-textbook-2d", "gama-textbook-3d")
+FILES = sorted(path for folder in OutsideData().sets(SETS) for path in folder.glob("*.gkf"))
+NETWORKS = [f"{path.parent.name}/{path.name}" for path in FILES]
 PLUMB = """
 <point id="A" x="0" y="0" z="10" fix="xyz" /> <point id="B" x="100" y="0" z="12" fix="xyz" />
 <point id="P" x="60" y="80" z="15" adj="xyz" />
@@ -155,8 +156,8 @@ def test_what_a_format_cannot_say_is_refused_by_name(tmp_path, capfd, gkf, demo)
     assert "no place on the Earth" in refused(capfd, "convert", result, "--to", tmp_path / "m.geojson")
     assert ".gkf" in refused(capfd, "convert", gkf, "--to", tmp_path / "n.xyz")
     assert "replace an input" in refused(capfd, "convert", gkf, "--to", gkf)
-    vectors = DATA / "gama-local-small" / "cube-1.gkf"
-    if vectors.exists():
+    for folder in OutsideData().sets(["gama-local-small"]):
+        vectors = folder / "cube-1.gkf"
         said = refused(capfd, "convert", vectors, "--to", tmp_path / "n.obs")
         assert f"{vectors}:27" in said
     assert not (tmp_path / "n.obs").exists()

@@ -1,25 +1,23 @@
 """Networks of GNU Gama, against the numbers of an independent program, and what their reader refuses."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from outside import OutsideData
 
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
 SETS = ("gama-local-small", "gama-textbook-1d", "gama-textbook-2d", "gama-textbook-3d")
 
 
 def expected():
     """(folder, name) of all networks with published numbers."""
-    for folder in SETS:
-        path = DATA / folder / "expected.json"
-        if path.exists():
-            yield from ((folder, name) for name in json.loads(path.read_text())["networks"])
+    for folder in OutsideData().sets(SETS):
+        networks = json.loads((folder / "expected.json").read_text())["networks"]
+        yield from ((folder.name, name) for name in networks)
 
 
 @pytest.mark.parametrize(("folder", "name"), list(expected()))

@@ -4,14 +4,13 @@ import json
 import math
 import xml.etree.ElementTree as ElementTree
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from outside import OutsideData
 
 from obseq.survey import Network
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
 AXES = {"gama-textbook-1d": "z", "gama-textbook-2d": "xy", "gama-textbook-3d": "xyz"}
 PRINTED = {"z": 1e-3, "xy": 1e-2, "xyz": 1e-2}
 """Unit of the printed precisions, metres: millimetres of levelling, centimetres elsewhere."""
@@ -20,11 +19,9 @@ TAG = "{http://www.gnu.org/software/gama/gama-local}"
 
 def networks(folders=tuple(AXES), key="file"):
     """(folder, name) of networks of textbooks, of some folders, of which something is expected."""
-    for folder in folders:
-        path = DATA / folder / "expected.json"
-        if path.exists():
-            found = json.loads(path.read_text())["networks"]
-            yield from ((folder, name) for name in found if key in found[name])
+    for folder in OutsideData().sets(folders):
+        found = json.loads((folder / "expected.json").read_text())["networks"]
+        yield from ((folder.name, name) for name in found if key in found[name])
 
 
 PUBLISHED = list(networks(key="published_krumm"))
