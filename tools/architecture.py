@@ -27,6 +27,7 @@ FILES = (
     "printable",
     "record",
     "record_quality",
+    "shown_units",
     "stopwatch",
     "writing",
 )

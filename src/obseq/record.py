@@ -32,6 +32,7 @@ from obseq.record_quality import (
     SuspicionRecord,
     VarianceComponentRecord,
 )
+from obseq.shown_units import METRIC, ShownUnits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -303,6 +304,7 @@ class AdjustmentRecord:
         types: How the observations of each type fit.
         setups: How the observations from each point fit.
         suspicion: One gross error that explains what the sigmas do not; None when nothing is suspected.
+        units: What the reports show; the numbers here are in metres and radians.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
     """
 
@@ -346,6 +348,7 @@ class AdjustmentRecord:
     setups: tuple[StatisticsRecord, ...] | None = None
     undetermined: tuple[MotionRecord, ...] | None = None
     suspicion: SuspicionRecord | None = None
+    units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
 

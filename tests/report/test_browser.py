@@ -204,6 +204,10 @@ def test_units_and_decimal_marks_are_chosen(report, browser) -> None:
     (degrees,) = cells(browser, "observations", "observed")[:1]
     choose("angles", "dms")
     (sexagesimal,) = cells(browser, "observations", "observed")[:1]
+    in_metres, small = cells(browser, "points", "x")[0], cells(browser, "points", "sx")[0]
+    choose("lengths", "us-ft")
+    assert float(cells(browser, "points", "x")[0]) == pytest.approx(float(in_metres) * 3937 / 1200, abs=4e-4)
+    assert float(cells(browser, "points", "sx")[0]) == pytest.approx(float(small) / 304.8006, abs=4e-5)
     choose("language", "fr")
     (french,) = cells(browser, "observations", "observed")[:1]
     assert float(degrees.split()[0]) == pytest.approx(0.9 * float(gon.split()[0]), abs=2e-5)

@@ -14,6 +14,7 @@ from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.record import AdjustmentRecord, PhaseRecord
+from obseq.shown_units import chosen_units
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
 
@@ -44,6 +45,7 @@ class Request:
         title: What the reports call it.
         sinex: Where the points go with their whole covariance; None for nowhere.
         estimated: What is estimated of instruments and refraction.
+        units: Of the reports, in words; those of the files for what they do not name.
     """
 
     source: Source
@@ -52,6 +54,7 @@ class Request:
     title: str | None = None
     sinex: Path | None = None
     estimated: Sequence[str] = ()
+    units: Sequence[str] = ()
 
 
 def register(commands: Commands) -> None:
@@ -115,6 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.title,
             arguments.sinex,
             arguments.estimate or (),
+            arguments.units,
         )
     )
 
@@ -159,4 +163,5 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
 
         write_sinex(request.sinex, adjustment)
     record = adjustment.record(request.title)
-    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))
+    units = chosen_units(request.units, record.units)
+    return replace(record, units=units, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 
 from obseq.cli.parsing import Commands, add_command, say
-from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
+from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, in_units, outputs_of, show, write
+from obseq.errors import InputError
 from obseq.record import AdjustmentRecord
 from obseq.report.result_file import read_plain
 from obseq.writing import check_writable, write_all
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
-    record = AdjustmentRecord.from_dict(plain, str(arguments.result))
+    record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     write(record, outputs)
     show(record, outputs)
     return 0 if record.is_complete else INCOMPLETE
@@ -54,6 +55,8 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
     from obseq.images.output.page import page
     from obseq.images.output.summary import summary
 
+    if arguments.units:
+        raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
     paths = [path for path, _ in outputs]
     texts = {"text": summary(record, list(map(str, paths))), "json": record.to_json(), "html": page(record)}

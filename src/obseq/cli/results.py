@@ -2,12 +2,14 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from obseq.cli.parsing import output_file, say
 from obseq.record import AdjustmentRecord
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import summary
+from obseq.shown_units import chosen_units
 from obseq.writing import write_all
 
 INCOMPLETE = 1
@@ -24,8 +26,21 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
     results = command.add_argument_group("results")
     names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    results.add_argument(
+        "--units",
+        nargs="+",
+        metavar="UNIT",
+        default=(),
+        help="of the reports: m, ft or us-ft, and gon, degree or dms (without it those of the files; JSON "
+        "always holds metres and radians)",
+    )
     for form in FORMATS:
         results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
+
+
+def in_units(record: AdjustmentRecord, arguments: argparse.Namespace) -> AdjustmentRecord:
+    """The record with the units of its reports that --units asks for."""
+    return replace(record, units=chosen_units(arguments.units, record.units))
 
 
 def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, add_command
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show
+from obseq.cli.results import INCOMPLETE, add_result_arguments, in_units, outputs_of, show
 from obseq.cli.tree_command import Files
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         control, definition = control_of(tree, options)
         network = network_of(survey_points(control), read_topo(tree.topo(arguments.topo)), definition)
         adjustment = network.adjust(options.iterations or MAX_ITERATIONS, progress=progress)
-        record = adjustment.record()
+        record = in_units(adjustment.record(), arguments)
         files = _files(arguments, tree, options, adjustment, definition)
         check_writable(files)
         write_all(files | {path: form.write(record) for path, form in outputs})

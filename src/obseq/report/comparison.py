@@ -10,6 +10,7 @@ from obseq.report.result_file import text_of
 from obseq.report.rows import Table
 from obseq.report.table import lines_of
 
+SMALL = units.METRIC.small_length
 MOST_POINTS = 20
 MOST_NAMES = 8
 MOST_OBSTACLES = 5
@@ -107,9 +108,15 @@ def _cells(row: DisplacementRecord) -> tuple[str, ...]:
     numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
     verdict = "moved" if row.is_significant else "reference" if row.is_reference else ""
     if row.test is None:
-        return (row.point, *map(units.millimetres, numbers), units.ABSENT, units.ABSENT, "held")
+        return (
+            row.point,
+            *map(SMALL.number, numbers),
+            units.ABSENT,
+            units.ABSENT,
+            "held",
+        )
     statistic, limit = f"{row.test.statistic:.2f}", f"{row.test.limit:.2f}"
-    return (row.point, *map(units.millimetres, numbers), statistic, limit, verdict)
+    return (row.point, *map(units.METRIC.small_length.number, numbers), statistic, limit, verdict)
 
 
 def _rest(record: ComparisonRecord, most: int | None) -> Iterator[str]:

@@ -42,6 +42,7 @@ def content(record: AdjustmentRecord) -> Table:
     rows = _numbers(record)
     tables = (made(record, rows) for made in TABLES)
     return {
+        "units": {"length": record.units.length, "angle": record.units.angle},
         "names": [printable_line(name) for name in rows],
         "plan": plan(record, rows) if record.points else None,
         "tables": [table for table in tables if table],
@@ -193,7 +194,8 @@ def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
     unit = (record.points_crs_height_unit if axis == "z" else record.points_crs_unit) or "m"
     places = units.DECIMALS.get(unit, 4)
     values = (rounded(getattr(point, f"crs_{axis}"), places + 1) for point in record.points)
-    return column(axis, "length", values, decimals=places, unit=unit)
+    more = {} if unit == "m" else {"decimals": places, "unit": unit}
+    return column(axis, "length", values, **more)
 
 
 def _ellipsoids(record: AdjustmentRecord, _: Rows) -> Table | None:
@@ -217,11 +219,11 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
     if not found:
         return None
     names = short_names({row.file for row in found})
-    unit = record.points_crs_unit or "m"
+    unit = {"unit": record.points_crs_unit} if record.points_crs_unit not in (None, "m") else {}
     columns = [
         column("point", "point", (rows.get(row.point) for row in found)),
         choice("coordinate", [row.coordinate for row in found]),
-        column("given", "length", (rounded(row.value, 9) for row in found), unit=unit),
+        column("given", "length", (rounded(row.value, 9) for row in found), **unit),
         field("sigma", "small_length", found, "sigma"),
         field("residual", "small_length", found, "residual", by_size=True),
         field("normalised", "number", found, "normalised_residual", by_size=True, limit=4.0),

@@ -24,7 +24,7 @@ from obseq.report.verdict import Verdict, worst_constraints_first
 
 @expecting(record=instance(AdjustmentRecord))
 def listing(record: AdjustmentRecord) -> str:
-    """The listing, lengths in metres and millimetres, angles in gon and milligon."""
+    """The listing, in the units of the record's reports (metres and gon unless the files have others)."""
     tables = [rows.frame_table(record, record.points)]
     if record.points_crs != record.frame:
         tables.append(rows.crs_table(record, record.points))

@@ -12,6 +12,7 @@ from obseq.report.summary import left_out, notes, warnings
 from obseq.report.table import lines_of
 
 MOST_WARNINGS = 3
+SMALL, TURN = units.METRIC.small_length, units.METRIC.angle
 
 
 @expecting(record=instance(PlanRecord), written=TEXTS)
@@ -53,7 +54,12 @@ def _counts(record: PlanRecord) -> Iterator[str]:
 
 def _weakest(points: Sequence[WeakPointRecord]) -> Table:
     rows = (
-        (item.point, units.millimetres(item.sigma), units.gon(item.azimuth), units.gon(item.elevation))
+        (
+            item.point,
+            SMALL.number(item.sigma),
+            TURN.turned(item.azimuth),
+            TURN.turned(item.elevation),
+        )
         for item in points
     )
     title = (
@@ -74,7 +80,7 @@ def _uncontrolled(record: PlanRecord) -> Iterator[str]:
 
 
 def _uncontrolled_cells(item: WeakObservationRecord) -> tuple[str, ...]:
-    detectable = "none" if item.detectable is None else units.small(item.unit, item.detectable)
+    detectable = "none" if item.detectable is None else units.METRIC.small(item.unit, item.detectable)
     effect = "unlimited" if item.external is None else f"{item.external:.1f}"
     return (item.observation, f"{item.redundancy:.3f}", detectable, effect)
 
@@ -82,7 +88,7 @@ def _uncontrolled_cells(item: WeakObservationRecord) -> tuple[str, ...]:
 def _gains(record: PlanRecord) -> Iterator[str]:
     if not record.gains:
         return
-    before = units.millimetres(record.gains[0].before)
+    before = SMALL.number(record.gains[0].before)
     title = (
         f"What one more observation would bring (the best of {record.candidates} tried). Network: root mean "
         f"square of the standard deviations of all coordinates, {before} mm now. Now and then: position in "
@@ -95,11 +101,11 @@ def _gains(record: PlanRecord) -> Iterator[str]:
 def _gain_cells(item: GainRecord) -> tuple[str, ...]:
     return (
         f"{item.type} {item.origin} -> {item.target}",
-        units.small(item.unit, item.sigma),
-        units.millimetres(item.after),
+        units.METRIC.small(item.unit, item.sigma),
+        SMALL.number(item.after),
         item.point,
-        units.millimetres(item.point_before),
-        units.millimetres(item.point_after),
+        SMALL.number(item.point_before),
+        SMALL.number(item.point_after),
     )
 
 

@@ -1,6 +1,5 @@
 """What reports say of the quality of an adjustment: sentences, and tables as text."""
 
-import math
 from collections.abc import Iterator
 
 from obseq.record import AdjustmentRecord, ObservationRecord, RelativeRecord, SnoopingRecord
@@ -53,13 +52,15 @@ def snooping_lines(record: AdjustmentRecord) -> Iterator[str]:
         more = len(snooping.suspects) - MOST_SUSPECTS
         yield f"  suspected: {shown}{f' and {more} more' if more > 0 else ''}"
     if snooping.moved is not None:
-        yield f"  this moved {snooping.most_moved} most, by {1e3 * snooping.moved:.2f} mm"
+        size = units.units_of(record).small_length.text(snooping.moved)
+        yield f"  this moved {snooping.most_moved} most, by {size}"
 
 
 def _rejections(record: AdjustmentRecord, snooping: SnoopingRecord) -> Iterator[str]:
+    shown = units.units_of(record)
     for item in snooping.rejections:
         unit = record.observations[item.row].unit or "m"
-        size, least = units.small(unit, item.blunder), units.small(unit, item.detectable)
+        size, least = shown.small(unit, item.blunder), shown.small(unit, item.detectable)
         yield (
             f"  {item.observation}: {snooping.statistic} {item.statistic:.2f}, "
             f"off by about {size} (detectable from {least})"
@@ -104,58 +105,64 @@ def ellipse_level(record: AdjustmentRecord, shape: str = "ellipse") -> str:
 
 
 def _ellipse_table(record: AdjustmentRecord) -> Table:
+    shown = units.units_of(record)
     rows = (
         (
             point.name,
-            units.millimetres(point.ellipse.semi_major),
-            units.millimetres(point.ellipse.semi_minor),
-            _bearing(point.ellipse.bearing),
+            shown.small_length.number(point.ellipse.semi_major),
+            shown.small_length.number(point.ellipse.semi_minor),
+            shown.bearing(point.ellipse.bearing),
         )
         for point in record.points
         if point.ellipse
     )
-    title = f"Error ellipses, {ellipse_level(record)}: semi-axes (mm), bearing of the major one (gon)"
+    names = f"semi-axes ({shown.small_length.name}), bearing of the major one ({shown.bearing_name})"
+    title = f"Error ellipses, {ellipse_level(record)}: {names}"
     return Table(title, ("point", "major", "minor", "bearing"), tuple(rows))
 
 
 def _ellipsoid_table(record: AdjustmentRecord) -> Table:
-    rows = []
+    shown, rows = units.units_of(record), []
     for point in record.points:
         if point.ellipsoid:
             parts = zip(
                 point.ellipsoid.axes, point.ellipsoid.bearings, point.ellipsoid.elevations, strict=True
             )
-            cells = ((units.millimetres(axis), _bearing(turn), _bearing(rise)) for axis, turn, rise in parts)
+            cells = (
+                (shown.small_length.number(axis), shown.bearing(turn), shown.bearing(rise))
+                for axis, turn, rise in parts
+            )
             rows.append((point.name, *(text for cell in cells for text in cell)))
     header = ("point", *(f"{name} {k}" for k in (1, 2, 3) for name in ("axis", "bearing", "elevation")))
-    title = f"Error ellipsoids, {ellipse_level(record, 'ellipsoid')}: semi-axes (mm), their directions (gon)"
+    names = f"semi-axes ({shown.small_length.name}), their directions ({shown.bearing_name})"
+    title = f"Error ellipsoids, {ellipse_level(record, 'ellipsoid')}: {names}"
     return Table(title, header, tuple(rows))
 
 
 def _relative_table(record: AdjustmentRecord) -> Table:
+    shown = units.units_of(record)
+    small, turn = shown.small_length, shown.small_angle
     rows = (
         (
             item.first,
             item.second,
-            units.metres(item.distance),
-            units.millimetres(item.precision),
+            shown.length.number(item.distance),
+            small.number(item.precision),
             units.fixed(parts_per_million(item), 1),
-            units.fixed(1e3 * units.GON_PER_RADIAN * (item.bearing_precision or math.nan), 3),
-            units.millimetres(item.ellipse.semi_major),
-            units.millimetres(item.ellipse.semi_minor),
-            _bearing(item.ellipse.bearing),
+            turn.number(item.bearing_precision),
+            small.number(item.ellipse.semi_major),
+            small.number(item.ellipse.semi_minor),
+            shown.bearing(item.ellipse.bearing),
         )
         for item in record.relative or ()
     )
-    header = ("first", "second", "distance", "s (mm)", "ppm", "s (mgon)", "major", "minor", "bearing")
-    title = f"Points relative to each other; ellipses {ellipse_level(record)} (mm, gon)"
+    names = f"s ({small.name})", "ppm", f"s ({turn.name})"
+    header = ("first", "second", f"distance ({shown.length.name})", *names, "major", "minor", "bearing")
+    of_ellipses = f"{ellipse_level(record)} ({small.name}, {shown.bearing_name})"
+    title = f"Points relative to each other; ellipses {of_ellipses}"
     return Table(title, header, tuple(rows), 2)
 
 
 def parts_per_million(item: RelativeRecord) -> float | None:
     """The precision of a distance as a share of it; None where the two points are not told apart."""
     return 1e6 * item.precision / item.distance if item.distance > item.precision else None
-
-
-def _bearing(radians: float) -> str:
-    return units.fixed(radians * units.GON_PER_RADIAN, 1)

@@ -46,55 +46,58 @@ class Table:
 
 def frame_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Table:
     """Coordinates in the computation frame."""
+    shown = units.units_of(record)
     rows = (
         (
             point.name,
-            *(units.metres(value) for value in (point.x, point.y, point.z)),
-            *(units.millimetres(value) for value in (point.sx, point.sy, point.sz)),
+            *(shown.length.number(value) for value in (point.x, point.y, point.z)),
+            *(shown.small_length.number(value) for value in (point.sx, point.sy, point.sz)),
         )
         for point in points
     )
-    title = f"Coordinates in the computation frame {record.frame} (m), {_precisions(record)}"
+    unit = shown.length.name
+    title = f"Coordinates in the computation frame {record.frame} ({unit}), {_precisions(record)}"
     return Table(title, ("point", "x", "y", "z", "sx", "sy", "sz"), tuple(rows))
 
 
 def crs_table(record: AdjustmentRecord, points: Sequence[PointRecord]) -> Table:
     """Coordinates in the system of the point files, with precisions if the record has them."""
     plan, height = record.points_crs_unit or "m", record.points_crs_height_unit or "m"
-    unit = units.plural(plan) if plan == height else f"{units.plural(plan)}, {units.plural(height)}"
-    title = f"Coordinates in {record.points_crs} ({unit})"
+    shown = units.units_of(record)
+    names = dict.fromkeys(units.plural(shown.coordinate_name(unit)) for unit in (plan, height))
+    title = f"Coordinates in {record.points_crs} ({', '.join(names)})"
     header: tuple[str, ...] = ("point", "x", "y", "z")
-    rows = [_crs_cells(point, plan, height) for point in points]
+    rows = [_crs_cells(shown, point, plan, height) for point in points]
     if any(point.crs_sx is not None for point in points):
         title = f"{title}, {_precisions(record)}"
         is_angular = record.points_crs_is_angular or plan == "degree"
         header += ("east", "north", "up") if is_angular else ("sx", "sy", "sz")
-        rows = [cells + _crs_precisions(point) for cells, point in zip(rows, points, strict=True)]
+        rows = [cells + _crs_precisions(shown, point) for cells, point in zip(rows, points, strict=True)]
     return Table(title, header, tuple(rows))
 
 
-def _crs_cells(point: PointRecord, plan: str, height: str) -> tuple[str, ...]:
-    shown = ((point.crs_x, plan), (point.crs_y, plan), (point.crs_z, height))
-    return (point.name, *(units.coordinate(value, unit) for value, unit in shown))
+def _crs_cells(shown: units.Units, point: PointRecord, plan: str, height: str) -> tuple[str, ...]:
+    parts = ((point.crs_x, plan), (point.crs_y, plan), (point.crs_z, height))
+    return (point.name, *(shown.coordinate(value, unit) for value, unit in parts))
 
 
-def _crs_precisions(point: PointRecord) -> tuple[str, ...]:
+def _crs_precisions(shown: units.Units, point: PointRecord) -> tuple[str, ...]:
     values = (point.crs_sx, point.crs_sy, point.crs_sz)
-    return tuple(units.millimetres(value) for value in values)
+    return tuple(shown.small_length.number(value) for value in values)
 
 
 def _precisions(record: AdjustmentRecord) -> str:
     """How the precisions of the tables are to be read."""
-    kind = record.precision
-    return f"precisions {kind} (mm)" if kind else "precisions (mm)"
+    kind, unit = record.precision, units.units_of(record).small_length.name
+    return f"precisions {kind} ({unit})" if kind else f"precisions ({unit})"
 
 
 def station_table(record: AdjustmentRecord) -> Table:
     """Stations and the azimuth of the zero of their circles."""
-    rows = ((row.origin, row.orientation, units.gon(row.g0)) for row in record.stations)
-    return Table(
-        "Stations, azimuth of the zero of the circle (gon)", ("station", "orientation", "g0"), tuple(rows), 2
-    )
+    angle = units.units_of(record).angle
+    rows = ((row.origin, row.orientation, angle.turned(row.g0)) for row in record.stations)
+    title = f"Stations, azimuth of the zero of the circle ({angle.name})"
+    return Table(title, ("station", "orientation", "g0"), tuple(rows), 2)
 
 
 def observation_table(
@@ -103,10 +106,10 @@ def observation_table(
     """Observations of the record with their residuals, and where they were read."""
     judged = JUDGED if record.reliability else ("normalised",)
     header = ("type", "from", "to", "file", "observed", "sigma", "residual", *judged)
-    names = brief_names({row.file for row in record.observations})
+    names, shown = brief_names({row.file for row in record.observations}), units.units_of(record)
     rows = [
-        _observation_cells(row, names[row.file])
-        + (_judged_cells(row) if record.reliability else _normalised_cells(row))
+        _observation_cells(shown, row, names[row.file])
+        + (_judged_cells(shown, row) if record.reliability else _normalised_cells(row))
         for row in observations
     ]
     return Table(title, header, tuple(rows), 4)
@@ -133,16 +136,16 @@ def _elided(name: str) -> str:
     return f"{name[: LONGEST_FILE - 3 - end]}...{name[-end:]}"
 
 
-def _observation_cells(row: ObservationRecord, file: str) -> tuple[str, ...]:
+def _observation_cells(shown: units.Units, row: ObservationRecord, file: str) -> tuple[str, ...]:
     unit = unit_of(row)
     return (
         row.type,
         row.origin,
         row.target,
         f"{file}:{row.line}",
-        units.observed(unit, row.value),
-        units.small(unit, row.sigma),
-        units.small(unit, row.residual) if row.active else "rejected" if row.rejected else "not used",
+        shown.observed(unit, row.value),
+        shown.small(unit, row.sigma),
+        shown.small(unit, row.residual) if row.active else "rejected" if row.rejected else "not used",
     )
 
 
@@ -150,13 +153,13 @@ def _normalised_cells(row: ObservationRecord) -> tuple[str, ...]:
     return (units.fixed(row.normalised_residual, 2) if row.active else units.ABSENT,)
 
 
-def _judged_cells(row: ObservationRecord) -> tuple[str, ...]:
+def _judged_cells(shown: units.Units, row: ObservationRecord) -> tuple[str, ...]:
     """Redundancy, standardised residual, detectable bias and its effect."""
     unit = unit_of(row)
     return (
         units.fixed(row.redundancy, 2),
         units.fixed(row.standardised_residual, 2),
-        units.small(unit, row.detectable),
+        shown.small(unit, row.detectable),
         units.fixed(row.external, 1),
     )
 
@@ -168,34 +171,35 @@ def unit_of(row: ObservationRecord) -> str:
 
 def judged_table(record: AdjustmentRecord) -> Table:
     """What else reliability says of observations: adjusted value, tau, the error that each may have."""
-    names = brief_names({row.file for row in record.observations})
+    names, shown = brief_names({row.file for row in record.observations}), units.units_of(record)
     rows = (
         (
             row.type,
             row.origin,
             row.target,
             f"{names[row.file]}:{row.line}",
-            units.ABSENT if row.adjusted is None else units.observed(unit_of(row), row.adjusted),
+            shown.observed(unit_of(row), row.adjusted),
             units.fixed(row.normalised_residual, 2),
             units.fixed(row.tau, 2),
-            units.small(unit_of(row), row.blunder),
-            *_effect_cells(row),
+            shown.small(unit_of(row), row.blunder),
+            *_effect_cells(shown, row),
         )
         for row in record.observations
         if row.active
     )
-    header = ("type", "from", "to", "file", "adjusted", "normalised", "tau", "off by", "moves", "mm")
+    header = ("type", "from", "to", "file", "adjusted", "normalised", "tau", "off by", "moves", "by")
     title = (
         "Adjusted values; residual / sigma; tau, with the a posteriori sigma; estimated error of each if it "
         "were the only one; the point that its detectable bias moves most, and by how much"
+        f" ({shown.small_length.name})"
     )
     return Table(title, header, tuple(rows), 4)
 
 
-def _effect_cells(row: ObservationRecord) -> tuple[str, str]:
+def _effect_cells(shown: units.Units, row: ObservationRecord) -> tuple[str, str]:
     if row.effect is None:
         return units.ABSENT, units.ABSENT
-    return row.effect.point, units.millimetres(math.hypot(row.effect.x, row.effect.y, row.effect.z))
+    return row.effect.point, shown.small_length.number(math.hypot(row.effect.x, row.effect.y, row.effect.z))
 
 
 def statistics_table(title: str, first: str, found: Sequence[StatisticsRecord]) -> Table:
@@ -219,19 +223,20 @@ def statistics_table(title: str, first: str, found: Sequence[StatisticsRecord]) 
 
 def moved_table(record: AdjustmentRecord) -> Table:
     """What is known of each point, how it moved, and its precisions with inner constraints."""
+    small = units.units_of(record).small_length
     rows = (
         (
             point.name,
             f"known {point.known}" if point.known else "free",
-            *(units.millimetres(value) for value in point.moved or (None,) * 3),
-            *(units.millimetres(value) for value in point.inner or (None,) * 3),
+            *(small.number(value) for value in point.moved or (None,) * 3),
+            *(small.number(value) for value in point.inner or (None,) * 3),
         )
         for point in record.points
     )
     header = ("point", "class", "dx", "dy", "dz", "inner sx", "inner sy", "inner sz")
     title = (
-        "Known coordinates (capitals: held), adjusted minus given coordinates (mm), and precisions with the "
-        "datum of inner constraints (mm) where they were asked for"
+        f"Known coordinates (capitals: held), adjusted minus given coordinates ({small.name}), and "
+        f"precisions with the datum of inner constraints ({small.name}) where they were asked for"
     )
     return Table(title, header, tuple(rows), 2)
 
@@ -247,13 +252,14 @@ def constraint_table(record: AdjustmentRecord, title: str, constraints: Sequence
 
 def _constraint_cells(record: AdjustmentRecord, row: ConstraintRecord, file: str) -> tuple[str, ...]:
     unit = (record.points_crs_height_unit if row.coordinate == "z" else record.points_crs_unit) or "m"
+    shown = units.units_of(record)
     return (
         row.coordinate,
         row.point,
         f"{file}:{row.line}" if row.file else units.ABSENT,
-        f"{units.coordinate(row.value, unit)} {unit}",
-        f"{units.millimetres(row.sigma)} mm",
-        f"{units.millimetres(row.residual)} mm",
+        f"{shown.coordinate(row.value, unit)} {shown.coordinate_name(unit)}",
+        shown.small_length.text(row.sigma),
+        shown.small_length.text(row.residual),
         units.fixed(row.normalised_residual, 2),
     )
 

@@ -83,6 +83,7 @@ def basis(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
         yield "refraction", f"coefficient {record.refraction:g}"
     yield from (("operation", _operation(item)) for item in record.operations or ())
     yield "precisions", record.precision or "not said"
+    yield "units", units.units_of(record).words
 
 
 def _operation(item: OperationRecord) -> str:

@@ -90,7 +90,7 @@ class Verdict:
     def explanation(self) -> str:
         """What the result means and what to do about it."""
         suspicion = self.record.suspicion
-        first = self._of_test() if suspicion is None or self.spoilt else _suspected(suspicion)
+        first = self._of_test() if suspicion is None or self.spoilt else _suspected(self.record, suspicion)
         sentences = [first, *([self._of_types()] if self.types_beyond else [])]
         if self.record.gross_errors and not self.spoilt:
             sentences.insert(0, LEFT_OUT)
@@ -128,9 +128,10 @@ class Verdict:
         )
 
 
-def _suspected(suspicion: SuspicionRecord) -> str:
+def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     """Which observation one gross error is suspected in, and what to do."""
-    names, size = suspicion.observations, units.small(suspicion.unit, suspicion.blunder)
+    names = suspicion.observations
+    size = units.units_of(record).small(suspicion.unit, suspicion.blunder)
     listed = ", ".join(names[:_MOST_NAMED])
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     which = listed if len(names) == 1 else f"one of {listed}{more}, which cannot be told apart"

@@ -47,6 +47,7 @@ from obseq.survey.model import join, merge_points
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from obseq.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import FieldBook, Points
@@ -78,6 +79,7 @@ class Network:
         unit_sigma: By what another program multiplies sigma0 where it reports it (Gama's sigma-apr); None for
             no such program.
         datum: What it rests on, unless the adjustment is told otherwise.
+        shown: Units of its files, in which results are reported; None for metres and gon.
 
     Example:
         >>> from obseq.survey import Network
@@ -93,6 +95,7 @@ class Network:
     phases: dict[str, float] = field(default_factory=dict)
     unit_sigma: float | None = None
     datum: Datum = GIVEN
+    shown: ShownUnits | None = None
 
     @classmethod
     @expecting(
@@ -205,7 +208,7 @@ class Network:
         systems = project.systems(frame, points_crs)
         network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
-        network = replace(network, unit_sigma=project.unit_sigma, datum=datum)
+        network = replace(network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown)
         return network if place is None or project.has_geoid else network.with_deflections(place)
 
     @expecting(geoid=PATH)
@@ -336,7 +339,7 @@ class Network:
             self.frame, self.points_crs, self.unit_sigma, max_iterations, tolerance, watch, quality
         )
         adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
-        return replace(adjustment, phases=self.phases | watch.seconds)
+        return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.shown_units import METRES
 from obseq.survey.files.cor import cor_text
 from obseq.survey.model import make_points
 
@@ -52,15 +53,22 @@ def cor_of(record: AdjustmentRecord) -> str:
 
 def csv_of(record: AdjustmentRecord) -> str:
     """A table of the adjusted points, in their own system."""
-    return csv_text(adjusted_points(record))
+    units = {record.points_crs_unit or "m", record.points_crs_height_unit or "m"}
+    return csv_text(adjusted_points(record), record.units.length if units == {"m"} else "m")
 
 
-def csv_text(points: Points) -> str:
-    """Points as a table with a header; a cell is empty where nothing is known or given."""
+def csv_text(points: Points, unit: str = "m") -> str:
+    """Points as a table with a header; a cell is empty where nothing is known or given.
+
+    Args:
+        points: In metres, unless the unit is that.
+        unit: Of lengths, in which they are written; a column names it.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(HEADER)
+    named = () if unit == "m" else (unit,)
+    writer.writerow((*HEADER, *("unit" for _ in named)))
     for name, xyz, sigmas in zip(points.names, points.coordinates, points.sigmas, strict=True):
-        numbers = (*xyz.tolist(), *sigmas.tolist())
-        writer.writerow([name, *("" if np.isnan(value) else repr(value) for value in numbers)])
+        numbers = (np.concatenate([xyz, sigmas]) / METRES[unit]).tolist()
+        writer.writerow([name, *("" if np.isnan(value) else repr(value) for value in numbers), *named])
     return stream.getvalue()

@@ -3,6 +3,7 @@
 class Page {
   constructor(content) {
     this.content = content;
+    Object.assign(settings, { lengths: content.units.length, angles: content.units.angle });
     const choose = (selection) => this.choose(selection);
     this.tables = content.tables.map((table) => new Table(table, content.names, choose));
     this.observations = content.tables.find((table) => table.id === "observations");
@@ -118,6 +119,8 @@ class Page {
 
   listen() {
     const form = document.getElementById("settings");
+    form.elements.lengths.value = settings.lengths;
+    form.elements.angles.value = settings.angles;
     form.addEventListener("change", () => this.set(form));
     form.elements.print.addEventListener("click", () => window.print());
     this.system = window.matchMedia("(prefers-color-scheme: dark)");
@@ -129,6 +132,7 @@ class Page {
   }
 
   set(form) {
+    settings.lengths = form.elements.lengths.value;
     settings.angles = form.elements.angles.value;
     settings.language = form.elements.language.value;
     this.paint(form);

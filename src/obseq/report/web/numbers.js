@@ -1,11 +1,12 @@
 // Numbers as the reader wants them: unit of angles, decimal mark. What the page holds is in metres and radians.
 
-const settings = { angles: "gon", language: "en" };
+const settings = { lengths: "m", angles: "gon", language: "en" };
 
 const PER_RADIAN = { gon: 200 / Math.PI, degree: 180 / Math.PI, dms: 180 / Math.PI };
 const SMALL_PER_RADIAN = { gon: 200e3 / Math.PI, degree: 648e3 / Math.PI, dms: 648e3 / Math.PI };
 const ANGLE_UNIT = { gon: "gon", degree: "°", dms: "" };
 const SMALL_UNIT = { gon: "mgon", degree: "″", dms: "″" };
+const PER_METRE = { m: 1, ft: 1 / 0.3048, "us-ft": 3937 / 1200 };
 const ABSENT = "-";
 
 /** What the text of a cell is made of: factor to the unit shown, decimals, unit. */
@@ -13,8 +14,8 @@ const QUANTITIES = {
   count: () => ({ factor: 1, decimals: 0, unit: "" }),
   number: () => ({ factor: 1, decimals: 2, unit: "" }),
   fine: () => ({ factor: 1, decimals: 4, unit: "" }),
-  length: () => ({ factor: 1, decimals: 4, unit: "m" }),
-  small_length: () => ({ factor: 1e3, decimals: 2, unit: "mm" }),
+  length: () => ({ factor: PER_METRE[settings.lengths], decimals: 4, unit: settings.lengths }),
+  small_length: () => settings.lengths === "m" ? { factor: 1e3, decimals: 2, unit: "mm" } : { factor: PER_METRE[settings.lengths], decimals: 5, unit: settings.lengths },
   angle: () => ({ factor: PER_RADIAN[settings.angles], decimals: 5, unit: ANGLE_UNIT[settings.angles] }),
   small_angle: () => ({
     factor: SMALL_PER_RADIAN[settings.angles],
@@ -29,7 +30,7 @@ const MIXED = { observed: ["length", "angle"], small: ["small_length", "small_an
 /** How a column shows one of its rows: mixed columns hold lengths and angles. */
 function scaleOf(column, isAngular) {
   if (MIXED[column.quantity]) return QUANTITIES[MIXED[column.quantity][isAngular ? 1 : 0]]();
-  const scale = QUANTITIES[column.quantity]();
+  const scale = column.unit ? { factor: 1, decimals: 4, unit: column.unit } : QUANTITIES[column.quantity]();
   if (column.decimals !== undefined) scale.decimals = column.decimals;
   return scale;
 }

@@ -263,13 +263,15 @@ class Plan {
 
   drawScale() {
     const { context, palette, height } = this;
-    const length = roundBelow(this.width / 5 / this.scale);
+    const unit = QUANTITIES.length();
+    const inUnit = roundBelow((this.width / 5 / this.scale) * unit.factor);
+    const length = inUnit / unit.factor;
     context.fillStyle = palette.paper;
     context.fillRect(8, height - 36, length * this.scale + 12, 30);
     context.fillRect(10, 2, 24, 54);
     Object.assign(context, { strokeStyle: palette.ink, fillStyle: palette.ink, lineWidth: 2, font: "12px system-ui, sans-serif", textBaseline: "alphabetic" });
     context.strokeRect(14, height - 14, length * this.scale, 0);
-    context.fillText(`${significant(length)} m`, 14, height - 20);
+    context.fillText(`${significant(inUnit)} ${unit.unit}`, 14, height - 20);
     context.lineWidth = 1.4;
     const path = new Path2D();
     arrow(path, 22, 52, 22, 20);

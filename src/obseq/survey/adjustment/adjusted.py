@@ -22,6 +22,7 @@ from obseq.record import (
     StationRecord,
     defined,
 )
+from obseq.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
@@ -104,6 +105,7 @@ class Adjustment:
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
         undetermined: The motions that the datum of a free network takes away.
+        shown: Units of the reports, where the files have others than metres and gon.
     """
 
     solution: LeastSquaresResult
@@ -129,6 +131,7 @@ class Adjustment:
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
     undetermined: tuple[MotionRecord, ...] = ()
+    shown: ShownUnits | None = None
 
     @property
     def sigma0(self) -> float | None:
@@ -200,6 +203,7 @@ class Adjustment:
             precision=self.precision,
             frame=self.frame,
             points_crs=self.points_crs,
+            units=self.shown or METRIC,
             points_crs_unit=self.points_crs_units[0].name,
             points_crs_height_unit=self.points_crs_units[1].name,
             points_crs_is_angular=self.points_crs_units[0].is_angle,

@@ -12,6 +12,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
+from obseq.shown_units import ShownUnits
 from obseq.survey.files.comp3d_dimensions import DIMENSIONS, check_dimensions
 from obseq.survey.files.comp3d_observations import read_observations
 from obseq.survey.files.cor import PointColumns
@@ -33,6 +34,8 @@ Configuration: TypeAlias = dict[str, Any]
 
 UNITS = (1.0, math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0)
 """Radians in one unit of angles, by `files_unit`: radian, gon, degree, arc second."""
+SHOWN = {2: "degree", 3: "dms"}
+"""Units of angles in reports, by `files_unit`; gon for the others."""
 _SAME_HEIGHT = 1e-3
 """Height (m) above the ellipsoid of WGS 84 below which a point of height 0 is of its datum."""
 REMOTE = ("8", KNOWN_REMOTE := "9")
@@ -92,6 +95,7 @@ def read_comp3d(path: str | Path, reading: Reading) -> Project:
         points_crs,
         float(config["refraction"]),
         int(config["max_iterations"]),
+        shown=ShownUnits(angle=SHOWN.get(config["files_unit"], "gon")),
         inner=_inner(chosen) if config["internal_constraints"] else None,
     )
 

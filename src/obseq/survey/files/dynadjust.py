@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.shown_units import ShownUnits
 from obseq.survey.files.dna import DnaFile
 from obseq.survey.files.dynadjust_measurements import field_book
 from obseq.survey.files.dynadjust_records import Header
@@ -39,6 +40,10 @@ class _Content:
     stations: list[StationRecord]
     measurements: list[MeasurementRecord]
     files: tuple[str, ...]
+
+
+SHOWN = ShownUnits(angle="dms")
+"""DynAdjust's files hold metres and degrees, minutes and seconds."""
 
 
 def read_dna(paths: tuple[Path, ...], reading: Reading) -> Project:
@@ -94,4 +99,5 @@ def _project(content: _Content, reading: Reading) -> Project:
     stations = Stations(content.stations, header, geoid, content.files)
     book = field_book(stations, content.measurements, "frames" in reading.ignore)
     definition = stations.definition
-    return Project(stations.points(), book, points_crs=definition, refraction=0.0, has_geoid=True)
+    points = stations.points()
+    return Project(points, book, points_crs=definition, refraction=0.0, has_geoid=True, shown=SHOWN)

@@ -10,6 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq import crs
+from obseq.shown_units import ShownUnits
+from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.gama_observations import Defaults, ObservationReader
 from obseq.survey.files.gama_points import PointTable
@@ -39,6 +41,9 @@ UNIT_SIGMA = 10.0
 """Standard deviation of unit weight of files that give none."""
 NEITHER = 1.0
 """Refraction coefficient that stands for neither refraction nor curvature."""
+
+ANGLES = ("direction", "angle", "azimuth", "z-angle")
+"""Elements that hold an angle."""
 
 
 def read_gama(paths: tuple[Path, ...], reading: Reading) -> Project:
@@ -76,7 +81,17 @@ def read_gama(paths: tuple[Path, ...], reading: Reading) -> Project:
         raise network.error("no point has fix or adj: nothing is to be adjusted")
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
     points = with_heights(points, book)
-    return Project(points, book, "Local", system.definition, NEITHER, unit_sigma=unit_sigma)
+    return Project(
+        points, book, "Local", system.definition, NEITHER, unit_sigma=unit_sigma, shown=_shown(sections)
+    )
+
+
+def _shown(sections: list[Element]) -> ShownUnits | None:
+    """Degrees, minutes and seconds where the first angle has them."""
+    sights = (sight for section in sections for group in section.named(*SETS) for sight in group.children)
+    first = next((sight for sight in sights if sight.name in ANGLES), None)
+    has_degrees = first is not None and values.angle(first).unit == values.RADIANS_PER_SECOND
+    return ShownUnits(angle="dms") if has_degrees else None
 
 
 def _network(root: Element) -> Element:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.shown_units import ShownUnits, length_named
 from obseq.survey.files.text import quoted
 
 if TYPE_CHECKING:
@@ -38,6 +39,12 @@ class Units:
     metres: float
     angular: str
     direction: str
+
+    @property
+    def shown(self) -> ShownUnits:
+        """Units of reports: those of the file; radians are shown in gon."""
+        angle = {"decimal degrees": "degree", PACKED: "dms"}.get(self.angular, "gon")
+        return ShownUnits(length_named(self.metres), angle)
 
     def angle(self, element: Element, name: str, unit: str) -> float | None:
         """An attribute that is an angle, in radians, if it is there."""

@@ -12,6 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
+    from obseq.shown_units import ShownUnits
     from obseq.survey.model import FieldBook, Points
 
 
@@ -31,6 +32,7 @@ class Project:
         inner: With inner constraints, names of points that do not carry them, and of those whose coordinates
             stay known then; None without.
         has_geoid: Whether the geoid that is given has been used.
+        shown: Units of the files, in which results are reported; None for metres and gon.
     """
 
     points: Points
@@ -42,6 +44,7 @@ class Project:
     unit_sigma: float | None = None
     inner: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     has_geoid: bool = False
+    shown: ShownUnits | None = None
 
     def systems(self, frame: str | None, points_crs: str | None) -> tuple[str | None, str | None]:
         """Definitions of the computation frame, and of the system of the points: those given, else its own.

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.shown_units import ShownUnits, length_named
 from obseq.survey.files.text import parse_number, quoted
 
 if TYPE_CHECKING:
@@ -59,6 +60,11 @@ class Options:
     instrument: str = ""
     correlations: bool = False
     factor: float = 1.0
+
+    @property
+    def shown(self) -> ShownUnits:
+        """Units of reports: those of the file."""
+        return ShownUnits(length_named(self.metres), "gon" if self.has_gons else "dms")
 
 
 @dataclass(frozen=True)

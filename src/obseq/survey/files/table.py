@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from typing import TYPE_CHECKING
 
+from obseq.shown_units import METRES, ShownUnits
 from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.table_clusters import Member
 from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted
@@ -17,13 +18,22 @@ if TYPE_CHECKING:
     from obseq.survey.files.text import TextFile
     from obseq.survey.kinds.kind import ObservationKind
 
-LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3} | METRES
 """Units of lengths, as PROJ names them; `us-ft` is the foot of the United States' surveys."""
 DEFAULT_UNITS = {True: "gon", False: "m"}
 OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
+DEGREES = frozenset({"deg", "sec", "arcsec"})
 CORRELATING = ("covariances", "correlations")
 CLUSTERED = ("cluster", *CORRELATING)
 """Columns of correlated rows: what they have in common, and the covariances with the rows before."""
+
+
+def shown_in(names: frozenset[str]) -> ShownUnits:
+    """Units of reports for those that tables name: feet, degrees where there are no others."""
+    lengths, angles = names & set(LENGTHS), names & set(ANGLES)
+    length = next(iter(lengths)) if len(lengths) == 1 else "m"
+    degrees = bool(angles) and angles <= DEGREES
+    return ShownUnits(length if length in METRES else "m", "degree" if degrees else "gon")
 
 
 class Table:
@@ -32,10 +42,11 @@ class Table:
     Attributes:
         file: Its lines.
         columns: Position of each column, by name in small letters.
+        units: Those that its rows name.
     """
 
     def __init__(self, file: TextFile) -> None:
-        self.file = file
+        self.file, self.units = file, set[str]()
         head = file.lines[0]
         self.separator = max(",;\t", key=head.count)
         names = [name.strip().lower() for name in head.split(self.separator)]
@@ -92,11 +103,20 @@ class Table:
         """What value and sigma of a row are multiplied by."""
         units = ANGLES if kind.is_angle else LENGTHS
         name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
+        self.units.add(name)
         if name not in units:
             raise self.file.error(
                 index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
             )
         return units[name]
+
+    def length_unit(self, index: int, cells: dict[str, str]) -> float:
+        """Metres in the unit of the coordinates and sigmas of a point."""
+        name = cells.get("unit", "") or "m"
+        self.units.add(name)
+        if name not in LENGTHS:
+            raise self.file.error(index, f"unit {quoted(name)!r} is none of {', '.join(LENGTHS)}")
+        return LENGTHS[name]
 
     def is_active(self, index: int, cells: dict[str, str]) -> bool:
         """Whether a row is not switched off."""

@@ -11,7 +11,7 @@ from obseq.errors import InputError, ObseqError
 from obseq.printable import printable
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.project import Project
-from obseq.survey.files.table import CLUSTERED, Table
+from obseq.survey.files.table import CLUSTERED, Table, shown_in
 from obseq.survey.files.table_clusters import Clusters
 from obseq.survey.files.text import LEAST_SIGMA, quoted, read_text
 from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
 
 OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
-MORE_OF_POINTS = ("sx", "sy", "sz", "remark")
+MORE_OF_POINTS = ("sx", "sy", "sz", "unit", "remark")
 MORE_OF_OBSERVATIONS = (
     *("unit", "backsight", "set", "orientation", "instrument", "relative_sigma", "from_height", "to_height"),
     *("weights", *CLUSTERED, "active", "remark"),
@@ -56,7 +56,7 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    columns, clusters, points = Columns(), Clusters(), []
+    columns, clusters, points, named = Columns(), Clusters(), [], set[str]()
     for path in paths:
         table = Table(read_text(path, reading.encoding))
         table.check_rows()
@@ -66,10 +66,11 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
             _Formulas(table, columns, clusters).read()
         else:
             points.append(_points(table))
+        named |= table.units
     clusters.give(columns)
     if not points or not len(columns):
         raise InputError(_only_of(paths, "observations" if points else "points"))
-    return Project(merge_points(points), columns.field_book())
+    return Project(merge_points(points), columns.field_book(), shown=shown_in(frozenset(named)))
 
 
 def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
@@ -92,8 +93,9 @@ def _points(table: Table) -> Points:
         if not name:
             raise table.file.error(index, "a point has no name")
         names.append(name)
-        coordinates.append([table.number(index, cells, axis, math.nan) for axis in "xyz"])
-        sigmas.append([table.number(index, cells, f"s{axis}", math.nan) for axis in "xyz"])
+        unit = table.length_unit(index, cells)
+        coordinates.append([unit * table.number(index, cells, axis, math.nan) for axis in "xyz"])
+        sigmas.append([unit * table.number(index, cells, f"s{axis}", math.nan) for axis in "xyz"])
         if any(sigma < 0.0 or 0.0 < sigma < LEAST_SIGMA for sigma in sigmas[-1]):
             raise table.file.error(index, "a sigma is empty (free), 0 (held) or positive")
         if any(math.isnan(x) and not math.isnan(s) for x, s in zip(coordinates[-1], sigmas[-1], strict=True)):
