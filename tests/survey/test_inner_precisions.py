@@ -117,3 +117,21 @@ def test_tight_sigmas_and_whole_projects_have_them(shared_data, name):
     inner = np.trace(adjusted.inner, axis1=1, axis2=2)
     assert np.isfinite(inner).all()
     assert np.sum(inner) < 10.0 * np.sum(np.trace(adjusted.points.covariances, axis1=1, axis2=2))
+
+
+def test_of_one_height_difference_the_heights_are_known_to_half_its_sigma(shared_data):
+    """Two points of a covariance, and one height difference of 1 m: what it alone says of both.
+
+    N = [1 -1; -1 1] / s^2 of the two heights, and its pseudo-inverse s^2 / 4 [1 -1; -1 1]: 0.5 m each, times
+    sigma0 (0.2 m observed minus given over 1 m) 0.1 m. The plan is datum and has 0. Precisions that come
+    from the covariance of the known coordinates (3e-8 m) would be of the wrong network.
+    """
+    network = Network.read_project(shared_data / "comp3d-corcov" / "project.comp")
+    a_priori = network.adjust(quality=INNER).inner
+    expected = np.diag([0.0, 0.0, 0.25])
+    np.testing.assert_allclose(a_priori, [expected, expected], atol=1e-6)
+    adjusted = network.adjust(quality=Quality(inner=True))
+    inner = np.array([point.inner for point in adjusted.record().points])
+    scale = np.sqrt(adjusted.solution.variance_factor)
+    assert scale == pytest.approx(0.2, rel=1e-4)
+    np.testing.assert_allclose(inner, scale * np.array([[0.0, 0.0, 0.5]] * 2), atol=1e-6)

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from obseq.dataclass import dataclass
 from obseq.record import AdjustmentRecord, PointRecord
 from obseq.report.html import escaped
+from obseq.report.scheme import Places, scheme
 
 WIDTH = 900.0
 TALLEST = 600.0
@@ -41,12 +43,23 @@ class View:
 
 def network_figure(record: AdjustmentRecord) -> str:
     """The plan of an adjusted network as an SVG element."""
+    drawn = scheme(record)
+    points = record.points if drawn is None else tuple(_on_scheme(point, drawn) for point in record.points)
     sights = ((row.origin, row.target) for row in record.observations if row.active)
-    return plan_figure(record.points, sights, {row.origin for row in record.stations})
+    return plan_figure(points, sights, {row.origin for row in record.stations}, is_scheme=drawn is not None)
+
+
+def _on_scheme(point: PointRecord, places: Places) -> PointRecord:
+    x, y = places[point.name]
+    return replace(point, x=x, y=y, sx=point.sz, sy=point.sz, ellipse=None)
 
 
 def plan_figure(
-    given: Sequence[PointRecord], sights: Iterable[tuple[str, str]], stations: Collection[str]
+    given: Sequence[PointRecord],
+    sights: Iterable[tuple[str, str]],
+    stations: Collection[str],
+    *,
+    is_scheme: bool = False,
 ) -> str:
     """A plan as an SVG element; of a large network, not every line of sight and not every name."""
     points = list(given)
@@ -59,7 +72,7 @@ def plan_figure(
         f'<path class="sight" d="{_sights(sights, {point.name: point for point in points}, view)}"/>',
         *_marks(points, stations, view, exaggeration),
         *_names(points, stations, view),
-        *_legend(view, exaggeration),
+        *(_legend(view, exaggeration) if not is_scheme else _no_plan(view)),
         "</svg>",
     ]
     return "\n".join(parts)
@@ -132,6 +145,11 @@ def _exaggeration(points: list[PointRecord], view: View) -> float:
 def _round_below(value: float) -> float:
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)
+
+
+def _no_plan(view: View) -> Iterator[str]:
+    text = "no plan is known: a scheme of the levelling, with the standard deviations of the heights"
+    yield f'<text x="{MARGIN:.0f}" y="{view.height - 11:.1f}">{text}</text>'
 
 
 def _legend(view: View, exaggeration: float) -> Iterator[str]:

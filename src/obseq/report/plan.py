@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
 from obseq.report.quality import ellipse_level
+from obseq.report.scheme import scheme
 
 if TYPE_CHECKING:
     from obseq.record import AdjustmentRecord, PointRecord
@@ -31,18 +32,32 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         if row is not None and item.place and row >= len(record.points):
             places[row] = (item.place[0], item.place[1])
             marks[row] = UNDETERMINED
-    padding = len(rows) - len(record.points)
+    padding, drawn = len(rows) - len(record.points), scheme(record)
+    for name, place in (drawn or {}).items():
+        places[rows[name]] = place
+        if "z" not in (record.points[rows[name]].known or "").lower():
+            marks[rows[name]] &= ~KNOWN
+    shown = {
+        "title": "triangles: known points; circles: stations; dots: other points",
+        "ellipses": f"ellipses {ellipse_level(record)}",
+    }
+    if drawn is not None:
+        shown = {
+            "title": "no plan is known: a scheme of the levelling, longer lines being less precise ones; "
+            "triangles: known points; circles: where lines begin",
+            "ellipses": f"circles: standard deviations of the heights {record.precision or ''}".strip(),
+        }
     return {
         "x": [x for x, _ in places],
         "y": [y for _, y in places],
         "marks": marks,
-        **_ellipses(record, padding),
-        "moved": _moved(record, padding),
+        "scheme": drawn is not None,
+        **(_ellipses(record, padding) if drawn is None else _circles(record, padding)),
+        "moved": _moved(record, padding) if drawn is None else None,
         "unplaced": [printable_line(name) for name in _unplaced(record)],
         "rays": _rays(record, rows),
         "loose": _loose(record, rows),
-        "title": "triangles: known points; circles: stations; dots: other points",
-        "ellipses": f"ellipses {ellipse_level(record)}",
+        **shown,
         "displacements": "displacements, adjusted minus given",
     }
 
@@ -60,6 +75,13 @@ def _ellipses(record: AdjustmentRecord, padding: int) -> dict[str, list[float | 
         "minor": [None if item is None else float(f"{item.semi_minor:.4g}") for item in found],
         "bearing": [None if item is None else round(item.bearing, 4) for item in found],
     }
+
+
+def _circles(record: AdjustmentRecord, padding: int) -> dict[str, list[float | None]]:
+    """Standard deviations of heights, as circles of a scheme."""
+    sigmas = [None if point.sz is None else float(f"{point.sz:.4g}") for point in record.points]
+    padded = [*sigmas, *[None] * padding]
+    return {"major": padded, "minor": padded, "bearing": [0.0] * len(padded)}
 
 
 def _moved(record: AdjustmentRecord, padding: int) -> list[list[float] | None] | None:

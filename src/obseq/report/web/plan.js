@@ -262,6 +262,7 @@ class Plan {
   }
 
   drawScale() {
+    if (this.content.scheme) return;
     const { context, palette, height } = this;
     const unit = QUANTITIES.length();
     const inUnit = roundBelow((this.width / 5 / this.scale) * unit.factor);
@@ -281,7 +282,7 @@ class Plan {
 
   /** What the marks and colours mean, below the plan. */
   describe() {
-    const large = (factor) => `${significant(factor)} times larger than life${this.isCrowded ? ", those that find room (enlarge the plan for the others)" : ""}`;
+    const large = (factor) => `${this.content.scheme ? "to scale among themselves" : `${significant(factor)} times larger than life`}${this.isCrowded ? ", those that find room (enlarge the plan for the others)" : ""}`;
     const parts = [this.content.title];
     if (this.content.marks.some((marks) => marks & UNDETERMINED)) parts.push("crosses: points that nothing determines");
     const { unplaced } = this.content;

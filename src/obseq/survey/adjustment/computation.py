@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq import crs
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.stopwatch import Stopwatch
     from obseq.survey.adjustment.equations import Equations
@@ -133,7 +133,7 @@ class Computation:
         except SingularSystemError:
             return False
         rows = np.array([item.point for item in undetermined if item.station is None], np.intp)
-        covariances = solution.covariance(equations.points[rows], a_priori=True)
+        covariances = _covariances(solution, equations.points[rows], a_priori=True)
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
@@ -184,7 +184,7 @@ class Computation:
         undetermined = free_motions(equations, start.points.names)
         return Adjustment(
             solution=solution,
-            points=self._points(start, coordinates, solution.covariance(equations.points, found.a_priori)),
+            points=self._points(start, coordinates, _covariances(solution, equations.points, found.a_priori)),
             stations=_stations(start, equations.instrument_rotations(solution)),
             book=book.without(quality.rejected),
             residuals=residuals,
@@ -220,7 +220,7 @@ class Computation:
 def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
     """Raises the error of a singular system for points less precise than their sights are long."""
     rows = np.flatnonzero(start.points.is_free.any(axis=1))
-    covariances = solution.covariance(equations.points[rows], a_priori=True)
+    covariances = _covariances(solution, equations.points[rows], a_priori=True)
     precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     lost = rows[precisions > nearest_sights(start.book, solution.values(equations.points), rows)]
     if lost.size:
@@ -243,3 +243,10 @@ def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
 def _described(step: Iteration) -> str:
     sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
     return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
+
+
+def _covariances(solution: LeastSquaresResult, ids: IntArray, a_priori: bool) -> FloatArray:
+    """(n, 3, 3) covariances of points; 0 where all of them are held."""
+    if not solution.n_unknowns:
+        return np.zeros((len(ids), 3, 3))
+    return solution.covariance(ids, a_priori)

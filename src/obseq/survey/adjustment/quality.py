@@ -111,11 +111,11 @@ class Examination:
 
     wanted: Quality
     solution: LeastSquaresResult
-    reliability: Reliability | None
-    snooping: Snooping | None
-    change: FloatArray | None
-    components: VarianceComponents | None
-    relative: RelativePrecision | None
+    reliability: Reliability | None = None
+    snooping: Snooping | None = None
+    change: FloatArray | None = None
+    components: VarianceComponents | None = None
+    relative: RelativePrecision | None = None
     effects: Mapping[int, Effects] | None = None
 
     @property
@@ -145,6 +145,8 @@ def examine(
     """
     system = equations.system
     solution = system.solve(covariance=True, **solving)
+    if not solution.n_unknowns:  # all is held: normalised residuals say what there is to say
+        return Examination(wanted, solution)
     snooping, change = None, None
     if wanted.snooping is not None:
         before = solution.values(equations.points)
