@@ -38,8 +38,14 @@ LOOPS = {
         "evaluate_to_memory",
         "evaluate_values",
     ),
+    "obseq.leastsquares.assembly.small_loops": ("add_batch", "find_step"),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
-    "obseq.leastsquares.loops.blocks_to_matrix": ("add_diagonal_blocks", "add_pairs", "pattern_rows"),
+    "obseq.leastsquares.loops.blocks_to_matrix": (
+        "add_diagonal_blocks",
+        "add_pairs",
+        "add_priors",
+        "pattern_rows",
+    ),
     "obseq.leastsquares.loops.leverages": ("leverages",),
     "obseq.leastsquares.loops.schur_complement": (
         "body_pairs",
@@ -48,7 +54,11 @@ LOOPS = {
         "subtract_sums",
     ),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
-    "obseq.leastsquares.solvers.dense_loops": ("factor_columns", "invert_small", "solve_columns"),
+    "obseq.leastsquares.solvers.dense_loops": (
+        "factor_columns",
+        "invert_small",
+        "solve_columns",
+    ),
     "obseq.leastsquares.solvers.graph": (
         "count_edges",
         "peel_leaves_and_chains",

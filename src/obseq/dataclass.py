@@ -53,11 +53,16 @@ def _filling(cls: type) -> Callable[..., None]:
     fields = dataclasses.fields(cls)
     names = tuple(field.name for field in fields if field.init)
     known, count, has_more = frozenset(names), len(names), hasattr(cls, "__post_init__")
-    is_plain = all(field.init and field.default_factory is MISSING for field in fields)
+    is_plain = len(names) == len(fields)
     defaults = {field.name: field.default for field in fields if field.default is not MISSING}
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
+        if is_plain and not named and len(given) == count:
+            values.update(zip(names, given, strict=True))
+            if has_more:
+                self.__post_init__()
+            return
         values.update(defaults)
         values.update(zip(names, given, strict=False))
         values.update(named)

@@ -9,6 +9,7 @@ import pytest
 from interruptions import bundle, found, free_network, interrupted
 
 from obseq.leastsquares import LeastSquares
+from obseq.leastsquares.assembly.small_system import SmallSystem
 from obseq.leastsquares.loops import blocks_to_matrix
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
@@ -107,6 +108,15 @@ def levelling():
 def test_while_the_matrix_is_poured(monkeypatch, send):
     system, expected = levelling(), found(levelling())
     send(monkeypatch, blocks_to_matrix, "add_diagonal_blocks")
+    with pytest.raises(KeyboardInterrupt):
+        system.solve(strategy="controlled")
+    np.testing.assert_array_equal(found(system), expected)
+
+
+@pytest.mark.parametrize("send", [before, after])
+def test_in_an_iteration_of_a_small_system(monkeypatch, send):
+    system, expected = levelling(), found(levelling())
+    send(monkeypatch, SmallSystem, "iterate")
     with pytest.raises(KeyboardInterrupt):
         system.solve()
     np.testing.assert_array_equal(found(system), expected)

@@ -115,10 +115,10 @@ def test_an_interrupted_assembly_leaves_nothing_behind(tiny_shares, monkeypatch)
     expected = equations_of(system, 1).assemble()
     assemble_batch = shared._assemble_batch
 
-    def interrupted(batch, *rest):
+    def interrupted(share, batch, *rest):
         if batch is shared.batches[2]:
             raise KeyboardInterrupt
-        return assemble_batch(batch, *rest)
+        return assemble_batch(share, batch, *rest)
 
     monkeypatch.setattr(shared, "_assemble_batch", interrupted)
     with pytest.raises(KeyboardInterrupt):

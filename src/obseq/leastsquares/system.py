@@ -298,7 +298,8 @@ class LeastSquares:
     ) -> LeastSquaresResult:
         equations = analysis.equations
         equations.reweight()
-        squares = equations.sums_of_squares()
+        misfits = {batch: frozen(self.residuals(batch)) for batch in equations.batches}
+        squares = equations.sums_of_squares(misfits)
         overall, held = sigma0_of(squares, None, redundancy), analysis.substitution
         return LeastSquaresResult(
             tuple(done.iterations),
@@ -314,7 +315,7 @@ class LeastSquares:
             self.unknowns,
             self.unknowns.state(),
             frozen(self.unknowns.frozen.copy()),
-            {batch: frozen(self.residuals(batch)) for batch in equations.batches},
+            misfits,
             cofactors,
             held.redundant if held else (),
             done.evaluations,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Elimination:
-    """Works on a store that is filled; false when nothing is eliminated.
+    """Works on a store that is filled.
 
     Groups of blocks are shared among threads. Each thread has sums of its own, which are subtracted from the
     matrix at the end in a fixed order: the numbers are the same at each run.
@@ -47,9 +47,6 @@ class Elimination:
         self.scalars: IntArray = scalars[free]
         self.places: IntArray = places[free]
 
-    def __bool__(self) -> bool:
-        return len(self._layout.groups.blocks) > 0
-
     def add(self, store: FloatArray, scalars: IntArray, weight: FloatArray, pull: FloatArray) -> None:
         """Adds to the diagonal and to the gradient of those unknowns that are eliminated."""
         table = self._table
@@ -72,8 +69,6 @@ class Elimination:
         Raises:
             SingularSystemError: the observations of an eliminated block do not determine it.
         """
-        if not self:
-            return 0.0
         pulls = np.zeros((len(self._spans), int(self._layout.fill.bodies.height.sum())))
         failed = np.full((len(self._spans), 1), -1, dtype=np.int64)
 
@@ -124,8 +119,6 @@ class Elimination:
 
     def substitute_back(self, store: FloatArray, damping: float, step: FloatArray) -> None:
         """Writes the steps of eliminated unknowns in a step (n_scalars,) that has the others."""
-        if not self:
-            return
         from obseq.leastsquares.loops.schur_complement import substitute_back
 
         layout = self._layout

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+import math
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.dataclass import dataclass
+from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
 from obseq.leastsquares.assembly.elimination import Elimination
@@ -15,48 +16,26 @@ from obseq.leastsquares.assembly.evaluation import (
     batch_arrays,
     jacobian_rows,
     present_values,
+    raw_residuals,
     residuals,
     used_blocks,
+    whitened,
 )
+from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
+from obseq.leastsquares.assembly.prior_rows import PriorRows
+from obseq.leastsquares.assembly.small_system import MOST_OBSERVATIONS, MOST_UNKNOWNS, SmallSystem
 from obseq.leastsquares.assembly.store import aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
 from obseq.leastsquares.loops.loop_arguments import Span
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.loops.loop_arguments import BlockTable
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-
-@dataclass(frozen=True)
-class Linearisation:
-    """The least squares problem around the current values.
-
-    Attributes:
-        values: (nnz,) lower triangle of N = J' W J in the order of the pattern.
-        gradient: (n_free,) J' W r.
-        squares: sum of weighted squared residuals by group.
-        eliminated: sum of g_t' N_tt^-1 g_t over the eliminated blocks, whose share of matrix and gradient is
-            already subtracted.
-        damping: what was added to the diagonal of N, as a share of it.
-        diagonal: (n_scalars,) diagonal of N before damping and elimination; 0 where frozen.
-    """
-
-    values: FloatArray
-    gradient: FloatArray
-    squares: dict[str, float]
-    eliminated: float = 0.0
-    damping: float = 0.0
-    diagonal: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def cost(self) -> float:
-        """Sum of all weighted squared residuals."""
-        return sum(self.squares.values())
 
 
 class _Whole(NamedTuple):
@@ -99,15 +78,16 @@ class NormalEquations:
         self.free = self.layout.free
         self._threads = threads
         self.evaluations = 0
-        numbers = [self.free.number[prior.scalars] for prior in self.priors]
-        self._prior_rows = [(row[row >= 0], row >= 0) for row in numbers]
+        self._prior_rows = PriorRows(self.priors, self.free)
+        blocks = self.layout.groups.blocks
         self._diagonal_places = self.layout.diagonal.copy()
-        self._diagonal_places[self.layout.groups.blocks] = 0
+        self._diagonal_places[blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
-        self._elimination = Elimination(table, self.layout, len(self._shares))
+        self._elimination = Elimination(table, self.layout, len(self._shares)) if len(blocks) else None
         self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = aligned_zeros(self._shares.size)
+        self._rooms: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
         self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
 
     @property
@@ -132,6 +112,39 @@ class NormalEquations:
             SingularSystemError: the observations of an eliminated block do not determine it.
         """
         return self._reduced(self._collected(viscous), damping, floor)
+
+    @cached_property
+    def small(self) -> SmallSystem | None:
+        """The system as one that `solved` can treat; None where it is none of those."""
+        has_clusters = any(batch.clusters is not None for batch in self.batches)
+        is_plain = not (self._elimination or self.viscosities or has_clusters)
+        is_small = self.pattern.n <= MOST_UNKNOWNS and sum(b.n for b in self.batches) <= MOST_OBSERVATIONS
+        if not (is_plain and is_small and self.pattern.n and HAS_BUILTINS):
+            return None
+        return SmallSystem(self.table, self.batches, self._prior_rows, self.layout, partial(self._room, 0))
+
+    def solved(self) -> SolvedLinearisation | None:
+        """`assemble` and its Gauss-Newton step at once, for systems that are `small`.
+
+        None where the whole of `assemble` and of a solver is needed: numbers are not finite, or the matrix is
+        not clearly regular.
+        """
+        if self.small is None:
+            return None
+        self.reweight()
+        self._clean()
+        squares = np.zeros(len(self.batches) + len(self.priors))
+        found = self.small.iterate(self._store, squares)
+        totals = squares.tolist()
+        if found is None or not all(map(math.isfinite, totals)):
+            return None
+        self._is_clean = True
+        self.evaluations += 1
+        by_group = _count([*self.batches, *self.priors], totals, {})
+        values, length = self._store[: self.pattern.nnz], math.sqrt(max(0.0, found.numbers[1]))
+        return SolvedLinearisation(
+            values, found.gradient, by_group, 0.0, 0.0, found.weights, found.step, length
+        )
 
     def collect(self) -> FloatArray:
         """Assembles at the current values and keeps what `damped` needs, as often as it is asked.
@@ -178,7 +191,8 @@ class NormalEquations:
         """(n_scalars,) diagonal of N, eliminated unknowns included; 0 where frozen."""
         diagonal = np.zeros(self.table.n_scalars)
         diagonal[self.free.scalars] = values[self.pattern.diagonal]
-        diagonal[self._elimination.scalars] = self._store[self._elimination.places]
+        if self._elimination:
+            diagonal[self._elimination.scalars] = self._store[self._elimination.places]
         return diagonal
 
     def _reduced(self, whole: _Whole, damping: float, floor: FloatArray | None) -> Linearisation:
@@ -189,7 +203,9 @@ class NormalEquations:
             values[self.pattern.diagonal] += damping * (
                 diagonal if floor is None else np.maximum(diagonal, floor)
             )
-        eliminated = self._elimination.eliminate(self._store, gradient, damping)
+        eliminated = 0.0
+        if self._elimination:
+            eliminated = self._elimination.eliminate(self._store, gradient, damping)
         if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
             raise DivergenceError(self._explain(*self.batches))
         return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
@@ -220,16 +236,21 @@ class NormalEquations:
         """(n_scalars,) as `step`, from the matrix as it was assembled last, with this damping."""
         step = np.zeros(self.table.n_scalars)
         step[self.free.scalars] = solved
-        self._elimination.substitute_back(self._store, damping, step)
+        if self._elimination:
+            self._elimination.substitute_back(self._store, damping, step)
         return step
 
-    def sums_of_squares(self) -> dict[str, float]:
-        """Sum of weighted squared residuals by group, from values alone."""
+    def sums_of_squares(self, raw: Mapping[Batch, FloatArray] | None = None) -> dict[str, float]:
+        """Sum of weighted squared residuals by group, from values alone.
+
+        Args:
+            raw: `raw_residuals` at the current values, where they are known.
+        """
         self.evaluations += 1
         squares: dict[str, float] = {}
         for batch in self.batches:
             with np.errstate(over="ignore", invalid="ignore"):
-                total = float(np.sum(np.square(self._weighted(batch))))
+                total = float(np.sum(np.square(self._weighted(batch, raw[batch] if raw else None))))
             if not np.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
@@ -243,9 +264,11 @@ class NormalEquations:
         priors = [prior.residuals(self.table.values) * prior.weights for prior in self.priors]
         return np.concatenate([*(self._weighted(batch).ravel() for batch in self.batches), *priors])
 
-    def _weighted(self, batch: Batch) -> FloatArray:
+    def _weighted(self, batch: Batch, raw: FloatArray | None = None) -> FloatArray:
         weights = batch.weights[:, : batch.n]
-        misfits = residuals(self.table, batch, self._threads).T
+        if raw is None:
+            raw = raw_residuals(self.table, batch, self._threads)
+        misfits = whitened(batch, raw).T
         return np.where(weights != 0.0, misfits * weights, 0.0)
 
     def _added_up(self) -> list[float]:
@@ -256,7 +279,7 @@ class NormalEquations:
         def add_share(share: int) -> list[float]:
             spans = map(Span, bounds[share].tolist(), bounds[share + 1].tolist())
             parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
-            return [self._assemble_batch(*part) for part in parts]
+            return [self._assemble_batch(share, *part) for part in parts]
 
         totals = in_threads(add_share, len(self._shares))
         if len(self._shares.moves):
@@ -265,12 +288,19 @@ class NormalEquations:
             add_copies(self._store, self._shares.moves)
         return [sum(of_batch) for of_batch in zip(*totals, strict=True)]
 
-    def _assemble_batch(self, batch: Batch, table: BlockTable, kernel: int, span: Span) -> float:
+    def _assemble_batch(self, share: int, batch: Batch, table: BlockTable, kernel: int, span: Span) -> float:
         from obseq.leastsquares.loops.accumulation import assemble
 
         arrays, present = batch_arrays(batch), present_values(self.table)
-        tile, scratch = batch.shape.new_tile(), aligned_zeros(table.scratch)
+        tile, scratch = self._room(share, batch, table)
         return float(assemble(kernel, tile, arrays, span, present, table, scratch, self._store))
+
+    def _room(self, share: int, batch: Batch, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """A tile and room for records, of one thread and for one formula: kept, since batches are many."""
+        key = share, id(batch.shape)
+        if key not in self._rooms:
+            self._rooms[key] = batch.shape.new_tile(), aligned_zeros(table.scratch)
+        return self._rooms[key]
 
     def _matrix_and_gradient(self) -> tuple[FloatArray, FloatArray]:
         """The values of the matrix with all blocks of their own added, and the gradient."""
@@ -283,17 +313,22 @@ class NormalEquations:
         def add_share(share: int) -> None:
             add_pairs(store, self.layout.stored[bounds[share] : bounds[share + 1]], unknowns)
 
-        in_threads(add_share, len(bounds) - 1)
+        if len(self.layout.stored):
+            in_threads(add_share, len(bounds) - 1)
         return store[: self.pattern.nnz], gradient
 
     def _add_priors(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
-        for prior, (row, free) in zip(self.priors, self._prior_rows, strict=True):
-            misfit = prior.residuals(self.table.values) * prior.weights
-            squares[prior.group] = squares.get(prior.group, 0.0) + float(np.square(misfit).sum())
-            weight, pull = np.square(prior.weights), prior.weights * misfit
-            np.add.at(values, self.pattern.diagonal[row], weight[free])
-            np.add.at(gradient, row, pull[free])
-            if self._elimination:
+        if not self._prior_rows:
+            return
+        from obseq.leastsquares.loops.blocks_to_matrix import add_priors
+
+        totals, indptr = np.zeros(len(self.priors)), self.pattern.indptr
+        add_priors(self._prior_rows.arrays(), self.table.padded_values, indptr, values, gradient, totals)
+        _count(self.priors, totals.tolist(), squares)
+        if self._elimination:
+            for prior in self.priors:
+                weight = np.square(prior.weights)
+                pull = prior.residuals(self.table.values) * weight
                 self._elimination.add(self._store, prior.scalars, weight, pull)
 
     def _add_clusters(self, values: FloatArray, gradient: FloatArray, squares: dict[str, float]) -> None:
@@ -326,3 +361,12 @@ class NormalEquations:
                     "The equation is undefined there: correct the initial values, or remove the observation"
                 )
         return "the normal equations overflow: check the sigmas and the units of the observations"
+
+
+def _count(
+    sources: Sequence[Batch | Prior], totals: list[float], squares: dict[str, float]
+) -> dict[str, float]:
+    """Adds the sum of squares of each source to that of its group."""
+    for source, total in zip(sources, totals, strict=True):
+        squares[source.group] = squares.get(source.group, 0.0) + total
+    return squares

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.numbering import FreeUnknowns
+
+
+FEW_KEYS = 1000
+"""So many keys more than there are occurrences are listed rather than sorted."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,10 @@ class BlockPairs:
         return np.maximum(self.rows, self.columns)
 
 
-def role_pairs(n_roles: int) -> list[tuple[int, int]]:
+@cache
+def role_pairs(n_roles: int) -> tuple[tuple[int, int], ...]:
     """Pairs of roles of a formula, (row part, column part), in the order in which everything lists them."""
-    return [(p, q) for p in range(n_roles) for q in range(p)]
+    return tuple((p, q) for p in range(n_roles) for q in range(p))
 
 
 def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
@@ -59,7 +65,7 @@ def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
     ]
     keys += cluster_keys(batches, live, n)  # behind all occurrences, which nothing is scattered to
     joined = np.concatenate(keys) if keys else np.zeros(0, dtype=np.int64)
-    distinct, occurrence = np.unique(joined, return_inverse=True)
+    distinct, occurrence = _distinct(joined, n * n)
     if distinct.size and distinct[0] < 0:
         distinct, occurrence = distinct[1:], occurrence - 1
     return BlockPairs(distinct % n, distinct // n, occurrence)
@@ -78,15 +84,16 @@ def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[S
     n, count = len(free.count), free.count
     live = np.flatnonzero(count)
     keys = np.concatenate([live * (n + 1), low * n + high])
-    distinct, inverse = np.unique(keys, return_inverse=True)
+    distinct, inverse = _distinct(keys, n * n)
     column, row = distinct // max(n, 1), distinct % max(n, 1)
-    above = np.cumsum(count[row]) - count[row]
+    above = count[row].cumsum() - count[row]
     top = np.zeros(n, dtype=np.int64)
     top[live] = above[np.searchsorted(column, live)]
     offsets = above - top[column]
     height = np.bincount(column, weights=count[row], minlength=n).astype(np.int64)
     lengths = np.repeat(height[live], count[live]) - ranks(count[live])
-    indptr = np.concatenate([[0], np.cumsum(lengths)])
+    indptr = np.zeros(len(lengths) + 1, dtype=np.int64)
+    lengths.cumsum(out=indptr[1:])
     indices = np.empty(indptr[-1], dtype=np.int32)
     pattern_rows(column, row, offsets, count, free.first, indptr, indices)
     return SymmetricPattern(len(indptr) - 1, indptr, indices), offsets[inverse[len(live) :]]
@@ -94,4 +101,14 @@ def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[S
 
 def ranks(counts: IntArray) -> IntArray:
     """0, 1, ..., count - 1 for each count, one after the other."""
-    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.arange(counts.sum()) - (counts.cumsum() - counts).repeat(counts)
+
+
+def _distinct(keys: IntArray, limit: int) -> tuple[IntArray, IntArray]:
+    """The distinct ones of keys from -1 to before a limit, ascending, and which of them each key is."""
+    if limit > FEW_KEYS + len(keys):
+        return np.unique(keys, return_inverse=True)
+    is_there = np.zeros(limit + 1, dtype=bool)
+    is_there[keys + 1] = True
+    rank = is_there.cumsum() - 1
+    return is_there.nonzero()[0] - 1, rank[keys + 1]

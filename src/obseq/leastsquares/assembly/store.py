@@ -10,6 +10,7 @@ equations and frozen unknowns, without loops over observations.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
+
+MOST_DOUBLES = 2**32 - 1
+"""Places in the store are 32-bit numbers."""
 
 
 @dataclass(frozen=True)
@@ -115,29 +119,29 @@ def store_layout(
     pairs = block_pairs(batches, (free.count > 0) | loose)
     groups, met = elimination_groups(table, pairs, loose)
     groups, fill = fill_of(table, groups, met, free.count)
+    has_loose = bool(len(groups.blocks))
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
     joined = fill.low < fill.high
-    low, high = (
-        np.concatenate([pairs.low[kept], fill.low[joined]]),
-        np.concatenate([pairs.high[kept], fill.high[joined]]),
-    )
+    low = np.concatenate([pairs.low[kept], fill.low[joined]])
+    high = np.concatenate([pairs.high[kept], fill.high[joined]])
     matrix, found = matrix_pattern(free, low, high)
     offsets, of_fill = np.zeros(len(kept), dtype=np.int64), np.zeros(len(joined), dtype=np.int64)
-    of_fill[joined] = found[np.count_nonzero(kept) :]
-    offsets[kept] = found[: np.count_nonzero(kept)]
+    n_kept = np.count_nonzero(kept)
+    of_fill[joined] = found[n_kept:]
+    offsets[kept] = found[:n_kept]
     direct = _direct(table.size, free, pairs)
     places = _places(table, matrix, free, pairs, direct, loose)
     top = matrix.indptr[free.first[pairs.low[direct]]]
-    position, height = places.pair.copy(), np.full(len(kept), 2 * STORED_HEIGHT)
-    position[direct] = top + offsets[direct]
-    height[direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
-    height[direct] += (pairs.rows < pairs.columns)[direct]
-    height += is_turned(table, pairs, loose)
-    addressed = _Addresses(
-        np.append(position, places.spare), np.append(height, 2 * STORED_HEIGHT), places.diagonal, places.spare
-    )
-    stored = np.column_stack([places.pair, pairs.rows, pairs.columns, offsets])[kept & ~direct]
-    stored = stored[np.argsort(np.minimum(stored[:, 1], stored[:, 2]), kind="stable")]
+    position, height = np.full((2, len(kept) + 1), [[places.spare], [2 * STORED_HEIGHT]])
+    position[:-1] = places.pair
+    position[:-1][direct] = top + offsets[direct]
+    height[:-1][direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
+    height[:-1][direct] += (pairs.rows < pairs.columns)[direct]
+    if has_loose:
+        height[:-1] += is_turned(table, pairs, loose)
+    addressed = _Addresses(position, height, places.diagonal, places.spare)
+    stored = np.array([places.pair, pairs.rows, pairs.columns, offsets]).T[kept & ~direct]
+    stored = stored[np.minimum(stored[:, 1], stored[:, 2]).argsort(kind="stable")]
     return StoreLayout(
         free=free,
         matrix=matrix,
@@ -146,9 +150,9 @@ def store_layout(
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
-        groups=_placed(groups, places.pair),
+        groups=_placed(groups, places.pair) if has_loose else groups,
         fill=fill,
-        summed=np.column_stack([fill.summed, of_fill]),
+        summed=np.column_stack([fill.summed, of_fill]) if has_loose else np.zeros((0, 5), dtype=np.int64),
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),
     )
@@ -164,8 +168,10 @@ def _placed(groups: Groups, places: IntArray) -> Groups:
 
 def _with_free_unknowns(table: UnknownTable, blocks: BoolArray) -> BoolArray:
     """(n_blocks,) True for those of the blocks that have a free unknown."""
+    if not blocks.any():
+        return blocks
     taken = ~table.frozen & np.repeat(blocks, table.size)
-    return np.asarray(np.add.reduceat(taken, table.start, dtype=np.int64) > 0) if len(table) else blocks
+    return np.asarray(np.add.reduceat(taken, table.start, dtype=np.int64) > 0)
 
 
 def _places(
@@ -177,24 +183,26 @@ def _places(
     loose: BoolArray,
 ) -> _Places:
     """Places behind the matrix: spare block, diagonal blocks, pairs; then the same for eliminated blocks."""
-    spare = (matrix.nnz + 11) // 8 * 8
-    widths = part_width(table.size) * (table.size + 1)
+    spare, part = (matrix.nnz + 11) // 8 * 8, part_width(table.size)
+    widths, width = part * (table.size + 1), part[pairs.rows] * table.size[pairs.columns]
     length = int(widths.max(initial=0))
     diagonal, end = _consecutive(widths, free.count > 0, spare + length)
-    width = part_width(table.size)[pairs.rows] * table.size[pairs.columns]
     joining = loose[pairs.rows] | loose[pairs.columns]
-    pair, middle = _consecutive(width, ~direct & ~joining, end)
-    loose_diagonal, end = _consecutive(widths, loose, middle)
-    by_loose_block = np.flatnonzero(joining)  # so that one elimination reads one stretch of memory
-    owner = np.where(loose[pairs.rows], pairs.rows, pairs.columns)[by_loose_block]
-    by_loose_block = by_loose_block[np.argsort(owner, kind="stable")]
-    every = np.ones(len(by_loose_block), dtype=bool)
-    pair[by_loose_block], end = _consecutive(width[by_loose_block], every, end)
-    if end > np.iinfo(np.uint32).max:
+    pair, middle = _consecutive(width, ~(direct | joining), end)
+    end = middle
+    if loose.any():
+        loose_diagonal, end = _consecutive(widths, loose, middle)
+        diagonal = diagonal + loose_diagonal
+        by_loose_block = np.flatnonzero(joining)  # so that one elimination reads one stretch of memory
+        owner = np.where(loose[pairs.rows], pairs.rows, pairs.columns)[by_loose_block]
+        by_loose_block = by_loose_block[np.argsort(owner, kind="stable")]
+        every = np.ones(len(by_loose_block), dtype=bool)
+        pair[by_loose_block], end = _consecutive(width[by_loose_block], every, end)
+    if end > MOST_DOUBLES:
         raise InputError(
             "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
         )
-    return _Places(pair, diagonal + loose_diagonal, spare, length, middle, end)
+    return _Places(pair, diagonal, spare, length, middle, end)
 
 
 def part_width(size: IntArray) -> IntArray:
@@ -210,9 +218,9 @@ def _direct(size: IntArray, free: FreeUnknowns, pairs: BlockPairs) -> BoolArray:
 
 def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntArray, int]:
     """Consecutive places from `first` on for the blocks present (0 for the others), and the end."""
-    taken = np.where(present, widths, 0)
-    ends = first + np.cumsum(taken)
-    return np.where(present, ends - taken, 0), int(ends[-1]) if len(ends) else first
+    taken = widths * present
+    ends = first + taken.cumsum()
+    return (ends - taken) * present, int(ends[-1]) if len(ends) else first
 
 
 def _batch_layouts(
@@ -227,9 +235,7 @@ def _batch_layouts(
 
 
 def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BlockTable:
-    sizes = np.array([role.size for role in batch.shape.roles], dtype=np.int64)
-    widths = part_width(sizes)
-    part = np.cumsum(widths) - widths
+    sizes, widths, part, record_rows = _record(tuple((role.row, role.size) for role in batch.shape.roles))
     pairs: list[tuple[int, ...]] = []
     positions: list[IntArray] = []
     heights: list[IntArray] = []
@@ -247,9 +253,9 @@ def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> Blo
         pairs.append((part[p], part[q], widths[p] // 4, sizes[q], row, _runs(positions[-1])))
         if threes:
             heights.append(places.height[found])
-    width = int(widths.sum())
+    width = len(record_rows)
     return BlockTable(
-        _record_rows(batch, part, width),
+        record_rows,
         np.array(pairs, dtype=np.int64).reshape(-1, 6),
         np.array(positions, dtype=np.uint32).reshape(-1, batch.n),
         np.array(heights, dtype=np.uint32).reshape(-1, batch.n),
@@ -259,15 +265,20 @@ def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> Blo
 
 def _runs(positions: IntArray) -> int:
     """1 when most observations share their block with the one before."""
-    return int(2 * np.count_nonzero(np.diff(positions) == 0) > len(positions))
+    return int(2 * np.count_nonzero(positions[1:] == positions[:-1]) > len(positions))
 
 
-def _record_rows(batch: Batch, part: IntArray, width: int) -> IntArray:
-    rows = np.full(width, -1, dtype=np.int64)
-    for role, first in zip(batch.shape.roles, part, strict=True):
-        rows[first : first + role.size] = 1 + role.row + np.arange(role.size)
-        rows[first + role.size] = 0
-    return rows
+@lru_cache
+def _record(roles: tuple[tuple[int, int], ...]) -> tuple[list[int], list[int], list[int], IntArray]:
+    """Sizes, widths and places of the parts of a record, by roles (row, size), and `record_rows`."""
+    sizes = np.array([size for _, size in roles], dtype=np.int64)
+    widths = part_width(sizes)
+    part = widths.cumsum() - widths
+    rows = np.full(int(widths.sum()), -1, dtype=np.int64)
+    for (row, size), first in zip(roles, part, strict=True):
+        rows[first : first + size] = 1 + row + np.arange(size)
+        rows[first + size] = 0
+    return sizes.tolist(), widths.tolist(), part.tolist(), rows
 
 
 def aligned_zeros(n: int) -> FloatArray:

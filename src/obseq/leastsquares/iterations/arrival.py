@@ -112,7 +112,7 @@ def resolution(table: UnknownTable, weights: FloatArray) -> float:
         table: the unknowns.
         weights: (n_scalars,) diagonal of N, 0 where frozen.
     """
-    return EPS * float(np.linalg.norm(np.sqrt(weights) * sizes_of(table)))
+    return EPS * float(np.sqrt(weights @ np.square(sizes_of(table))))
 
 
 def sizes_of(table: UnknownTable) -> FloatArray:

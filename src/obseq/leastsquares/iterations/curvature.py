@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
 
 COMPONENTS = 6
 """Most components of S that are kept."""

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.problem.unknowns import State
 
@@ -71,7 +72,7 @@ def iterate(
     redundancy: int,
     before: Callable[[int], None],
     progress: Callable[[Iteration], None],
-    damping: float = 0.0,
+    linearise: Callable[[], Linearisation],
 ) -> Progress:
     """Runs the iterations; the table of unknowns holds a state whose residuals are finite whatever happens.
 
@@ -82,7 +83,7 @@ def iterate(
         redundancy: of the system.
         before: called before each linearisation.
         progress: receives each record.
-        damping: constant share of the diagonal that is added to it.
+        linearise: gives the equations at the current values.
 
     Raises:
         DivergenceError: the iterations have left where the equations are defined and determine the unknowns.
@@ -95,7 +96,7 @@ def iterate(
         before(number)
         try:
             cost = np.inf
-            linearisation = equations.assemble(damping)
+            linearisation = linearise()
             cost = linearisation.cost
             step, length = direction(linearisation)
         except (DivergenceError, SingularSystemError) as error:
@@ -122,7 +123,7 @@ def iterate(
 
 def _turns(step: FloatArray, last: FloatArray | None, weights: FloatArray) -> bool:
     """Whether a step goes against the one before it."""
-    return last is not None and float(np.sum(weights * step * last)) < 0.0
+    return last is not None and float((weights * step) @ last) < 0.0
 
 
 def _unfinished(iterations: list[Iteration], turns: list[bool]) -> StopReason:

@@ -12,7 +12,8 @@ from obseq.leastsquares.diagnosis.singular import singular_error
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.solvers import Solver
 
 

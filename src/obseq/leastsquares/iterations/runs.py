@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.leastsquares.assembly.linearisation import SolvedLinearisation
 from obseq.leastsquares.iterations.damped_path import DampedPath
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.dogleg_path import DoglegPath
@@ -16,12 +17,14 @@ from obseq.leastsquares.iterations.newton import factor, newton_step
 from obseq.leastsquares.iterations.stacked_rows import l1_step, lsmr_step, qr_step, stacked_rows
 from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, LevenbergMarquardt
 from obseq.leastsquares.iterations.trust_region import iterate_in_region
+from obseq.leastsquares.solvers.base import BaseSolver
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.gauss_newton import Progress
     from obseq.leastsquares.iterations.stacked_rows import StackedRows
@@ -52,11 +55,14 @@ def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver
     if isinstance(strategy, LevenbergMarquardt):
         if isinstance(solver, DatumSolver):
             raise InputError("a constant damping holds a free network where it is: not together with a datum")
-        return partial(iterate, equations, normal, damping=strategy.share)
+        return partial(iterate, equations, normal, linearise=partial(equations.assemble, strategy.share))
     if strategy.step == "normal":
-        return partial(iterate, equations, normal)
+        is_dense = isinstance(solver, BaseSolver) and solver.name == "dense"
+        linearise = partial(_linearised, equations) if is_dense else equations.assemble
+        return partial(iterate, equations, normal, linearise=linearise)
     _require_plain(strategy.step, equations)
-    return partial(iterate, equations, partial(_row_direction, equations, ROW_STEPS[strategy.step]))
+    rows = partial(_row_direction, equations, ROW_STEPS[strategy.step])
+    return partial(iterate, equations, rows, linearise=equations.assemble)
 
 
 def _require_plain(name: str, equations: NormalEquations) -> None:
@@ -67,9 +73,17 @@ def _require_plain(name: str, equations: NormalEquations) -> None:
         )
 
 
+def _linearised(equations: NormalEquations) -> Linearisation:
+    """The equations at the current values; with their step where they are small and clearly regular."""
+    solved = equations.solved()
+    return equations.assemble() if solved is None else solved
+
+
 def _normal_direction(
     equations: NormalEquations, solver: Solver, linearisation: Linearisation
 ) -> tuple[FloatArray, float]:
+    if isinstance(linearisation, SolvedLinearisation):
+        return linearisation.step, linearisation.length
     offset = factor(equations, solver, linearisation)
     step = newton_step(equations, solver, linearisation, offset)
     return step.move, step.length

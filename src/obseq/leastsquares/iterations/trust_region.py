@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import Linearisation, NormalEquations
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.solution.result import Iteration
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.loop_arguments import UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import PriorArrays, UnknownPlaces
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows
@@ -55,6 +55,34 @@ def add_diagonal_blocks(
                 if row >= 0:
                     store[indptr[column] + row - column] += store[at + j * width + i]
         store[at : at + width * (n + 1)] = 0.0
+
+
+@compiled
+def add_priors(
+    priors: PriorArrays,
+    present: FloatArray,
+    indptr: IntArray,
+    values: FloatArray,
+    gradient: FloatArray,
+    squares: FloatArray,
+) -> None:
+    """Adds priors to the diagonal of the matrix and to the gradient; their weighted squares to `squares`.
+
+    Args:
+        priors: what they say.
+        present: current values of all unknowns.
+        indptr: where the columns of the matrix begin.
+        values: (nnz,) the matrix.
+        gradient: (n_free,).
+        squares: (n_priors,).
+    """
+    for k in range(len(priors.scalars)):
+        weight, row = priors.weights[k], priors.numbers[k]
+        misfit = (present[priors.scalars[k]] - priors.values[k]) * weight
+        squares[priors.prior[k]] += misfit * misfit
+        if row >= 0:
+            values[indptr[row]] += weight * weight
+            gradient[row] += weight * misfit
 
 
 @compiled

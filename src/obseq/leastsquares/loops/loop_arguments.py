@@ -79,6 +79,24 @@ class BlockTable(NamedTuple):
     scratch: int
 
 
+class PriorArrays(NamedTuple):
+    """Unknowns observed directly.
+
+    Attributes:
+        scalars: (n,) positions among all unknowns.
+        numbers: (n,) numbers in the matrix, -1 where frozen or eliminated.
+        values: (n,) given values.
+        weights: (n,) inverse sigmas.
+        prior: (n,) which prior each of them belongs to.
+    """
+
+    scalars: IntArray
+    numbers: IntArray
+    values: FloatArray
+    weights: FloatArray
+    prior: IntArray
+
+
 class Groups(NamedTuple):
     """The groups of eliminated blocks and the blocks that each of them meets.
 

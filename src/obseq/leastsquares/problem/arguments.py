@@ -52,9 +52,8 @@ def finite(given: ArrayLike, shape: tuple[int, ...], what: str) -> FloatArray:
     array = real(given, what)
     if array.shape != shape:
         raise InputError(f"{what}: values have shape {array.shape}; expected {shape}")
-    wrong = np.argwhere(~np.isfinite(array))
-    if wrong.size:
-        raise InputError(f"{what}: row {wrong[0][0]} is not finite")
+    if not np.isfinite(array).all():
+        raise InputError(f"{what}: row {np.argwhere(~np.isfinite(array))[0][0]} is not finite")
     return array
 
 
@@ -120,7 +119,7 @@ def whole(given: object, what: str) -> int:
 
 def number(given: object, what: str) -> float:
     """A finite number."""
-    if isinstance(given, bool) or not isinstance(given, int | float | np.integer | np.floating):
+    if isinstance(given, bool) or not isinstance(given, (int, float, np.integer, np.floating)):
         raise InputError(f"{what}: a number is wanted, not {given!r}")
     if not np.isfinite(given):
         raise InputError(f"{what}: a finite number is wanted, not {given!r}")

@@ -363,12 +363,13 @@ class Batch:
             raise InputError(
                 f"{self.name}: sigmas have shape {array.shape}; expected a number, ({self.n},) or {shape}"
             )
-        array = np.broadcast_to(array, shape).copy()
-        wrong = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)).all(axis=1))
-        if wrong.size:
-            row = wrong[0]
-            raise InputError(f"{self.label(row)}: sigma must be positive and finite, not {array[row]}")
-        return array
+        sigmas = np.empty(shape)
+        sigmas[:] = array
+        is_right = np.isfinite(sigmas) & (sigmas > 0.0)
+        if not is_right.all():
+            row = int(is_right.all(axis=1).argmin())
+            raise InputError(f"{self.label(row)}: sigma must be positive and finite, not {sigmas[row]}")
+        return sigmas
 
     def _checked_active(self, active: ArrayLike | None) -> BoolArray:
         if active is None:

@@ -38,7 +38,10 @@ def stretched_columns(shape: Shape, columns: list[IntArray], n: int) -> IntArray
     for role, column in zip(shape.roles, columns, strict=True):
         if len(column) not in (1, n):
             raise InputError(f"{shape.name}, {role.name}: {len(column)} ids; other arguments have {n}")
-    return np.array([np.broadcast_to(column, n) for column in columns])
+    blocks = np.empty((len(columns), n), dtype=np.int64)
+    for row, column in zip(blocks, columns, strict=True):
+        row[:] = column
+    return blocks
 
 
 def _checked_role(table: UnknownTable, shape: Shape, role: Role, ids: ArrayLike) -> IntArray:

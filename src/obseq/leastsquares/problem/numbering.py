@@ -37,4 +37,4 @@ def free_unknowns(table: UnknownTable, used: BoolArray) -> FreeUnknowns:
     number = np.full(table.n_scalars, -1, dtype=np.int64)
     number[scalars] = np.arange(len(scalars))
     count = np.add.reduceat(taken, table.start, dtype=np.int64) if len(table) else table.size
-    return FreeUnknowns(number, scalars, np.cumsum(count) - count, count)
+    return FreeUnknowns(number, scalars, count.cumsum() - count, count)

@@ -42,7 +42,7 @@ class Prior:
         given = finite(_stretched(values, shape, "prior: values"), shape, "prior: values")
         spread = _checked_sigmas(table, self.ids, sigmas, shape)
         kept = np.isfinite(spread)
-        self.scalars: IntArray = table.scalars(self.ids)[kept]
+        self.scalars: IntArray = table.consecutive(self.ids, size)[kept]
         self.values: FloatArray = frozen(given[kept])
         self.sigmas = spread[kept][:, None]
 
@@ -64,9 +64,10 @@ class Prior:
     @sigmas.setter
     def sigmas(self, new: ArrayLike) -> None:
         given = np.array(_stretched(new, (self.n_scalars, 1), "prior: sigmas"))
-        wrong = np.flatnonzero(~(np.isfinite(given) & (given > 0.0)))
-        if wrong.size:
-            raise InputError(f"{self.label(wrong[0])}: sigma must be positive, not {given[wrong[0], 0]}")
+        is_right = np.isfinite(given) & (given > 0.0)
+        if not is_right.all():
+            row = int(is_right.argmin())
+            raise InputError(f"{self.label(row)}: sigma must be positive, not {given[row, 0]}")
         self._sigmas: FloatArray = frozen(given)
         self.weights: FloatArray = root_weights(given, self.active)[:, 0]
 
@@ -127,15 +128,17 @@ def _checked_sigmas(
 ) -> FloatArray:
     given = real(sigmas, "prior: sigmas")
     array = _stretched(given[:, None] if given.shape == shape[:1] else given, shape, "prior: sigmas")
-    wrong = np.flatnonzero(~(array > 0.0).all(axis=1))
-    if wrong.size:
-        name = table.names[ids[wrong[0]]]
-        raise InputError(f"prior of {name}: sigma must be positive, not {array[wrong[0]]}")
+    is_right = array > 0.0
+    if not is_right.all():
+        row = int(is_right.all(axis=1).argmin())
+        raise InputError(f"prior of {table.names[ids[row]]}: sigma must be positive, not {array[row]}")
     return array
 
 
 def _stretched(given: ArrayLike, shape: tuple[int, int], what: str) -> FloatArray:
     array = real(given, what)
+    if array.shape == shape:
+        return array
     try:
         return np.broadcast_to(array, shape)
     except ValueError:

@@ -89,7 +89,8 @@ class Problem:
             batch.correlate(covariances)
         if covariance is not None:
             batch.correlate_all(covariance)
-        batch.loss = loss
+        if loss is not None:
+            batch.loss = loss
         return self._added(batch)
 
     def add_linear(

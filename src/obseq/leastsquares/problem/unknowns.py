@@ -240,9 +240,8 @@ class UnknownTable:
         if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
             raise InputError(f"{what}: block ids must be a 1-D array of integers")
         array = array.astype(np.int64)
-        outside = (array < 0) | (array >= len(self))
-        if outside.any():
-            wrong = np.flatnonzero(outside)
+        if array.size and not 0 <= array.min() <= array.max() < len(self):
+            wrong = np.flatnonzero((array < 0) | (array >= len(self)))
             raise InputError(
                 f"{what}: row {wrong[0]} has block id {array[wrong[0]]}; ids go from 0 to {len(self) - 1}"
             )
@@ -268,9 +267,9 @@ class UnknownTable:
     def scalars(self, ids: ArrayLike, what: str = "ids") -> IntArray:
         """(n, size) positions in `values` of the unknowns of blocks that are alike."""
         array, _, size = self.uniform(ids, what)
-        return self._consecutive(array, size)
+        return self.consecutive(array, size)
 
-    def _consecutive(self, ids: IntArray, size: int) -> IntArray:
+    def consecutive(self, ids: IntArray, size: int) -> IntArray:
         """(n, size) positions in `values` of the unknowns of blocks of this size."""
         return np.asarray(self.start[ids][:, None] + np.arange(size))
 
@@ -318,7 +317,7 @@ class UnknownTable:
         values = self.values if state is None else state.values
         context = self._context.view if state is None else state.context
         return manifold.joined(
-            values[self._consecutive(array, size)], context[self._context_places(array, manifold)]
+            values[self.consecutive(array, size)], context[self._context_places(array, manifold)]
         )
 
     def write(self, ids: ArrayLike, new: ArrayLike) -> None:
@@ -352,7 +351,7 @@ class UnknownTable:
         self.values[:] = values
 
     def _absorb(self, ids: IntArray, manifold: Manifold, values: FloatArray) -> None:
-        scalars = self._consecutive(ids, int(self.size[ids[0]]))
+        scalars = self.consecutive(ids, int(self.size[ids[0]]))
         small = values[scalars]
         moved = np.any(small != 0.0, axis=1)
         values[scalars] = 0.0

@@ -56,7 +56,8 @@ class Weighted(Protocol):
 
 def root_weights(sigmas: FloatArray, active: BoolArray, factors: FloatArray | float = 1.0) -> FloatArray:
     """(n, k) what residuals are multiplied by: factors over sigmas (n, k); 0 where not active (n,)."""
-    return np.where(active[:, None], factors / sigmas, 0.0)
+    weights = factors / sigmas
+    return weights if active.all() else np.where(active[:, None], weights, 0.0)
 
 
 class Restorer:

@@ -41,9 +41,10 @@ class SymmetricPattern:
         indptr, indices = self.indptr, self.indices
         if indptr.shape != (self.n + 1,) or (self.n >= 0 and (indptr[0] != 0 or indptr[-1] != len(indices))):
             raise InputError(f"pattern: `indptr` must go from 0 to {len(indices)} in {self.n + 1} entries")
-        if np.any(np.diff(indptr) < 1) or np.any(indices[indptr[:-1]] != np.arange(self.n)):
+        tops = indptr[:-1]
+        if (indptr[1:] <= tops).any() or (indices[tops] != np.arange(self.n)).any():
             raise InputError("pattern: each column must start with its diagonal entry")
-        ascending = np.diff(indices) > 0
+        ascending = indices[1:] > indices[:-1]
         ascending[indptr[1:-1] - 1] = True
         if not ascending.all() or (len(indices) and indices.max() >= self.n):
             raise InputError("pattern: rows must be below n, ascending in each column, without repetition")

@@ -39,6 +39,10 @@ LARGEST_EXAMINED = 64
 """Beyond this number of suspicious unknowns all are taken as undetermined: whole parts are not observed."""
 
 
+_NONE: IntArray = np.zeros(0, dtype=np.int64)
+_NO_PIVOTS: FloatArray = np.zeros(0)
+
+
 def replacement_pivots(diagonal: FloatArray) -> FloatArray:
     """What replaces vanishing pivots: the diagonal entries of the matrix, 1 where they are not positive."""
     return np.where(diagonal > 0.0, diagonal, 1.0)
@@ -51,6 +55,9 @@ def relative_pivots(pivots: FloatArray, diagonal: FloatArray) -> FloatArray:
 
 def defect_of(pivots: FloatArray, tolerance: float) -> Defect:
     """The unknowns whose relative pivots ((n,), in the order of the unknowns) are not above the tolerance."""
+    least = float(pivots.min(initial=1.0))
+    if least > tolerance:
+        return Defect(_NONE, _NO_PIVOTS, least)
     is_above = pivots > tolerance
     indices: IntArray = np.flatnonzero(~is_above)
     return Defect(indices, pivots[indices], float(pivots[is_above].min(initial=1.0)))

@@ -1,0 +1,167 @@
+"""One iteration of a small system as two compiled loops: from batches to blocks, from these to the step.
+
+Python calls them as its own builtins: a usual call takes longer than their work.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from obseq.compilation import compiled
+from obseq.leastsquares.loops.accumulation import assemble
+from obseq.leastsquares.loops.blocks_to_matrix import add_diagonal_blocks, add_pairs, add_priors
+from obseq.leastsquares.loops.loop_arguments import (
+    BatchArrays,
+    BlockTable,
+    Present,
+    PriorArrays,
+    Span,
+    UnknownPlaces,
+)
+from obseq.leastsquares.solvers.dense_loops import factor_columns, solve_columns
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
+
+
+class BatchMembers(NamedTuple):
+    """The arrays of a batch, as of `BatchArrays`."""
+
+    blocks: IntRows
+    starts: PositionRows
+    contexts: PositionRows
+    observations: FloatRows
+    observation_rows: IntArray
+    weights: FloatRows
+    roots: FloatRows
+
+
+class TableMembers(NamedTuple):
+    """The arrays of a `BlockTable`."""
+
+    record_rows: IntArray
+    pairs: IntRows
+    positions: PositionRows
+    heights: PositionRows
+
+
+class MatrixRoom(NamedTuple):
+    """Where blocks go, and room for the matrix.
+
+    Attributes:
+        diagonal: (n_blocks,) place of the diagonal blocks in the store, in units of four doubles.
+        stored: (n, 4) pairs to be added to the matrix (see `StoreLayout`).
+        places: (nnz,) where the entries of the pattern are in the dense matrix.
+        columns: (n n,) its factor, by columns.
+        pivots: (n,) its relative pivots.
+    """
+
+    diagonal: IntArray
+    stored: IntRows
+    places: IntArray
+    columns: FloatArray
+    pivots: FloatArray
+
+
+class Outcome(NamedTuple):
+    """What an iteration finds.
+
+    Attributes:
+        gradient: (n,) zeros; J' W r.
+        solved: (1, n) the step of the matrix.
+        step: (n_scalars,) zeros; the step of all unknowns.
+        weights: (n_scalars,) zeros; the diagonal of the matrix.
+        numbers: (2,) least relative pivot, -1 without finite numbers; square of the length of the step.
+    """
+
+    gradient: FloatArray
+    solved: FloatRows
+    step: FloatArray
+    weights: FloatArray
+    numbers: FloatArray
+
+
+@compiled(at_once=True)
+def add_batch(
+    plan: IntArray,
+    tile: FloatArray,
+    batch: BatchMembers,
+    present: Present,
+    table: TableMembers,
+    scratch: FloatArray,
+    store: FloatArray,
+    squares: FloatArray,
+) -> int:
+    """Adds a batch to the small blocks of the store, and its weighted squares to the numbers of `squares`.
+
+    `plan`: address of the kernel, numbers of unknowns and residuals, first row of results, number of
+    observations, place among `squares`.
+    """
+    arrays = BatchArrays(
+        plan[1],
+        plan[2],
+        plan[3],
+        batch.blocks,
+        batch.starts,
+        batch.contexts,
+        batch.observations,
+        batch.observation_rows,
+        batch.weights,
+        batch.roots,
+    )
+    blocks = BlockTable(table.record_rows, table.pairs, table.positions, table.heights, len(scratch))
+    span = Span(0, plan[4])
+    squares[plan[5]] += assemble(plan[0], tile, arrays, span, present, blocks, scratch, store)
+    return 0
+
+
+@compiled(at_once=True)
+def find_step(
+    store: FloatArray,
+    room: MatrixRoom,
+    unknowns: UnknownPlaces,
+    priors: PriorArrays,
+    present: Present,
+    free: IntArray,
+    tolerance: FloatArray,
+    squares: FloatArray,
+    found: Outcome,
+) -> int:
+    """Makes the normal equations of what the store holds, factors and solves them.
+
+    `free` (n,): position of each unknown of the matrix among all. `tolerance` (1,): pivots below it are
+    replaced. `squares`: those of each prior are added to its number.
+    """
+    n, values, numbers = len(free), store[: len(room.places)], found.numbers
+    add_diagonal_blocks(store, room.diagonal, unknowns, found.gradient)
+    add_pairs(store, room.stored, unknowns)
+    add_priors(priors, present.values, unknowns.indptr, values, found.gradient, squares)
+    numbers[0] = -1.0
+    if not (are_finite(values) and are_finite(found.gradient)):
+        return 0
+    room.columns[:] = 0.0
+    for k in range(len(room.places)):
+        room.columns[room.places[k]] = values[k]
+    for j in range(n):
+        weight = values[unknowns.indptr[j]]
+        found.weights[free[j]] = weight
+        room.pivots[j] = weight
+        found.solved[0, j] = -found.gradient[j]
+    factor_columns(room.columns, 0, n, n, n, room.pivots, 0, tolerance[0])
+    solve_columns(room.columns, n, found.solved)
+    least, square = 1.0, 0.0
+    for j in range(n):
+        least = min(least, room.pivots[j])
+        square -= found.solved[0, j] * found.gradient[j]
+        found.step[free[j]] = found.solved[0, j]
+    numbers[0], numbers[1] = least, square
+    return 0
+
+
+@compiled
+def are_finite(numbers: FloatArray) -> bool:
+    """Whether all numbers are finite."""
+    total = 0.0
+    for k in range(len(numbers)):
+        total += 0.0 * numbers[k]
+    return total == 0.0
