@@ -148,11 +148,70 @@ def test_sigmas_that_are_all_too_small_make_no_suspect(tables, capsys):
     assert first.startswith("Bundle adjustment: sigma0")
 
 
-def test_robust_weights_leave_nothing_to_suspect(tables, capsys):
+def test_blunders_in_a_block_with_robust_weights_are_all_named(tables, capsys):
     folder, options, _ = tables
-    with_shift(folder / "measures.csv", 40, 2, 14.0)
-    assert main(["bundle", *options, "--attenuation=1"]) == 0
-    assert "robust weights: none is suspected by its test" in capsys.readouterr().out
+    robust = [*options, "--attenuation=1", f"--json={folder / 'r.json'}", f"--html={folder / 'r.html'}"]
+    assert suspect_of(robust, capsys)[0] == 0
+    assert "No gross error is suspected" in (folder / "r.html").read_text()
+    planted = [with_shift(folder / "measures.csv", row, 2, shift)[:2] for row, shift in ((40, 14), (90, -25))]
+    code, first = suspect_of(robust, capsys)
+    assert code == 1
+    assert first.startswith("2 gross errors are suspected: ")
+    for (image, point), shift in zip(planted, ("+1", "-2"), strict=True):
+        assert f"image {image}, point {point} x, off by {shift}" in first
+    record, page = json.loads((folder / "r.json").read_text()), (folder / "r.html").read_text()
+    tests = record["reliability"]["suspicion"]
+    assert (tests["beyond"], tests["robust"]) == (2, True)
+    assert max(item["weight"] for item in tests["largest"][:2]) < 0.2
+    columns = record["residuals"]
+    for item in tests["largest"][:2]:
+        image = record["images"][columns["image"][item["row"]]]["name"]
+        point = record["points"][columns["point"][item["row"]]]["name"]
+        assert f"image {image}, point {point} x" in item["name"]
+    assert page.count('class="suspect"') == 4  # in the drawing of the camera, and in that of each image
+    assert page.count('<tr class="bad">') == 2
+
+
+def test_robust_weights_with_sigmas_that_are_too_small_suspect_nothing(tables, capsys):
+    _, options, _ = tables
+    code, first = suspect_of([*options, "--image-sigma=0.1", "--attenuation=0.5"], capsys)
+    assert code == 0
+    assert first.startswith("Bundle adjustment: sigma0")
+
+
+def test_a_wrong_control_coordinate_is_named_beside_robust_weights(tables, capsys):
+    folder, options, _ = tables
+    with_shift(folder / "control.csv", 3, 2, 0.05)
+    code, first = suspect_of([*options, "--attenuation=1"], capsys)
+    assert code == 1
+    assert first.startswith("a gross error is suspected: control point P2 y, off by +0.0")
+
+
+def test_control_points_in_no_image_are_named_and_change_nothing(tables, capsys):
+    folder, options, _ = tables
+    with (folder / "control.csv").open("a") as file:
+        file.writelines(f"far{k},{k},0,0,0.01\n" for k in range(6))
+    results = [f"--json={folder / 'r.json'}", f"--html={folder / 'r.html'}"]
+    assert main(["bundle", *options, *results]) == 0
+    shown = capsys.readouterr().out
+    assert "Control points that change nothing (6)" in shown
+    assert "far0, far1, far2, far3 and 2 more  it is in no image" in shown
+    named = [item["name"] for item in json.loads((folder / "r.json").read_text())["unmeasured"]]
+    assert named == [f"far{k}" for k in range(6)]
+    assert "<td>far5</td>" in (folder / "r.html").read_text()
+
+
+def test_points_measured_once_are_counted_by_their_reason(tables, capsys):
+    folder, options, _ = tables
+    with (folder / "measures.csv").open("a") as file:
+        file.writelines(f"i0,once{k},{1000 + k},700\n" for k in range(30))
+    with (folder / "images.csv").open("a") as file:
+        file.write("spare,c\n")
+    assert main(["bundle", *options]) == 1
+    shown = capsys.readouterr().out
+    assert "Left out (31)" in shown
+    assert "once0, once1, once2, once3 and 26 more  it has 1 ray; a free point takes 2" in shown
+    assert "spare" in shown
 
 
 def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):

@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.images import BlunderSearch, ImagePoints
+from obseq.images import BlunderSearch, ImagePoints, Weighting
 from obseq.images.output.page import page
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import summary
@@ -123,3 +123,23 @@ def test_reliability_takes_covariances(clean):
     without = scenes.block()[0].solve(covariance=False)
     with pytest.raises(InputError, match="covariance"):
         without.reliability()
+
+
+@pytest.mark.parametrize("weighting", [(0.5, 0.5, None, 1.0), (0.5, 1.5, None, 2.0), (0.5, 1.0, 5.0, 2.0)])
+def test_robust_weights_show_all_blunders_and_hardly_any_good_measure(weighting):
+    missed = wrong = 0
+    for seed in range(4):
+        block, _, _ = scenes.block(seed=seed, n_points=20, n_images=6)
+        measures = block.sets.pop().measures
+        rng = np.random.default_rng(seed)
+        rows = rng.choice(len(measures), 8, replace=False) if seed else np.zeros(0, dtype=int)
+        measures.xy[rows, 0] += rng.choice([-1, 1], len(rows)) * rng.uniform(8.0, 40.0, len(rows))
+        block.add_measures(measures, Weighting(*weighting))
+        block.freeze_parameters("K2|K3|p.|b.")
+        solution = block.solve()
+        suspects = record_of(solution).suspects
+        found = {int(solution.residuals.row[item.row]) for item in suspects if item.row is not None}
+        missed += len(set(rows.tolist()) - found)
+        wrong += len(found - set(rows.tolist()))
+    assert missed <= 1
+    assert wrong <= 2

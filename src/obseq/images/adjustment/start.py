@@ -82,6 +82,7 @@ class Start:
         sets: the measures.
         left_out: what takes no part.
         misfit: by how many pixels the rays miss the points that they placed, in the median.
+        unmeasured: control points that are in no image.
     """
 
     poses: Poses
@@ -93,6 +94,7 @@ class Start:
     sets: list[NumberedSet]
     left_out: tuple[LeftOut, ...]
     misfit: float = 0.0
+    unmeasured: tuple[LeftOut, ...] = ()
 
     @property
     def is_held(self) -> BoolArray:
@@ -152,7 +154,15 @@ def start_of(block: Block) -> Start:
         used,
         tuple(left_out),
         off,
+        _unmeasured(block, names),
     )
+
+
+def _unmeasured(block: Block, names: Sequence[str]) -> tuple[LeftOut, ...]:
+    """Control points that no observation joins to the block."""
+    met = are_among(block.control.names, {*names, *block.joined_points})
+    idle = itertools.compress(block.control.names, ~met)
+    return tuple(LeftOut("control point", name, "it is in no image") for name in idle)
 
 
 def _at_observed_centres(block: Block, poses: Poses) -> Poses:

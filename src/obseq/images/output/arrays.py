@@ -81,6 +81,13 @@ def arrays_of(record: BundleRecord) -> BlockArrays:
     )
 
 
+def suspected_measures(record: BundleRecord) -> BoolArray:
+    """(n,) image points, in the rows of the residuals, that are suspected to be gross errors."""
+    marked = np.zeros(len(record.residuals.image), dtype=bool)
+    marked[[item.row for item in record.suspects if item.row is not None]] = True
+    return marked
+
+
 def interior(camera: CameraRecord) -> tuple[float, tuple[float, float]]:
     """Focal length and principal point of a camera, pixels: its first three parameters."""
     focal, x, y = (parameter.value for parameter in camera.parameters[:3])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
-from obseq.images.output.suspicion import StandardisedRecord
+from obseq.images.output.suspicion import StandardisedRecord, SuspicionRecord
 from obseq.images.output.testing import ReliabilityRecord
 from obseq.plain import from_plain, to_plain
 from obseq.record import IterationRecord, RunRecord
@@ -166,6 +166,7 @@ class BundleRecord:
         residuals: of all image points.
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
+        unmeasured: control points that are in no image: they change nothing.
     """
 
     n_observations: int
@@ -192,19 +193,24 @@ class BundleRecord:
     clinometers: tuple[ClinometerRecord, ...]
     run: RunRecord
     global_test: GlobalTestRecord | None = None
+    unmeasured: tuple[BlockLeftOutRecord, ...] = ()
     format: str = FORMAT
     version: int = VERSION
 
     @property
     def is_complete(self) -> bool:
         """Converged, with nothing left out, no point behind a camera, and no gross error suspected."""
-        return self.converged and not self.left_out and not self.behind and self.suspect is None
+        return self.converged and not self.left_out and not self.behind and not self.suspects
 
     @property
-    def suspect(self) -> StandardisedRecord | None:
-        """The observation of any kind that is suspected to be a gross error."""
-        found = None if self.reliability is None else self.reliability.suspicion
-        return None if found is None else found.suspect
+    def suspicion(self) -> SuspicionRecord | None:
+        """The largest tests; None when no precision was asked for, or without redundancy."""
+        return None if self.reliability is None else self.reliability.suspicion
+
+    @property
+    def suspects(self) -> tuple[StandardisedRecord, ...]:
+        """The observations of any kind that are suspected to be gross errors, the largest first."""
+        return () if self.suspicion is None else self.suspicion.suspects
 
     def to_json(self) -> str:
         """The text of the result file."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from obseq.images.output.summary import suspected
 from obseq.report.html import escaped
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 500
 """Rows of a table before it is cut."""
+BAD = ' class="bad"'
 
 
 def reliability(record: BundleRecord) -> Iterator[str]:
@@ -93,9 +95,31 @@ def _clinometers(found: Sequence[ClinometerRecord]) -> Iterator[str]:
     yield table(("clinometer", "image", "computed minus read, rad"), readings[:MOST_ROWS], len(readings))
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[object]], count: int) -> str:
-    """A table, and a note when it has not all of so many rows."""
-    body = [f"<tr>{''.join(f'<td>{escaped(str(cell))}</td>' for cell in row)}</tr>" for row in rows]
+def largest_tests(record: BundleRecord) -> Iterator[str]:
+    """The largest tests of all kinds of observation; suspects stand first, and are marked."""
+    tests = record.suspicion
+    if tests is None or not tests.largest:
+        return
+    suspects = suspected(record)
+    said = f'<p class="bad">{escaped(suspects)}</p>' if suspects else "<p>No gross error is suspected.</p>"
+    rows = [
+        (
+            item.name, f"{item.w:+.2f}", f"{item.scaled:+.2f}",
+            "" if item.blunder is None else f"{item.blunder:+.3g} {item.unit}", f"{item.weight:.3g}",
+        )
+        for item in tests.largest
+    ]  # fmt: skip
+    heads = ("what", "w", f"scaled (limit {tests.limit:.2f})", "error", "weight")
+    shown = table(heads, rows, len(rows), len(tests.suspects))
+    yield f"<h2>Largest standardised residuals of all observations</h2>{said}{shown}"
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]], count: int, marked: int = 0) -> str:
+    """A table, and a note when it has not all of so many rows; the first ones may be marked."""
+    body = [
+        f"<tr{BAD if k < marked else ''}>{''.join(f'<td>{escaped(str(cell))}</td>' for cell in row)}</tr>"
+        for k, row in enumerate(rows)
+    ]
     head = "".join(f"<th>{word}</th>" for word in heads)
     note = f"<p>and {count - len(body)} more, in the JSON file</p>" if count > len(body) else ""
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(body)}</table></div>{note}'

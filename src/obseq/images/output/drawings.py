@@ -10,13 +10,15 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
 
 Size = tuple[int, int]
 """Width and height of an image in pixels; zeros where they are not known."""
 WIDTH, HEIGHT = 460.0, 300.0
 """Of a drawing, in CSS pixels; frames of images keep their shape within."""
 MARGIN = 34.0
+LEFT = 58.0
+"""Room for the numbers beside an axis that goes up."""
 MOST = 4000
 """Arrows of a drawing; of more, evenly spread ones."""
 LONGEST = 0.06
@@ -49,8 +51,18 @@ def frame_of(size: Size, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     return -reach, 2.0 * reach
 
 
-def arrows(frame: Size, xy: FloatArray, residuals: FloatArray, label: str, width: float = WIDTH) -> str:
-    """Residuals (n, 2) at their measures (n, 2), enlarged, on the frame of the image; with a bar of scale."""
+def arrows(
+    frame: Size,
+    xy: FloatArray,
+    residuals: FloatArray,
+    label: str,
+    width: float = WIDTH,
+    suspected: BoolArray | None = None,
+) -> str:
+    """Residuals (n, 2) at their measures (n, 2), enlarged, on the frame of the image; with a bar of scale.
+
+    Those that are suspected (n,) stand in circles.
+    """
     corner, size = frame_of(frame, xy)
     scale = width / size[0]
     height = float(size[1] * scale)
@@ -58,6 +70,7 @@ def arrows(frame: Size, xy: FloatArray, residuals: FloatArray, label: str, width
     factor = round_below(LONGEST * size.max() / typical) if typical > 0.0 else 1.0
     rows = np.unique(np.linspace(0, max(len(xy) - 1, 0), min(len(xy), MOST)).astype(np.int64))
     path = "".join(_arrow((xy[k] - corner) * scale, residuals[k] * factor * scale) for k in rows)
+    rings = "" if suspected is None else "".join(_ring((at - corner) * scale) for at in xy[suspected])
     bar = round_below(0.2 * size[0] / factor)
     length = bar * factor * scale
     legend = (
@@ -65,7 +78,11 @@ def arrows(frame: Size, xy: FloatArray, residuals: FloatArray, label: str, width
         f'<text x="{length + 14:.1f}" y="{height + 18:.1f}">{bar:g} px</text>'
     )
     body = f'<rect class="frame" width="{width:.0f}" height="{height:.1f}"/><path class="arrow" d="{path}"/>'
-    return svg(body + legend, label, width, height + 24.0)
+    return svg(body + rings + legend, label, width, height + 24.0)
+
+
+def _ring(at: FloatArray) -> str:
+    return f'<circle class="suspect" cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="7"/>'
 
 
 def _arrow(at: FloatArray, step: FloatArray) -> str:
@@ -124,7 +141,7 @@ class _Plot:
         left, right = self.across
         low, high = self.up
         return (
-            MARGIN + (x - left) / (right - left) * (WIDTH - MARGIN - 10.0),
+            LEFT + (x - left) / (right - left) * (WIDTH - LEFT - 10.0),
             HEIGHT - MARGIN - (y - low) / (high - low) * (HEIGHT - MARGIN - 12.0),
         )
 

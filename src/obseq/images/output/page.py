@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.arrays import arrays_of, interior
-from obseq.images.output.control_page import MOST_ROWS, instruments, reliability, table
+from obseq.images.output.arrays import arrays_of, interior, suspected_measures
+from obseq.images.output.control_page import BAD, MOST_ROWS, instruments, largest_tests, reliability, table
 from obseq.images.output.drawings import arrows, grid_of, histogram, radial_profile, undistorted_grid
-from obseq.images.output.summary import tested
+from obseq.images.output.summary import by_reason, suspected, tested
 from obseq.images.output.views import plan_and_side
 from obseq.report.html import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord, CameraRecord
 
@@ -37,18 +37,20 @@ td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#888
 .frame,.given,.axis{fill:none;stroke:var(--line)}.arrow,.first{fill:none;stroke:var(--ink)}
 .second{fill:none;stroke:var(--second)}.bin{fill:#8886}.bar{stroke:currentColor;stroke-width:2}
 .ray{fill:none;stroke:#8883;stroke-width:.5}.ellipse{fill:#1f77b422;stroke:var(--ink);stroke-width:.6}
+.suspect{fill:none;stroke:#c0392b;stroke-width:2}
 .tie{fill:currentColor}.control{fill:#c0392b}.camera{fill:#3a7d4455;stroke:#3a7d44}
 """
 
 
 def page(record: BundleRecord) -> str:
     """The page of a record: drawings, cameras, images, points, what was rejected and why."""
-    block = arrays_of(record)
+    block, marked = arrays_of(record), suspected_measures(record)
     parts = [
         _facts(record),
         *_views(block),
-        *(part for k, camera in enumerate(record.cameras) for part in _camera(block, camera, k)),
-        _images(block, record),
+        *largest_tests(record),
+        *(part for k, camera in enumerate(record.cameras) for part in _camera(block, camera, k, marked)),
+        _images(block, record, marked),
         *_points(block, record),
         *instruments(record),
         *reliability(record),
@@ -70,18 +72,25 @@ def _facts(record: BundleRecord) -> str:
     )
     sigma0 = "undefined" if record.sigma0 is None else f"{record.sigma0:.5g}"
     squares = ", ".join(f"{escaped(name)} {value:.6g}" for name, value in record.squares.items())
+    is_rejected = record.global_test is not None and not record.global_test.passed
     lines = [
+        _bad(suspected(record)),
         f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
         f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
-        tested(record).strip(),
+        _bad(tested(record).strip()) if is_rejected else escaped(tested(record).strip()),
         f"weighted sums of squares: {squares}",
-        f"{len(record.left_out)} things left out, {record.weakened} image points with less than half of "
-        f"their weight, {len(record.behind)} behind their camera (at the end of this page)",
+        f"{len(record.left_out)} things left out, {len(record.unmeasured)} control points in no image, "
+        f"{record.weakened} image points with less than half of their weight, {len(record.behind)} behind "
+        "their camera (at the end of this page)",
         *(f"note: {escaped(note)}" for note in record.notes),
         f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
     ]
-    return "".join(f"<p>{line}</p>" for line in lines)
+    return "".join(f"<p>{line}</p>" for line in lines if line)
+
+
+def _bad(text: str) -> str:
+    return f"<span{BAD}>{escaped(text)}</span>" if text else ""
 
 
 def _views(block: BlockArrays) -> Iterator[str]:
@@ -90,7 +99,7 @@ def _views(block: BlockArrays) -> Iterator[str]:
         yield f"<h2>{title}</h2><figure>{drawing}{caption}</figure>"
 
 
-def _camera(block: BlockArrays, camera: CameraRecord, number: int) -> Iterator[str]:
+def _camera(block: BlockArrays, camera: CameraRecord, number: int, marked: BoolArray) -> Iterator[str]:
     rows = np.flatnonzero(block.camera[block.image] == number)
     xy, residuals = block.xy[rows], block.residuals[rows]
     normalised = (residuals / block.sigmas[rows]).ravel()
@@ -98,7 +107,9 @@ def _camera(block: BlockArrays, camera: CameraRecord, number: int) -> Iterator[s
     size, (focal, middle) = (camera.width, camera.height), interior(camera)
     straight = np.array([camera.undistorted_x, camera.undistorted_y], dtype=np.float64).T
     drawings = {
-        "residuals (computed minus measured) of all images": arrows(size, xy, residuals, "residuals"),
+        "residuals (computed minus measured) of all images; suspected ones in red circles": arrows(
+            size, xy, residuals, "residuals", suspected=marked[rows]
+        ),
         "by radius, without what robust weights weaken: radial part (blue), rms (orange)": radial_profile(
             middle, xy[sound], residuals[sound], "radial profile"
         ),
@@ -139,7 +150,7 @@ def _correlation(camera: CameraRecord, row: int, column: int) -> str:
     return f"<td{style}>{value:+.2f}</td>" if value else "<td></td>"
 
 
-def _images(block: BlockArrays, record: BundleRecord) -> str:
+def _images(block: BlockArrays, record: BundleRecord, marked: BoolArray) -> str:
     order = sorted(range(len(record.images)), key=lambda k: -record.images[k].rms)
     rows = [
         (
@@ -150,17 +161,21 @@ def _images(block: BlockArrays, record: BundleRecord) -> str:
         for image in (record.images[k] for k in order[:MOST_ROWS])
     ]  # fmt: skip
     heads = ("image", "points", "rms px", "max px", "mean dx", "mean dy", "x", "y", "z", "sigma")
-    drawings = "".join(_image(block, record, k) for k in order[:MOST_IMAGES])
+    drawings = "".join(_image(block, record, k, marked) for k in order[:MOST_IMAGES])
     note = f"<p>drawings of the {MOST_IMAGES} worst images</p>" if len(order) > MOST_IMAGES else ""
     return f"<h2>Images</h2>{table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
 
 
-def _image(block: BlockArrays, record: BundleRecord, row: int) -> str:
+def _image(block: BlockArrays, record: BundleRecord, row: int, marked: BoolArray) -> str:
     rows = np.flatnonzero(block.image == row)
     camera = record.cameras[block.camera[row]]
     size = camera.width, camera.height
-    drawing = arrows(size, block.xy[rows], block.residuals[rows], "residuals of an image", SMALL)
-    return f"<figure>{drawing}<figcaption>{escaped(record.images[row].name)}</figcaption></figure>"
+    xy, residuals = block.xy[rows], block.residuals[rows]
+    drawing = arrows(size, xy, residuals, "residuals of an image", SMALL, marked[rows])
+    caption = escaped(record.images[row].name)
+    if marked[rows].any():
+        caption += f" <span{BAD}>{np.count_nonzero(marked[rows])} suspected</span>"
+    return f"<figure>{drawing}<figcaption>{caption}</figcaption></figure>"
 
 
 def _points(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
@@ -200,7 +215,14 @@ def _rejected(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
         for item in record.behind
     ]
     if left:
-        yield f"<h2>Left out</h2>{table(('what', 'name', 'reason'), left[:MOST_ROWS], len(left))}"
+        groups = by_reason(record.left_out)
+        shown = table(("what", "how many", "which", "why"), groups, len(groups))
+        yield f"<h2>Left out</h2>{shown}"
+        yield table(("what", "name", "reason"), left[:MOST_ROWS], len(left))
+    idle = [(item.name, item.reason) for item in record.unmeasured]
+    if idle:
+        title = f"Control points that change nothing ({len(idle)})"
+        yield f"<h2>{title}</h2>{table(('name', 'reason'), idle[:MOST_ROWS], len(idle))}"
     apart = [(item.kind, item.name, item.reason) for item in record.unpaired]
     if apart:
         title = "Not in pairs of their rigid blocks"

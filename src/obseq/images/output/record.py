@@ -65,6 +65,7 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         tuple(clinometer_records(solution)),
         new_run(),
         _global_test(solution),
+        _left_out(solution.start.unmeasured),
     )
 
 

@@ -13,22 +13,26 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
+    from obseq.images.output.suspicion import SuspicionRecord
     from obseq.images.output.testing import ReliabilityRecord
 
 MOST = 12
 """Rows of a table before it is cut."""
+FIRST = 4
+"""Names of a list before it is cut."""
 
 
 def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
     """A screenful about an adjusted block."""
     parts = [
-        _suspect(record),
+        _line_of(suspected(record)),
         _verdict(record),
         *(_camera(camera) for camera in record.cameras[:3]),
         _images(record),
         _points(record),
         _instruments(record),
         _list("Left out", record.left_out),
+        _list("Control points that change nothing", record.unmeasured),
         _list("Not in pairs of their rigid blocks", record.unpaired),
         "".join(f"note: {note}\n" for note in record.notes),
         _tests(record.reliability),
@@ -38,12 +42,17 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
     return printable("\n".join(part for part in parts if part))
 
 
-def _suspect(record: BundleRecord) -> str:
-    if record.suspect is None or record.reliability is None or record.reliability.suspicion is None:
+def suspected(record: BundleRecord) -> str:
+    """What is suspected to be a gross error, in a line; empty where nothing is."""
+    found, tests = record.suspects, record.suspicion
+    if tests is None or not found:
         return ""
-    alike = record.reliability.suspicion.alike
-    others = f" (or one of {alike} others, whose tests are the same)" if alike else ""
-    return f"a gross error is suspected: {record.suspect.text}{others}\n"
+    if tests.n_suspects == 1:
+        others = f" (or one of {tests.alike} others, whose tests are the same)" if tests.alike else ""
+        return f"a gross error is suspected: {found[0].text}{others}"
+    more = tests.n_suspects - len(found[:FIRST])
+    listed = "; ".join(item.text for item in found[:FIRST])
+    return f"{tests.n_suspects} gross errors are suspected: {listed}" + (f"; and {more} more" if more else "")
 
 
 def _verdict(record: BundleRecord) -> str:
@@ -71,8 +80,7 @@ def tested(record: BundleRecord) -> str:
     """What sigma0 says of the residuals."""
     test = record.global_test
     if test is None:
-        why = "robust weights" if record.redundancy > 0 else "no redundancy"
-        return f"  sigma0 is not tested: {why}"
+        return f"  sigma0 is not tested: {_untested(record)}"
     limits = f"  chi-square test at 95 %: sigma0 between {test.lower:.4g} and {test.upper:.4g} is expected"
     if test.passed:
         return f"{limits}: accepted"
@@ -82,6 +90,20 @@ def tested(record: BundleRecord) -> str:
         f"{limits}: REJECTED, too large: look for blunders among the largest residuals, for wrong control "
         "points, for axes or units that are not what was said, or for sigmas that are too small"
     )
+
+
+def _untested(record: BundleRecord) -> str:
+    """Why sigma0 is not tested, and what says in its place whether the sigmas are right."""
+    if record.redundancy <= 0:
+        return "no redundancy"
+    spread = None if record.suspicion is None else record.suspicion.spread
+    if spread is None:
+        return "robust weights"
+    return f"robust weights; most residuals are {spread:.3g} times what the sigmas say"
+
+
+def _line_of(text: str) -> str:
+    return f"{text}\n" if text else ""
 
 
 def _reliability(found: ReliabilityRecord) -> str:
@@ -158,30 +180,54 @@ def _points(record: BundleRecord) -> str:
     )
 
 
+def by_reason(items: Sequence[BlockLeftOutRecord]) -> list[tuple[str, str, str, str]]:
+    """What took no part, a row for each kind and reason: kind, how many, the first names, the reason."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        groups.setdefault((item.kind, item.reason), []).append(item.name)
+    return [
+        (kind, str(len(names)), first_of(names), reason)
+        for (kind, reason), names in sorted(groups.items(), key=lambda group: -len(group[1]))
+    ]
+
+
+def first_of(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    more = len(names) - FIRST
+    return ", ".join(names[:FIRST]) + (f" and {more} more" if more > 0 else "")
+
+
 def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
     if not items:
         return ""
-    rows = [(item.kind, item.name, item.reason) for item in items]
-    return f"{title} ({len(rows)})\n" + _table(("what", "name", "reason"), rows)
+    return f"{title} ({len(items)})\n" + _table(("what", "how many", "which", "why"), by_reason(items))
 
 
 def _tests(found: ReliabilityRecord | None) -> str:
-    """The largest tests of all kinds of observation."""
+    """The largest tests of all kinds of observation, and all suspects that are listed."""
     if found is None or found.suspicion is None or not found.suspicion.largest:
         return ""
     tests = found.suspicion
+    shown = tests.largest[: max(5, len(tests.suspects))]
     rows = [
-        (row.name, f"{row.w:+.2f}", "" if row.blunder is None else f"{row.blunder:+.3g} {row.unit}".rstrip())
-        for row in tests.largest[:5]
+        (
+            row.name,
+            f"{row.w:+.2f}",
+            "" if row.blunder is None else f"{row.blunder:+.3g} {row.unit}".rstrip(),
+            f"{row.weight:.2g}",
+        )
+        for row in shown
     ]
-    why = (
-        "robust weights: none is suspected by its test"
-        if tests.robust
-        else f"suspected above {tests.limit:.2f}"
+    return f"Largest standardised residuals of all observations ({_limit(tests)})\n" + _table(
+        ("what", "w", "error", "weight"), rows
     )
-    return f"Largest standardised residuals of all observations ({why})\n" + _table(
-        ("what", "w", "error"), rows
-    )
+
+
+def _limit(tests: SuspicionRecord) -> str:
+    """From where on something is suspected."""
+    spread = 1.0 if tests.spread is None or not tests.robust else max(tests.spread, 1.0)
+    by = f", {tests.limit:.2f} times their spread" if spread > 1.0 else ""
+    return f"suspected above {tests.limit * spread:.2f}{by}"
 
 
 def _worst(record: BundleRecord) -> str:

@@ -8,7 +8,12 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.images.adjustment.equations import LENGTHS
-from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others
+from obseq.leastsquares.statistics.hypothesis_tests import (
+    limit_by_others,
+    limit_by_spread,
+    robust_spread,
+    scaled_by_others,
+)
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
@@ -23,8 +28,8 @@ if TYPE_CHECKING:
     Tested = ObservationReliability[Batch | Prior]
     Named = tuple[str, float | None, str]
 
-LISTED = 10
-"""Equations that are listed by name."""
+LISTED, MOST = 20, 1000
+"""Equations that are listed by name; more where more are suspected."""
 LEVEL = 0.001
 """Probability that anything is suspected where nothing is wrong."""
 SAME = 1e-3
@@ -36,10 +41,13 @@ class StandardisedRecord:
     """The test of one equation: a coordinate of an image point or of a control point, a length, ...
 
     Attributes:
-        w: standardised residual, the given sigmas being right.
+        w: standardised residual, the given sigmas being right; with robust weights that against all others.
         scaled: the same over sigma0 of all the others, where that is above 1.
         blunder: estimate of its error, too large when positive; None where it is no number of the input.
         unit: of that; empty for the unit of the world.
+        weight: what a robust weight leaves of it.
+        row: of an image point, in the residuals of the record; None for the others, and in older files.
+        follows: whether it is an image point of a control point whose coordinate stands before it.
     """
 
     name: str
@@ -47,6 +55,9 @@ class StandardisedRecord:
     scaled: float
     blunder: float | None
     unit: str
+    weight: float = 1.0
+    row: int | None = None
+    follows: bool = False
 
     @property
     def text(self) -> str:
@@ -57,7 +68,12 @@ class StandardisedRecord:
 
 @dataclass(frozen=True, slots=True)
 class SuspicionRecord:
-    """Which observation is suspected to be a gross error.
+    """Which observations are suspected to be gross errors.
+
+    A gross error that has its full weight spoils the tests of others: the largest alone is suspected then.
+    Robust weights hold it down, and each equation is tested against what all the others say at their final
+    weights: all that are beyond the limit, times the spread of most of the tests, are suspected; but image
+    points of a control point whose coordinate is suspected before follow from that.
 
     Attributes:
         level: probability of a suspect where nothing is wrong.
@@ -65,8 +81,10 @@ class SuspicionRecord:
         limit: of the scaled test of each.
         largest: the largest tests of all kinds of observation.
         alike: of all the others, those whose test is as large as the first.
-        robust: whether robust weights, which make the tests no normal variables, were used: nothing is
-            suspected then.
+        robust: whether robust weights were used.
+        beyond: equations whose scaled test is beyond the limit.
+        spread: standard deviation of most of the tests, 1 when the sigmas are right; None in
+            older files.
     """
 
     level: float
@@ -76,11 +94,21 @@ class SuspicionRecord:
     alike: int
     robust: bool
 
+    beyond: int = 0
+    spread: float | None = None
+
     @property
-    def suspect(self) -> StandardisedRecord | None:
-        """The gross error, if there is one."""
-        is_beyond = not self.robust and bool(self.largest) and abs(self.largest[0].scaled) > self.limit
-        return self.largest[0] if is_beyond else None
+    def suspects(self) -> tuple[StandardisedRecord, ...]:
+        """The gross errors that are listed, the largest first; one at most without robust weights."""
+        found = tuple(item for item in self.largest if item.scaled > self.limit and not item.follows)
+        return found if self.robust else found[:1]
+
+    @property
+    def n_suspects(self) -> int:
+        """How many there are, listed or not."""
+        if not self.robust:
+            return len(self.suspects)
+        return self.beyond - sum(item.follows and item.scaled > self.limit for item in self.largest)
 
 
 def has_robust_weights(solution: BundleSolution) -> bool:
@@ -91,24 +119,50 @@ def has_robust_weights(solution: BundleSolution) -> bool:
 
 def suspicion_record(solution: BundleSolution, whole: Reliability) -> SuspicionRecord:
     """The largest tests of a solution, from the reliability of its system."""
-    w = np.concatenate([np.abs(np.nan_to_num(part.w)).ravel() for part in whole.all])
-    squares = (whole.sigma0 or 0.0) ** 2 * whole.redundancy
-    scaled = scaled_by_others(w, squares, whole.redundancy)
-    order = _largest(w)
-    names = _Names(solution)
+    robust, level = has_robust_weights(solution), LEVEL / max(whole.n_tests, 1)
+    if robust:
+        w = _held_down(whole, solution.residuals.weights)
+        spread = robust_spread(w[w > 0.0])
+        scaled, limit = w / max(spread, 1.0), limit_by_spread(spread, whole.redundancy, level)
+    else:
+        w = np.concatenate([np.abs(np.nan_to_num(part.w)).ravel() for part in whole.all])
+        spread, squares = robust_spread(w[w > 0.0]), (whole.sigma0 or 0.0) ** 2 * whole.redundancy
+        scaled = scaled_by_others(w, squares, whole.redundancy)
+        limit = limit_by_others(w.max(initial=0.0), squares, whole.redundancy, level)
+    beyond, names = int(np.count_nonzero(scaled > limit)), _Names(solution)
+    listed = _largest(w, min(max(LISTED, beyond if robust else 0), MOST))
     return SuspicionRecord(
         LEVEL,
         whole.n_tests,
-        limit_by_others(w.max(initial=0.0), squares, whole.redundancy, LEVEL / max(whole.n_tests, 1)),
-        tuple(names.record(*_place(whole, int(row)), float(scaled[row])) for row in order),
+        limit,
+        tuple(names.record(*_place(whole, int(row)), float(w[row]), float(scaled[row])) for row in listed),
         int(np.count_nonzero(w >= (1.0 - SAME) * w.max(initial=0.0))) - 1,
-        has_robust_weights(solution),
+        robust,
+        beyond,
+        spread,
     )
 
 
-def _largest(w: FloatArray) -> IntArray:
+def _held_down(whole: Reliability, weights: FloatArray) -> FloatArray:
+    """Sizes of the residuals against all the others over their standard deviations, with robust weights.
+
+    With h the cofactor of what the others say, that has the variance (1 + h) sigma^2 where their weights are
+    those of their sigmas. Weights g below that, which follow from residuals, make h larger than the estimates
+    are uncertain: by the sum of g over that of g^2, as a A'GA is to an A'GGA.
+    """
+    share = float(np.sum(weights**2) / max(np.sum(weights), 1e-300))
+    parts = []
+    for part in whole.all:
+        own = np.square(part.left_out_residuals / part.sigmas)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = own / np.square(part.w)
+        parts.append(np.sqrt(np.nan_to_num(own / (1.0 + share * (spread - 1.0)))).ravel())
+    return np.concatenate(parts)
+
+
+def _largest(w: FloatArray, count: int) -> IntArray:
     """Positions of the largest tests, the largest first."""
-    order = np.argpartition(-w, LISTED)[:LISTED] if w.size > LISTED else np.arange(w.size)
+    order = np.argpartition(-w, count)[:count] if w.size > count else np.arange(w.size)
     order = order[np.argsort(-w[order], kind="stable")]
     return np.asarray(order[w[order] > 0.0])
 
@@ -127,6 +181,7 @@ class _Names:
 
     def __init__(self, solution: BundleSolution) -> None:
         self._start, self._lengths = solution.start, solution.block.lengths
+        self._suspected: set[int] = set()
         self._control, self._given = solution.equations.control
         self._measures = {id(item.batch): item for item in solution.equations.measures}
         self._surveys = {
@@ -135,17 +190,32 @@ class _Names:
             for rows, batch in part.equations.batches.values()
         }
 
-    def record(self, part: Tested, row: int, component: int, scaled: float) -> StandardisedRecord:
+    def record(self, part: Tested, row: int, component: int, w: float, scaled: float) -> StandardisedRecord:
         """The test of one equation."""
         blunder = -float(part.left_out_residuals[row, component])
         name, size, unit = self._named(part, row, component, blunder)
-        return StandardisedRecord(name, float(part.w[row, component]), scaled, size, unit)
+        item = self._measures.get(id(part.source))
+        weight = 1.0 if item is None else float(item.batch.robust_weights()[row])
+        place = None if item is None else self._row(item, row)
+        signed = float(np.copysign(w, part.w[row, component]))
+        follows = item is not None and self._point(item, row) in self._suspected
+        return StandardisedRecord(name, signed, scaled, size, unit, weight, place, follows)
+
+    def _point(self, item: MeasureBatch, row: int) -> int:
+        return int(self._start.sets[item.part].point[item.rows[row]])
+
+    def _row(self, item: MeasureBatch, row: int) -> int:
+        """Where the residuals of the solution, which are those of active measures, hold one of them."""
+        parts = list(self._measures.values())
+        before = sum(int(np.count_nonzero(part.batch.active)) for part in parts[: parts.index(item)])
+        return before + int(np.count_nonzero(item.batch.active[:row]))
 
     def _named(self, part: Tested, row: int, component: int, blunder: float) -> Named:
         key = id(part.source)
         if key in self._measures:
             return f"{self._measure(self._measures[key], row)} {'xy'[component]}", blunder, "px"
         if part.source is self._control:
+            self._suspected.add(int(self._given[row, 0]))
             return self._control_point(int(self._given[row, 0]), int(self._given[row, 1]), blunder)
         if key in self._surveys:
             return self._survey(*self._surveys[key], row, blunder)

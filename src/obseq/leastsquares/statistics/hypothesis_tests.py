@@ -28,6 +28,13 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.solution.result import LeastSquaresResult
 
+MEDIAN_TO_SIGMA = 1.4826
+"""Standard deviation of a normal variable over the median of its absolute value."""
+WITHIN_THREE = 0.98658
+"""Standard deviation of a normal variable that is known to lie within three of its own."""
+MEDIAN_EFFICIENCY = 0.37
+"""Share of the redundancy that counts when a standard deviation is estimated by the median."""
+
 
 @dataclass(frozen=True)
 class GlobalTest:
@@ -154,8 +161,35 @@ def limit_by_others(worst: float, squares: float, redundancy: int, level: float)
     """
     if redundancy < 2 or squares - worst**2 <= redundancy - 1:
         return normal_critical(level)
-    tau = tau_critical(level, redundancy)
-    return tau * float(np.sqrt((redundancy - 1) / (redundancy - tau**2)))
+    return _student_critical(level, redundancy - 1)
+
+
+def _student_critical(level: float, degrees: int) -> float:
+    """Limit of |Student's t|, which Pope's tau of one redundancy more is a function of."""
+    tau = tau_critical(level, degrees + 1)
+    return tau * float(np.sqrt(degrees / (degrees + 1 - tau**2)))
+
+
+def robust_spread(w: ArrayLike) -> float:
+    """Standard deviation of variables of which most are normal with mean 0, whatever the others are.
+
+    That of those within three of the standard deviations that the median of their sizes announces.
+    """
+    sizes = np.abs(np.asarray(w, dtype=np.float64))
+    if not sizes.size:
+        return 0.0
+    most = sizes[sizes <= 3.0 * MEDIAN_TO_SIGMA * np.median(sizes)]
+    return float(np.sqrt(np.mean(most**2))) / WITHIN_THREE
+
+
+def limit_by_spread(spread: float, redundancy: int, level: float) -> float:
+    """Limit that |w| over max(spread, 1) exceeds with probability `level`, with `robust_spread`.
+
+    Normal where the sigmas announce the spread; else Student's t with the degrees of freedom that leave a
+    standard deviation as uncertain as the median does, from which `robust_spread` sets out.
+    """
+    degrees = int(MEDIAN_EFFICIENCY * redundancy)
+    return normal_critical(level) if spread <= 1.0 or degrees < 1 else _student_critical(level, degrees)
 
 
 def single_level(level: float, n_tests: int) -> float:
