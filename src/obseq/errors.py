@@ -22,6 +22,18 @@ class InputError(ObseqError):
     """A file, a point, an observation or a parameter is wrong; the message says which and what to do."""
 
 
+class RowError(InputError):
+    """One of many things that are given together is wrong.
+
+    Attributes:
+        row: which one, from 0; who has read them from a file can tell its line.
+    """
+
+    def __init__(self, message: str, row: int) -> None:
+        super().__init__(message)
+        self.row = row
+
+
 class FormulaError(ObseqError):
     """A formula is unknown, or its definition or its arguments are not what they must be."""
 

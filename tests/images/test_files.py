@@ -75,10 +75,10 @@ def test_a_backward_camera_stays_one(tmp_path):
         (
             read_control,
             "point,x,y,z,sigma\nA,1,2,3,1\nA,1,2,3,1\n",
-            r"f\.csv: control point 'A' is given twice",
+            r"f\.csv:3: control point 'A' is given twice",
         ),
         (read_measures, "image,point,x,y\na,P,1,2\n", r"f\.csv: no column says how good"),
-        (read_measures, "image,point,x,y,sigma\na,P,1,2,0\n", r"f\.csv: image a, point P: the sigma"),
+        (read_measures, "image,point,x,y,sigma\na,P,1,2,0\n", r"f\.csv:2: image a, point P: the sigma"),
         (read_measures, "image,point,x,x\n", r"f\.csv:1: a column name comes twice"),
         (read_bal, "1 1\n", r"f\.csv: the first line of a BAL file"),
         (read_bal, "1 1 1\n0 0 1 2\n", "are 19 numbers; the file has 7"),

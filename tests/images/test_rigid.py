@@ -103,6 +103,27 @@ def test_a_soft_gauge_changes_the_place_of_the_master_only():
     assert (soft.rigid_place_precisions("TheBloc")[0, :3] > 0.05).all()
 
 
+def test_a_soft_gauge_leaves_the_place_of_the_master_its_own_observation():
+    sigmas, found = (2e-3, 2e-4), []
+    for own in (sigmas, {"A": sigmas, "B": sigmas, "C": sigmas}):
+        block, _ = _rig()
+        block.add_rigid_block(_block(block.poses, place_sigmas=own, master_sigmas=(1e3, 1e3)))
+        found.append(block.solve())
+    every, named = found
+    np.testing.assert_allclose(every.poses.centres, named.poses.centres, atol=1e-9)
+    precisions = every.rigid_place_precisions("TheBloc")[0] / every.sigma0
+    assert (precisions[:3] < 1.001 * sigmas[0]).all()  # the gauge alone would leave it a thousand
+    assert (precisions[3:] < 1.001 * sigmas[1]).all()
+    block, _ = _rig()
+    block.add_rigid_block(_block(block.poses, place_sigmas=sigmas, master_sigmas=(sigmas[0], None)))
+    half = block.solve()
+    # its rotation is held: three unknowns less, and six observations, of the gauge and of itself
+    assert half.result.redundancy == every.result.redundancy - 3
+    held = half.rigid_place_precisions("TheBloc")[0] / half.sigma0
+    assert (held[3:] == 0.0).all()
+    assert (held[:3] < 1.001 * sigmas[0] / 2**0.5).all()  # two observations of the same place
+
+
 def test_observed_places_and_known_ones():
     block, _ = _rig()
     given = _block(block.poses)

@@ -134,15 +134,15 @@ def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], Bundle
 
 
 def _add_control(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.images.files.block_tables import read_control
+    from obseq.images.files.block_tables import add_control
 
     for path in arguments.control:
-        block.add_control_points(read_control(path, arguments.control_sigma))
+        add_control(block, path, arguments.control_sigma)
 
 
 def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     from obseq.images import BundleAdjustment
-    from obseq.images.files.block_tables import BlockFiles, read_cameras, read_measures
+    from obseq.images.files.block_tables import BlockFiles, add_cameras, add_measures
 
     needed = ("cameras", "measures") if arguments.opk else ("cameras", "images", "measures")
     missing = [name for name in needed if not getattr(arguments, name)]
@@ -154,11 +154,11 @@ def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
         files = arguments.cameras, arguments.images, arguments.measures, arguments.control
         BlockFiles(*files, *sigmas).fill(block, _weighting(arguments))
         return block
-    block.add_cameras(*read_cameras(arguments.cameras))
+    add_cameras(block, arguments.cameras)
     _add_opk(block, arguments)
     _add_control(block, arguments)
     for path in arguments.measures:
-        block.add_measures(read_measures(path, arguments.image_sigma), _weighting(arguments), path.name)
+        add_measures(block, path, arguments.image_sigma, _weighting(arguments))
     _check_convention(block)
     return block
 

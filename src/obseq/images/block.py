@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, RowError
 from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
-from obseq.images.names import index_of
+from obseq.images.names import are_among, index_of
 from obseq.images.parts import Instruments, Lengths, MeasureSet, PoseObservations, Rule
 from obseq.images.poses import Poses
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.camera import Camera
     from obseq.images.clinometers import Clinometer
     from obseq.images.rigid import RigidBlock
@@ -132,9 +132,10 @@ class Block:
         Raises:
             InputError: a name is there already.
         """
-        twice = set(self.control.names) & set(control.names)
-        if twice:
-            raise InputError(f"control point {min(twice)!r} is given twice")
+        twice = np.flatnonzero(are_among(control.names, self.control.names))
+        if twice.size:
+            row = int(twice[0])
+            raise RowError(f"control point {control.names[row]!r} is given twice", row)
         self.control = ControlPoints(
             self.control.names + control.names,
             np.concatenate([self.control.coordinates, control.coordinates]),
@@ -169,10 +170,10 @@ class Block:
             InputError: an image or a point is not known, a point is measured twice in an image, or a measure
                 lies outside its image.
         """
-        index_of(list(self.camera_of), measures.image_names, "image points: image")
+        _require(list(self.camera_of), measures.image_names, measures.image, "image points: image")
         if only_known_points:
             known = [*self.control.names, *self.approximations]
-            index_of(known, measures.point_names, "image points: point")
+            _require(known, measures.point_names, measures.point, "image points: point")
         self._check_frames(measures)
         self._check_pairs(measures)
         self.sets.append(_weighed(MeasureSet(measures, None, name or "image points"), weighting))
@@ -191,9 +192,10 @@ class Block:
             row = int(wrong[0])
             x, y = measures.xy[row]
             camera = cameras[measures.image[row]]
-            raise InputError(
+            raise RowError(
                 f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
-                f"{camera.height} pixels ({wrong.size} measures are)"
+                f"{camera.height} pixels ({wrong.size} measures are)",
+                row,
             )
 
     def _check_pairs(self, measures: ImagePoints) -> None:
@@ -202,7 +204,7 @@ class Block:
             images = set(other.measures.image_names) & set(measures.image_names)
             points = set(other.measures.point_names) & set(measures.point_names)
             if images and points:
-                other.measures.joined(measures)  # which refuses what is measured twice
+                _refuse_common(other.measures, measures)
 
     def add_length(self, first: str, second: str, length: float, sigma: float) -> None:
         """Adds a distance between two points of the block, a scale bar for instance."""
@@ -286,8 +288,12 @@ class Block:
         """
         index_of(list(self.camera_of), poses.images, "observed poses: image")
         sigmas = np.array(np.broadcast_to(np.asarray(centre_sigmas, dtype=np.float64), (len(poses), 3)))
-        if not (sigmas > 0.0).all() or not (rotation_sigma is None or rotation_sigma > 0.0):
-            raise InputError("observed poses: sigmas must be above zero")
+        wrong = np.flatnonzero(~(sigmas > 0.0).all(axis=1))
+        if wrong.size:
+            image = poses.images[wrong[0]]
+            raise RowError(f"observed poses: image {image}: sigmas must be above zero", int(wrong[0]))
+        if not (rotation_sigma is None or rotation_sigma > 0.0):
+            raise InputError(f"observed poses: the sigma of rotations is above zero, not {rotation_sigma}")
         self.pose_observations.append(PoseObservations(poses, sigmas, rotation_sigma))
 
     # What keeps its value
@@ -353,6 +359,22 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+
+
+def _require(known: Sequence[str], names: Sequence[str], used: IntArray, what: str) -> None:
+    """Refuses measures (rows of `used`) whose name is not known; see `index_of`."""
+    try:
+        index_of(known, names, what)
+    except RowError as error:
+        raise RowError(str(error), int(np.argmax(used == error.row))) from None
+
+
+def _refuse_common(known: ImagePoints, measures: ImagePoints) -> None:
+    """Refuses a point that both measure in one image."""
+    try:
+        known.joined(measures)
+    except RowError as error:
+        raise RowError(str(error), error.row - len(known)) from None
 
 
 def _weighed(part: MeasureSet, weighting: Weighting | None) -> MeasureSet:

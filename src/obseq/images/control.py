@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, RowError
 from obseq.images.names import index_of, unique_names
 
 if TYPE_CHECKING:
@@ -57,9 +57,10 @@ class ControlPoints:
         signs = np.broadcast_to(spread, (len(names), 3))
         wrong = np.flatnonzero(~(signs >= 0.0).all(axis=1))
         if wrong.size:
-            raise InputError(
+            raise RowError(
                 f"control point {names[wrong[0]]}: a sigma is above zero, 0 (held) or infinite (free), "
-                f"not {signs[wrong[0]]}"
+                f"not {signs[wrong[0]]}",
+                int(wrong[0]),
             )
         covariances = np.zeros((len(names), 3, 3))
         covariances[:, range(3), range(3)] = variances
@@ -94,7 +95,10 @@ class ControlPoints:
             raise InputError(f"control points: coordinates have shape {array.shape}, not ({len(names)}, 3)")
         wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if wrong.size:
-            raise InputError(f"control point {names[wrong[0]]}: coordinates {array[wrong[0]]} are not finite")
+            raise RowError(
+                f"control point {names[wrong[0]]}: coordinates {array[wrong[0]]} are not finite",
+                int(wrong[0]),
+            )
         return cls(checked, array, covariances)
 
     def __len__(self) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, RowError
 from obseq.images.names import are_among, index_of, numbered
 
 if TYPE_CHECKING:
@@ -95,17 +95,20 @@ class ImagePoints:
             return
         wrong = np.flatnonzero(~np.isfinite(self.xy).all(axis=1))
         if wrong.size:
-            raise InputError(f"{self.label(wrong[0])}: the pixel {self.xy[wrong[0]]} is not finite")
+            raise RowError(
+                f"{self.label(wrong[0])}: the pixel {self.xy[wrong[0]]} is not finite", int(wrong[0])
+            )
         wrong = np.flatnonzero(~((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all(axis=1))
         if wrong.size:
-            raise InputError(f"{self.label(wrong[0])}: the sigma must be positive and finite")
+            raise RowError(f"{self.label(wrong[0])}: the sigma must be positive and finite", int(wrong[0]))
         keys = self.image * len(self.point_names) + self.point
         if (np.diff(keys) > 0).all():
             return  # by image and, in each, by point: nothing comes twice
         order = np.argsort(keys, kind="stable")
         twice = np.flatnonzero(np.diff(keys[order]) == 0)
         if twice.size:
-            raise InputError(f"{self.label(int(order[twice[0] + 1]))}: measured twice in the image")
+            row = int(order[twice[0] + 1])
+            raise RowError(f"{self.label(row)}: measured twice in the image", row)
 
     def __len__(self) -> int:
         return len(self.image)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import RowError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -19,12 +19,12 @@ def unique_names(names: Sequence[str], what: str) -> tuple[str, ...]:
     """The names, checked to be different.
 
     Raises:
-        InputError: one comes twice; the message begins with `what`.
+        RowError: one comes twice; the message begins with `what`.
     """
     seen: set[str] = set()
-    for name in names:
+    for row, name in enumerate(names):
         if name in seen:
-            raise InputError(f"{what} {name!r} is given twice")
+            raise RowError(f"{what} {name!r} is given twice", row)
         seen.add(name)
     return tuple(names)
 
@@ -33,15 +33,15 @@ def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray
     """(n,) positions of names among those known.
 
     Raises:
-        InputError: one is not known; the message begins with `what`, and gives the nearest names.
+        RowError: one is not known; the message begins with `what`, and gives the nearest names.
     """
     place = {name: number for number, name in enumerate(known)}
     try:
         return np.array([place[name] for name in wanted], dtype=np.int64)
     except KeyError as error:
-        name = str(error.args[0])
+        name = error.args[0]
         near = ", ".join(map(repr, difflib.get_close_matches(name, known, n=3))) or "none alike"
-        raise InputError(f"{what} {name!r} is not known ({near})") from None
+        raise RowError(f"{what} {name!r} is not known ({near})", list(wanted).index(name)) from None
 
 
 def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:

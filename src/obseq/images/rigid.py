@@ -161,7 +161,7 @@ class RigidBlock:
         place_sigmas: (translation, rotation) of the places as given, when they are observations, for all
             cameras or by camera; None when they are free.
         master_sigmas: (translation, rotation) of the place of the master, where it is not held (a soft
-            gauge); the place stays free of all else then. None for one of them: it is held.
+            gauge), besides those of `place_sigmas`. None for one of them: it is held.
         pair_sigmas: (translation, rotation) of the pairs of cameras that are observed, where each has its
             own (MMVII's instrument blocks); None: every camera with the master, with the sigmas above.
         as_matrices: True for MMVII's twelve equations of a pair, nine of them the entries of a matrix, which
@@ -185,7 +185,8 @@ class RigidBlock:
         for first, second in self.pair_sigmas or ():
             index_of(self.places.images, [first, second], f"block {self.name}: pair of camera")
         own = (self.sigma_translation, self.sigma_rotation)
-        every = (own, *self.observed_places.values(), *self.pairs.values())
+        places = (*self.observed_places.values(), *self.soft_gauge.values())
+        every = (own, *places, *self.pairs.values())
         for sigma in (sigma for sigmas in every for sigma in sigmas):
             if sigma is not None and not (np.isfinite(sigma) and sigma > 0.0):
                 raise InputError(f"block {self.name}: a sigma must be positive, not {sigma}")
@@ -204,13 +205,25 @@ class RigidBlock:
         return self.master_sigmas or (None, None)
 
     @property
+    def soft_gauge(self) -> dict[str, Gauge]:
+        """The sigmas of the place of the master, by its name; nothing where it is held."""
+        return {} if self.gauge == (None, None) else {self.master: self.gauge}
+
+    @property
     def observed_places(self) -> dict[str, Gauge]:
         """The cameras whose places are observed, and the sigmas; None for what is held."""
         given = self.place_sigmas or {}
         if not isinstance(given, Mapping):
-            given = {camera: given for camera in self.places.images if camera != self.master}
-        soft = {} if self.gauge == (None, None) else {self.master: self.gauge}
-        return {**given, **soft}
+            given = dict.fromkeys(self.places.images, given)
+        own = {self.master: self._unheld(given[self.master])} if self.master in given else {}
+        return {camera: sigmas for camera, sigmas in {**given, **own}.items() if sigmas != (None, None)}
+
+    def _unheld(self, sigmas: Sigmas) -> Gauge:
+        """The sigmas of the place of the master where a soft gauge does not hold it; None elsewhere."""
+        translation, rotation = (
+            None if gauge is None else own for gauge, own in zip(self.gauge, sigmas, strict=True)
+        )
+        return translation, rotation
 
 
 def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str) -> PairStatistics:

@@ -120,7 +120,6 @@ def _attachments(found: InstrumentBlock, factors: Sigmas, exposures: Exposures) 
     return {
         name: (factors[0] * tr * spread, factors[1] * rot * spread / ENTRIES)
         for name, (tr, rot) in own.items()
-        if name != found.master
     }
 
 

@@ -13,11 +13,11 @@ from obseq.images.adjustment.start import LeftOut
 from obseq.images.names import index_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.poses import Poses
-    from obseq.images.rigid import RigidBlock
+    from obseq.images.rigid import Gauge, RigidBlock
     from obseq.leastsquares import Batch, LeastSquares
 
 GROUP = "rigid blocks"
@@ -116,7 +116,12 @@ class RigidEquations:
                 self._system.freeze(unknowns[held])
 
     def _observe_places(self) -> None:
-        observed = {} if self.block.is_fixed else self.block.observed_places
+        """Places as they were given, and the soft gauge, which is an observation of its own."""
+        if not self.block.is_fixed:
+            for observed in (self.block.observed_places, self.block.soft_gauge):
+                self._observe(observed)
+
+    def _observe(self, observed: Mapping[str, Gauge]) -> None:
         places = self.block.places
         shifts = {camera: own[0] for camera, own in observed.items() if own[0] is not None}
         turns = {camera: own[1] for camera, own in observed.items() if own[1] is not None}
@@ -208,7 +213,8 @@ def _lone(block: RigidBlock, cameras: IntArray) -> list[str]:
     """The cameras that no pair has, and whose places nothing observes."""
     used = set(cameras.ravel().tolist())
     names = enumerate(block.places.images)
-    return [name for row, name in names if row not in used and name not in block.observed_places]
+    tied = block.observed_places.keys() | block.soft_gauge.keys()
+    return [name for row, name in names if row not in used and name not in tied]
 
 
 def _missing(

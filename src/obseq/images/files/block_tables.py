@@ -14,7 +14,7 @@ Angles: `omega phi kappa` (photogrammetric), `w p k` (MMVII), `yaw pitch roll`, 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,18 +24,18 @@ from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.files.tables import Table
 from obseq.images.measures import ImagePoints
+from obseq.images.names import unique_names
 from obseq.images.poses import Poses
 from obseq.kernels import formula_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.images.block import Block
     from obseq.images.weighting import Weighting
 
-Made = TypeVar("Made")
 ANGLES = {
     "opk": ("omega", "phi", "kappa"),
     "wpk": ("w", "p", "k"),
@@ -55,7 +55,20 @@ def read_cameras(path: str | Path) -> list[Camera]:
     Raises:
         InputError: a column is missing, a field is wrong; file and line are named.
     """
+    return _cameras(Table.read(path))
+
+
+def add_cameras(block: Block, path: str | Path) -> None:
+    """Adds the cameras of a table to a block; see `read_cameras`."""
     table = Table.read(path)
+    for row, camera in enumerate(_cameras(table)):
+        try:
+            block.add_cameras(camera)
+        except InputError as error:
+            raise InputError(f"{table.place(row)}: {error}") from None
+
+
+def _cameras(table: Table) -> list[Camera]:
     table.require("name", "width", "height", "focal")
     coefficients = [column for column in table.columns if column not in CAMERA_COLUMNS]
     degrees = _degrees(table, coefficients)
@@ -122,12 +135,21 @@ def _generated(*least: int) -> tuple[int, int, int]:
 
 
 def read_images(path: str | Path) -> tuple[dict[str, str], Poses]:
-    """Camera of each image (empty where the table has none), and the poses of those that have one."""
-    table = Table.read(path)
+    """Camera of each image (empty where the table has none), and the poses of those that have one.
+
+    Raises:
+        InputError: a column is missing, an image comes twice, a field is wrong; file and line are named.
+    """
+    return _images(Table.read(path))
+
+
+def _images(table: Table) -> tuple[dict[str, str], Poses]:
     known = ("image", "camera", "x", "y", "z", *(name for names in ANGLES.values() for name in names))
     table.allow(known)
     table.require("image")
     images = table.texts("image")
+    with table.located():
+        unique_names(images, "image")
     cameras = table.texts("camera") if "camera" in table else [""] * len(images)
     form = next((form for form, names in ANGLES.items() if names[0] in table), None)
     if form is None:
@@ -143,10 +165,8 @@ def read_images(path: str | Path) -> tuple[dict[str, str], Poses]:
     centres = np.column_stack([chosen.numbers(name) for name in "xyz"])
     turns = np.column_stack([chosen.numbers(name) for name in ANGLES[form]])
     values = turns if form == "quaternion" else np.radians(turns)
-    try:
+    with table.located(rows):
         poses = Poses.of([images[row] for row in rows], centres, values, form, [cameras[row] for row in rows])
-    except InputError as error:
-        raise InputError(f"{table.path}: {error}") from None
     return dict(zip(images, cameras, strict=True)), poses
 
 
@@ -156,7 +176,18 @@ def read_control(path: str | Path, sigma: float | None = None) -> ControlPoints:
     Raises:
         InputError: neither the table nor the caller gives a sigma.
     """
+    return _control(Table.read(path), sigma)
+
+
+def add_control(block: Block, path: str | Path, sigma: float | None = None) -> None:
+    """Adds the control points of a table to a block; see `read_control`."""
     table = Table.read(path)
+    control = _control(table, sigma)
+    with table.located():
+        block.add_control_points(control)
+
+
+def _control(table: Table, sigma: float | None) -> ControlPoints:
     table.allow(("point", "x", "y", "z", "sigma", "sx", "sy", "sz"))
     table.require("point", "x", "y", "z")
     coordinates = np.column_stack([table.numbers(name) for name in "xyz"])
@@ -167,12 +198,13 @@ def read_control(path: str | Path, sigma: float | None = None) -> ControlPoints:
         sigmas = np.column_stack([table.numbers(name, np.inf) for name in ("sx", "sy", "sz")])
     elif sigma is None:
         raise InputError(
-            f"{path}: no column says how well the points are known; add sigma (0 holds a point), or give one "
-            "for all of them"
+            f"{table.path}: no column says how well the points are known; add sigma (0 holds a point), or "
+            "give one for all of them (--control-sigma)"
         )
     else:
         sigmas = np.full((len(table), 3), sigma)
-    return _located(table, lambda: ControlPoints.of(table.texts("point"), coordinates, sigmas))
+    with table.located():
+        return ControlPoints.of(table.texts("point"), coordinates, sigmas)
 
 
 def read_measures(path: str | Path, sigma: float | None = None) -> ImagePoints:
@@ -181,7 +213,20 @@ def read_measures(path: str | Path, sigma: float | None = None) -> ImagePoints:
     Raises:
         InputError: neither the table nor the caller gives a sigma.
     """
+    return _measures(Table.read(path), sigma)
+
+
+def add_measures(
+    block: Block, path: Path, sigma: float | None = None, weighting: Weighting | None = None
+) -> None:
+    """Adds the image measures of a table to a block; a weighting goes before their sigmas."""
     table = Table.read(path)
+    measures = _measures(table, sigma)
+    with table.located():
+        block.add_measures(measures, weighting, path.name)
+
+
+def _measures(table: Table, sigma: float | None) -> ImagePoints:
     table.allow(("image", "point", "x", "y", "sigma", "sx", "sy"))
     table.require("image", "point", "x", "y")
     xy = np.column_stack([table.numbers(name) for name in "xy"])
@@ -191,18 +236,14 @@ def read_measures(path: str | Path, sigma: float | None = None) -> ImagePoints:
     elif "sx" in table:
         sigmas = np.column_stack([table.numbers("sx"), table.numbers("sy")])
     elif sigma is None:
-        raise InputError(f"{path}: no column says how good the measures are; add sigma, or give one for all")
+        raise InputError(
+            f"{table.path}: no column says how good the measures are; add sigma, or give one for all "
+            "(--image-sigma)"
+        )
     else:
         sigmas = np.full(len(table), sigma)
-    return _located(table, lambda: ImagePoints.of(table.texts("image"), table.texts("point"), xy, sigmas))
-
-
-def _located(table: Table, make: Callable[[], Made]) -> Made:
-    """What `make` returns; its errors name the file."""
-    try:
-        return make()
-    except InputError as error:
-        raise InputError(f"{table.path}: {error}") from None
+    with table.located():
+        return ImagePoints.of(table.texts("image"), table.texts("point"), xy, sigmas)
 
 
 @dataclass(frozen=True)
@@ -227,23 +268,23 @@ class BlockFiles:
 
     def fill(self, block: Block, weighting: Weighting | None = None) -> None:
         """Puts everything in a block; a weighting goes before the sigmas of the measures."""
-        block.add_cameras(*read_cameras(self.cameras))
-        camera_of, poses = read_images(self.images)
-        self._add_images(block, camera_of, poses)
+        add_cameras(block, self.cameras)
+        add_images(block, self.images)
         for path in self.control:
-            block.add_control_points(read_control(path, self.control_sigma))
+            add_control(block, path, self.control_sigma)
         for path in self.measures:
-            try:
-                block.add_measures(read_measures(path, self.image_sigma), weighting, path.name)
-            except InputError as error:
-                raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+            add_measures(block, path, self.image_sigma, weighting)
 
-    def _add_images(self, block: Block, camera_of: Mapping[str, str], poses: Poses) -> None:
+
+def add_images(block: Block, path: str | Path) -> None:
+    """Adds the images of a table to a block, with the poses of those that have one."""
+    table = Table.read(path)
+    camera_of, poses = _images(table)
+    only = next(iter(block.cameras)) if len(block.cameras) == 1 else ""
+    for row, (image, camera) in enumerate(camera_of.items()):
         try:
-            block.add_poses(poses)
-            only = next(iter(block.cameras)) if len(block.cameras) == 1 else ""
-            for image, camera in camera_of.items():
-                if image not in block.camera_of:
-                    block.add_images([image], camera or only)
+            block.add_images([image], camera or only)
         except InputError as error:
-            raise InputError(f"{self.images}: {error}") from None
+            raise InputError(f"{table.place(row)}: {error}") from None
+    with table.located():
+        block.add_poses(poses)

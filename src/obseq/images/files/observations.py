@@ -53,8 +53,6 @@ def observe_positions(block: Block, path: str | Path) -> None:
     table.require(*columns)
     centres = np.column_stack([table.numbers(name) for name in "xyz"])
     sigmas = np.column_stack([table.numbers(name, np.inf) for name in columns])
-    try:
+    with table.located():
         turns = np.broadcast_to(np.eye(3), (len(table), 3, 3))
         block.observe_poses(Poses.of(table.texts("image"), centres, turns), sigmas)
-    except InputError as error:
-        raise InputError(f"{table.path}: {error}") from None

@@ -5,16 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import math
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, RowError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from obseq.arrays import FloatArray
 
@@ -131,6 +132,21 @@ class Table:
         if not math.isfinite(value):
             raise InputError(f"{self.place(row)}: {column} is {field!r}, which is no number")
         return value
+
+    @contextmanager
+    def located(self, rows: Sequence[int] | None = None) -> Iterator[None]:
+        """Makes errors inside name the file, and the line of the row that they are about.
+
+        Args:
+            rows: which rows of the table were taken; all of them when None.
+        """
+        try:
+            yield
+        except RowError as error:
+            row = error.row if rows is None else rows[error.row]
+            raise InputError(f"{self.place(row)}: {error}") from None
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from None
 
     def place(self, row: int) -> str:
         """`file:line` of a row."""

@@ -1,0 +1,71 @@
+"""What is wrong in the tables of a block is told with its file and line."""
+
+import pytest
+
+from obseq.errors import InputError
+from obseq.images import BundleAdjustment
+from obseq.images.files.block_tables import BlockFiles, add_measures
+from obseq.images.files.observations import add_lengths, observe_positions
+
+TABLES = {
+    "cameras": "name,width,height,focal\n# the only one\nwide,2000,1500,1800\n",
+    "images": "image,camera,x,y,z,omega,phi,kappa\n\na,wide,0,0,9,0,0,0\nb,wide,1,0,9,0,0,0\n",
+    "control": "point,x,y,z,sigma\nP,0,0,0,0.01\nQ,1,0,0,0.01\n",
+    "measures": "image,point,x,y\na,P,1000,750\nb,P,800,750\na,Q,1200,750\n",
+}
+
+
+def _filled(folder, **changed):
+    for name, text in {**TABLES, **changed}.items():
+        (folder / f"{name}.csv").write_text(text)
+    cameras, images, control, measures = (folder / f"{name}.csv" for name in TABLES)
+    block = BundleAdjustment()
+    BlockFiles(cameras, images, [measures], [control], 0.5).fill(block)
+    return block
+
+
+@pytest.mark.parametrize(
+    ("table", "more", "message"),
+    [
+        ("measures", "c,P,1,1\n", "measures.csv:5: image points: image 'c' is not known"),
+        ("measures", "b,P,1,1\n", "measures.csv:5: image b, point P: measured twice in the image"),
+        ("measures", "\nb,Q,5000,1\n", "measures.csv:6: image b, point Q: (5000, 1) is outside the image"),
+        ("measures", "b,Q,1e999,1\n", "measures.csv:5: x is '1e999', which is no number"),
+        ("control", "P,0,0,0,0.01\n", "control.csv:4: control point 'P' is given twice"),
+        ("control", "R,0,0,0,-1\n", "control.csv:4: control point R: a sigma is above zero"),
+        ("images", "a,wide,0,0,9,0,0,0\n", "images.csv:5: image 'a' is given twice"),
+        ("images", "a,wide,,,,,,\n", "images.csv:5: image 'a' is given twice"),
+        ("images", "c,tele,0,0,9,0,0,0\n", "images.csv:5: image c: its calibration tele is missing"),
+        ("cameras", "tele,2000,1500,-3\n", "cameras.csv:4: "),
+        ("cameras", "wide,2000,1500,1800\n", "cameras.csv:4: camera 'wide' is given twice"),
+        ("cameras", "tele,2000,1500,28\n", "cameras.csv:4: camera tele: a focal length of 28"),
+    ],
+)
+def test_a_wrong_row_is_told_with_its_line(tmp_path, table, more, message):
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path, **{table: TABLES[table] + more})
+    assert message in str(error.value)
+    assert str(error.value).count(f"{table}.csv") == 1
+
+
+def test_a_second_table_of_measures_is_told_with_its_own_line(tmp_path):
+    block = _filled(tmp_path)
+    again = tmp_path / "again.csv"
+    again.write_text("image,point,x,y\nb,Q,900,750\nb,P,800,750\n")
+    with pytest.raises(InputError, match=r"again\.csv:3: image b, point P: measured twice"):
+        add_measures(block, again, 0.5)
+
+
+def test_other_observations_are_told_with_their_lines(tmp_path):
+    block = _filled(tmp_path)
+    positions = tmp_path / "positions.csv"
+    positions.write_text("image,x,y,z,sigma\na,0,0,9,0.1\nz,0,0,9,0.1\n")
+    with pytest.raises(InputError, match=r"positions\.csv:3: observed poses: image 'z' is not known"):
+        observe_positions(block, positions)
+    positions.write_text("image,x,y,z,sigma\na,0,0,9,0.1\nb,0,0,9,-0.1\n")
+    with pytest.raises(InputError, match=r"positions\.csv:3: .*image b"):
+        observe_positions(block, positions)
+    lengths = tmp_path / "lengths.csv"
+    lengths.write_text("from,to,length,sigma\nP,P,1,0.1\n")
+    with pytest.raises(InputError, match=r"lengths\.csv:2: "):
+        add_lengths(block, lengths)
