@@ -125,6 +125,48 @@ def test_reliability_takes_covariances(clean):
         without.reliability()
 
 
+def _with_wrong_control(shift):
+    block, _, _ = scenes.block()
+    block.control.coordinates[2, 1] += shift
+    return block
+
+
+def test_a_wrong_control_coordinate_is_left_out_and_no_good_measure_is():
+    solution = _with_wrong_control(0.05).solve(blunders=BlunderSearch())
+    assert solution.blunders.end is SnoopingEnd.CLEAN
+    (found,) = solution.blunders.rejected
+    assert found.name == "control point P2 y"
+    assert found.blunder == pytest.approx(0.05, abs=0.01)
+    (item,) = solution.left_out
+    assert (item.kind, item.name) == ("observation", "control point P2 y")
+    assert "off by 0.05" in item.reason
+    assert 0.9 < solution.sigma0 < 1.1
+    names, residuals = solution.control_residuals()
+    assert residuals[names.index("P2"), 1] == pytest.approx(-found.blunder, abs=0.005)
+
+
+def test_a_wrong_length_and_a_wrong_measure_are_told_apart():
+    block, (name,) = _with_blunders([60])
+    _, _, truth = scenes.block()
+    block.add_length("P10", "P12", float(np.linalg.norm(truth["P10"] - truth["P12"])) + 0.2, 0.005)
+    solution = block.solve(blunders=BlunderSearch())
+    assert {item.as_left_out().name for item in solution.blunders.rejected} == {name, "length P10 to P12"}
+    assert "length P10 to P12" in summary(record_of(solution))
+
+
+def test_an_observed_pose_that_is_wrong_ends_the_search():
+    block, truth, _ = scenes.block()
+    known = truth.select(truth.images[:2])
+    shifted = type(known)(
+        known.images, np.add(known.centres, [[0.3, 0, 0], [0, 0, 0]]), known.rotations, known.cameras
+    )
+    block.observe_poses(shifted, 0.01)
+    solution = block.solve(blunders=BlunderSearch())
+    assert solution.blunders.end is SnoopingEnd.GIVEN
+    assert not solution.blunders.rejected
+    assert "i0" in solution.blunders.suspects[0]
+
+
 @pytest.mark.parametrize("weighting", [(0.5, 0.5, None, 1.0), (0.5, 1.5, None, 2.0), (0.5, 1.0, 5.0, 2.0)])
 def test_robust_weights_show_all_blunders_and_hardly_any_good_measure(weighting):
     missed = wrong = 0

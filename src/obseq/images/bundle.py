@@ -6,7 +6,7 @@ import functools
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, SingularSystemError
-from obseq.images.adjustment.approach import approach, drop_undetermined
+from obseq.images.adjustment.approach import approach, drop_undetermined, solve_calling_back
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
 from obseq.images.adjustment.quality import search_blunders
@@ -69,7 +69,7 @@ class BundleAdjustment(Block):
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
-            blunders: how to look for wrong image points and leave them out; None for not at all.
+            blunders: how to look for wrong observations and leave them out; None for not at all.
 
         Raises:
             InputError: something in the block makes the adjustment impossible; it is named.
@@ -94,14 +94,16 @@ class BundleAdjustment(Block):
             if datum in ("control", "none"):
                 done = approach(equations, strategy, solving)
                 dropped = drop_undetermined(equations)
-                result = system.solve(strategy=strategy, covariance=wanted, **solving)
-                done += result.iterations
+                result, lost = solve_calling_back(equations, strategy, solving, wanted)
+                done, dropped = done + result.iterations, dropped + lost
             else:
                 result, done, dropped = solve_free(equations, datum, strategy, wanted, solving)
                 strategy = "gauss-newton"
             found = None
             if blunders is not None:
-                result, found = search_blunders(equations, blunders, {**solving, "strategy": strategy})
+                result, found = search_blunders(
+                    equations, surveys, blunders, {**solving, "strategy": strategy}
+                )
                 done += result.iterations
         except SingularSystemError as error:
             raise SingularSystemError(f"{error}\n{hint(self, start)}", error.unknowns) from None

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray
     from obseq.images.adjustment.equations import Equations, MeasureBatch
-    from obseq.leastsquares import Batch, Iteration
+    from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
 
 Solving: TypeAlias = dict[str, Any]
 """What `LeastSquares.solve` is given."""
 STEPS, ROUNDS = 8, 12
+RECALLS = 3
+"""Solutions that are tried where points run away."""
 NO_MORE = 0.9
 """What is left of the misfit after a round that has brought too little."""
 LOOSE = 0.1
@@ -82,6 +84,11 @@ def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[I
 
 def place_again(equations: Equations) -> float:
     """Puts free points where their rays meet at the present state; by how many pixels these miss them."""
+    return _put_again(equations)[0]
+
+
+def _put_again(equations: Equations) -> tuple[float, dict[int, str]]:
+    """The same, and why points have no such place."""
     start, system = equations.start, equations.system
     free = start.is_free.all(axis=1) & ~are_among(start.points, equations.block.joined_points)
     poses = Poses(
@@ -92,10 +99,49 @@ def place_again(equations: Equations) -> float:
     )
     coordinates = system.values(equations.points)
     coordinates[free] = np.nan
-    _, off = put_points(coordinates, free, poses, start.cameras, start.points, start.sets)
+    reasons, off = put_points(coordinates, free, poses, start.cameras, start.points, start.sets)
     placed = free & np.isfinite(coordinates).all(axis=1)
     system.set_values(equations.points[placed], coordinates[placed])
-    return off
+    return off, reasons
+
+
+def solve_calling_back(
+    equations: Equations, strategy: str, solving: Solving, covariance: bool | None = None
+) -> tuple[LeastSquaresResult, tuple[LeftOut, ...]]:
+    """The solution, and the points that had to be left out on the way.
+
+    A point whose rays are nearly parallel may run away while poses are still rough. It is put back to where
+    its rays meet; those of which even good poses make no point are left out the second time.
+
+    Raises:
+        SingularSystemError: something else is undetermined.
+    """
+    lost: tuple[LeftOut, ...] = ()
+    for attempt in range(RECALLS):
+        try:
+            result = equations.system.solve(strategy=strategy, covariance=covariance, **solving)
+        except SingularSystemError:
+            if attempt == RECALLS - 1 or not _has_tie_points(equations):
+                raise
+            lost += _call_back(equations, attempt > 0)
+        else:
+            break
+    return result, lost
+
+
+def _has_tie_points(equations: Equations) -> bool:
+    return bool(equations.start.is_free.all(axis=1).any())
+
+
+def _call_back(equations: Equations, leave_out: bool) -> tuple[LeftOut, ...]:
+    """Puts points where their rays meet; leaves out those whose rays do not, if that is asked for."""
+    reasons = _put_again(equations)[1]
+    if not leave_out or not reasons:
+        return ()
+    lost = np.zeros(len(equations.start.points), dtype=bool)
+    lost[list(reasons)] = True
+    _switch_off(equations, lost)
+    return tuple(LeftOut("point", equations.start.points[k], reasons[k]) for k in sorted(reasons))
 
 
 def _weakened(equations: Equations) -> list[Batch]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images.adjustment.approach import approach, drop_undetermined
+from obseq.images.adjustment.approach import approach, drop_undetermined, solve_calling_back
 from obseq.images.initial.growth import similarity
 from obseq.images.names import index_of
 
@@ -53,7 +53,8 @@ def solve_free(
     if strategy == "levenberg-marquardt":
         done = approach(equations, strategy, solving)
         dropped = drop_undetermined(equations)
-        done += system.solve(strategy=strategy, **solving).iterations
+        result, lost = solve_calling_back(equations, strategy, solving)
+        done, dropped = done + result.iterations, dropped + lost
     _move_back(equations, chosen, wanted, datum)
     after = [system.values(ids) for ids in groups]
     for ids, values in zip(groups, before, strict=True):

@@ -1,4 +1,4 @@
-"""How the image points of a block control each other, and which of them are blunders."""
+"""How the image points of a block control each other, and which observations are blunders."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.images.adjustment.equation_names import EquationNames
 from obseq.images.adjustment.start import LeftOut
 from obseq.leastsquares.statistics.reliability import reliability
 from obseq.leastsquares.statistics.snooping import SnoopingEnd, snoop
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations
+    from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.leastsquares import LeastSquaresResult, Rejection
     from obseq.leastsquares.statistics.reliability import Reliability
 
@@ -64,7 +66,11 @@ class MeasureReliability:
 
 @dataclass(frozen=True)
 class BlunderSearch:
-    """How to look for wrong image points, one at a time: the worst is left out, and all is adjusted again.
+    """How to look for wrong observations, one at a time: the worst is left out, and all is adjusted again.
+
+    Image points, control coordinates, lengths, survey observations and what rigid blocks and clinometers say
+    are tested together: the one that is left out is that which lowers the weighted sum of squares most.
+    Observed poses and camera parameters are tested too, and end the search where they are the worst.
 
     Attributes:
         level: probability of leaving out anything where nothing is wrong.
@@ -82,12 +88,13 @@ class BlundersFound:
     """What the search for blunders did.
 
     Attributes:
-        rejected: the image points that were left out, in the order of finding.
+        rejected: the observations that were left out, in the order of finding.
         end: why the search ended.
-        suspects: names of measures that could not be told apart, or that the block cannot do without.
+        suspects: names of observations that could not be told apart, that the block cannot do without, or
+            that are not left out.
     """
 
-    rejected: tuple[RejectedMeasure, ...]
+    rejected: tuple[RejectedMeasure | RejectedObservation, ...]
     end: SnoopingEnd
     suspects: tuple[str, ...]
 
@@ -118,6 +125,30 @@ class RejectedMeasure:
         return LeftOut("measure", f"image {self.image}, point {self.point}", reason)
 
 
+@dataclass(frozen=True)
+class RejectedObservation:
+    """An observation other than an image point that the search for blunders left out.
+
+    Attributes:
+        name: control point and coordinate, length, survey observation, ...
+        statistic: standardised residual that failed.
+        p_value: probability of a larger one somewhere in the block without any blunder.
+        blunder: its estimated error, too large when positive; None where it is no number of the input.
+        unit: of that; empty for the unit of the world.
+    """
+
+    name: str
+    statistic: float
+    p_value: float
+    blunder: float | None
+    unit: str
+
+    def as_left_out(self) -> LeftOut:
+        """The same among what takes no part."""
+        off = "" if self.blunder is None else f": it is off by {self.blunder:.3g} {self.unit}".rstrip()
+        return LeftOut("observation", self.name, f"a blunder{off} (test {self.statistic:.3g})")
+
+
 def measure_reliability(
     equations: Equations, result: LeastSquaresResult, level: float, power: float
 ) -> MeasureReliability:
@@ -145,29 +176,38 @@ def measure_reliability(
 
 
 def search_blunders(
-    equations: Equations, search: BlunderSearch, solving: Mapping[str, object]
+    equations: Equations,
+    surveys: Sequence[JoinedSurvey],
+    search: BlunderSearch,
+    solving: Mapping[str, object],
 ) -> tuple[LeastSquaresResult, BlundersFound]:
-    """Leaves out the image points that are blunders; the solution of the others, and what was left out."""
+    """Leaves out the observations that are blunders; the solution of the others, and what was left out."""
     found = snoop(
         equations.system,
         search.level,
         search.statistic,
-        batches=[item.batch for item in equations.measures],
         max_rejections=search.max_rejections,
         solve_options=solving,
+        priors=True,
     )
-    rejected = tuple(_rejected(equations, rejection) for rejection in found.rejections)
+    names = EquationNames(equations, surveys)
+    rejected = tuple(_rejected(equations, names, rejection) for rejection in found.rejections)
     return found.result, BlundersFound(rejected, found.end, found.suspects)
 
 
-def _rejected(equations: Equations, rejection: Rejection) -> RejectedMeasure:
-    item = next(item for item in equations.measures if item.batch is rejection.batch)
+def _rejected(
+    equations: Equations, names: EquationNames, rejection: Rejection
+) -> RejectedMeasure | RejectedObservation:
+    item = names.measures.get(id(rejection.batch))
+    tested = rejection.statistic, rejection.p_value
+    if item is None:
+        found = names.of(rejection.batch, rejection.row, rejection.component, rejection.blunder)
+        return RejectedObservation(found.name, *tested, found.error, found.unit)
     part, row = equations.start.sets[item.part], item.rows[rejection.row]
     return RejectedMeasure(
         equations.start.poses.images[part.image[row]],
         equations.start.points[part.point[row]],
         "xy"[rejection.component],
-        rejection.statistic,
-        rejection.p_value,
+        *tested,
         rejection.blunder,
     )

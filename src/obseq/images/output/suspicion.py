@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.images.adjustment.equations import LENGTHS
+from obseq.images.adjustment.equation_names import EquationNames
 from obseq.leastsquares.statistics.hypothesis_tests import (
     limit_by_others,
     limit_by_spread,
     robust_spread,
     scaled_by_others,
 )
-from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
-    from obseq.survey.model import FieldBook
 
     Tested = ObservationReliability[Batch | Prior]
-    Named = tuple[str, float | None, str]
 
 LISTED, MOST = 20, 1000
 """Equations that are listed by name; more where more are suspected."""
@@ -129,13 +126,13 @@ def suspicion_record(solution: BundleSolution, whole: Reliability) -> SuspicionR
         spread, squares = robust_spread(w[w > 0.0]), (whole.sigma0 or 0.0) ** 2 * whole.redundancy
         scaled = scaled_by_others(w, squares, whole.redundancy)
         limit = limit_by_others(w.max(initial=0.0), squares, whole.redundancy, level)
-    beyond, names = int(np.count_nonzero(scaled > limit)), _Names(solution)
+    beyond, tests = int(np.count_nonzero(scaled > limit)), _Tests(solution)
     listed = _largest(w, min(max(LISTED, beyond if robust else 0), MOST))
     return SuspicionRecord(
         LEVEL,
         whole.n_tests,
         limit,
-        tuple(names.record(*_place(whole, int(row)), float(w[row]), float(scaled[row])) for row in listed),
+        tuple(tests.record(*_place(whole, int(row)), float(w[row]), float(scaled[row])) for row in listed),
         int(np.count_nonzero(w >= (1.0 - SAME) * w.max(initial=0.0))) - 1,
         robust,
         beyond,
@@ -176,64 +173,28 @@ def _place(whole: Reliability, position: int) -> tuple[Tested, int, int]:
     raise IndexError(position)
 
 
-class _Names:
-    """What to call the equations of a block, and the errors of what they observe."""
+class _Tests:
+    """Records of tests, in the order of their size."""
 
     def __init__(self, solution: BundleSolution) -> None:
-        self._start, self._lengths = solution.start, solution.block.lengths
+        self._names = EquationNames(solution.equations, solution.surveys)
         self._suspected: set[int] = set()
-        self._control, self._given = solution.equations.control
-        self._measures = {id(item.batch): item for item in solution.equations.measures}
-        self._surveys = {
-            id(batch): (part.network.book, rows)
-            for part in solution.surveys
-            for rows, batch in part.equations.batches.values()
-        }
 
     def record(self, part: Tested, row: int, component: int, w: float, scaled: float) -> StandardisedRecord:
         """The test of one equation."""
-        blunder = -float(part.left_out_residuals[row, component])
-        name, size, unit = self._named(part, row, component, blunder)
-        item = self._measures.get(id(part.source))
+        error = -float(part.left_out_residuals[row, component])
+        name, size, unit = self._names.of(part.source, row, component, error)
+        item, point = self._names.measures.get(id(part.source)), self._names.point_of(part.source, row)
         weight = 1.0 if item is None else float(item.batch.robust_weights()[row])
         place = None if item is None else self._row(item, row)
         signed = float(np.copysign(w, part.w[row, component]))
-        follows = item is not None and self._point(item, row) in self._suspected
+        follows = item is not None and point in self._suspected
+        if item is None and point is not None:
+            self._suspected.add(point)
         return StandardisedRecord(name, signed, scaled, size, unit, weight, place, follows)
-
-    def _point(self, item: MeasureBatch, row: int) -> int:
-        return int(self._start.sets[item.part].point[item.rows[row]])
 
     def _row(self, item: MeasureBatch, row: int) -> int:
         """Where the residuals of the solution, which are those of active measures, hold one of them."""
-        parts = list(self._measures.values())
+        parts = list(self._names.measures.values())
         before = sum(int(np.count_nonzero(part.batch.active)) for part in parts[: parts.index(item)])
         return before + int(np.count_nonzero(item.batch.active[:row]))
-
-    def _named(self, part: Tested, row: int, component: int, blunder: float) -> Named:
-        key = id(part.source)
-        if key in self._measures:
-            return f"{self._measure(self._measures[key], row)} {'xy'[component]}", blunder, "px"
-        if part.source is self._control:
-            self._suspected.add(int(self._given[row, 0]))
-            return self._control_point(int(self._given[row, 0]), int(self._given[row, 1]), blunder)
-        if key in self._surveys:
-            return self._survey(*self._surveys[key], row, blunder)
-        if part.source.group == LENGTHS:
-            return f"length {self._lengths.first[row]} to {self._lengths.second[row]}", blunder, ""
-        return part.label(row), None, ""
-
-    def _measure(self, item: MeasureBatch, row: int) -> str:
-        return self._start.sets[item.part].given.measures.label(int(item.rows[row]))
-
-    def _control_point(self, point: int, axis: int, blunder: float) -> Named:
-        """Correlated coordinates are tested in mixtures, which have no errors of their own."""
-        name, covariance = f"control point {self._start.points[point]}", self._start.covariances[point]
-        if np.any(covariance[~np.eye(3, dtype=bool)]):
-            return name, None, ""
-        return f"{name} {'xyz'[axis]}", blunder * float(np.sqrt(covariance[axis, axis])), ""
-
-    def _survey(self, book: FieldBook, rows: IntArray, row: int, blunder: float) -> Named:
-        place = int(rows[row])
-        is_angle = BY_CODE[int(book.observations.types[place])].is_angle
-        return book.label(place), None if is_angle else blunder, "" if is_angle else "m"

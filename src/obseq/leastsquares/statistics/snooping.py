@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.system import LeastSquares
+
+    _Part = ObservationReliability[Batch | Prior]
 
 
 TIE = 1e-6
@@ -40,6 +43,7 @@ class SnoopingEnd(Enum):
     LIMIT = "the number of rejections asked for is reached"
     INSEPARABLE = "a test rejects, but cannot tell which of several observations is wrong"
     NEEDED = "a test rejects an observation without which some unknowns are undetermined"
+    GIVEN = "a test rejects what is given of some unknowns beforehand, which is not left out"
     UNTESTABLE = "no observation is controlled by the others"
 
 
@@ -118,6 +122,7 @@ class _Settings:
     level: float
     overall: bool
     batches: Collection[Batch] | None
+    priors: bool
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,7 @@ def snoop(
     batches: Collection[Batch] | None = None,
     max_rejections: int | None = None,
     solve_options: Mapping[str, Any] | None = None,
+    priors: bool = False,
 ) -> Snooping:
     """Finds blunders one at a time: solves, rejects the worst observation if it fails its test, solves again.
 
@@ -145,12 +151,14 @@ def snoop(
         level: probability of rejecting something where nothing is wrong.
         statistic: "w" where the given sigmas are trusted, "tau" where only their proportions are.
         overall: whether the level is that of all tests of one adjustment together (Sidak), or of each.
-        batches: the batches whose observations may be rejected; all when None. Priors are not tested.
+        batches: the batches whose observations may be rejected; all when None.
         max_rejections: ends after as many; no limit when None.
         solve_options: arguments of `LeastSquares.solve` for the solutions.
+        priors: whether priors are tested too; they are not left out, but where the largest test is that of
+            one, it is the suspect and the search ends.
     """
     checked_probability(level, "level")
-    settings = _Settings(Statistic(statistic), level, overall, batches)
+    settings = _Settings(Statistic(statistic), level, overall, batches, priors)
     rejections: list[Rejection] = []
     try:
         while True:
@@ -175,20 +183,24 @@ def snoop(
 
 def _tested(quality: Reliability, settings: _Settings) -> _Outcome:
     """The worst observation of an adjustment, if its test rejects it."""
-    parts = [
+    observed = [
         part for part in quality.observations if settings.batches is None or part.source in settings.batches
     ]
+    parts: list[_Part] = [*observed, *(quality.constraints if settings.priors else ())]
     n_tests = sum(int(np.count_nonzero(part.controlled)) for part in parts)
     if not n_tests:
         return _Outcome(None, SnoopingEnd.UNTESTABLE)
     tops = [np.nanmax(_statistics(part, settings), initial=0.0) for part in parts]
-    worst = parts[int(np.argmax(tops))]
-    rejection = _rejection(worst, settings, n_tests)
-    if rejection.p_value >= settings.level:
+    worst = int(np.argmax(tops))
+    at, p_value = _worst(parts[worst], settings, n_tests)
+    if p_value >= settings.level:
         return _Outcome(None, SnoopingEnd.CLEAN)
     ties = _tied(parts, settings, max(tops))
     if len(ties) > 1:
         return _Outcome(None, SnoopingEnd.INSEPARABLE, ties)
+    if worst >= len(observed):
+        return _Outcome(None, SnoopingEnd.GIVEN, ties)
+    rejection = _rejection(observed[worst], settings, at, p_value)
     try:
         quality.left_out(rejection.batch, rejection.row)
     except InputError:
@@ -196,28 +208,33 @@ def _tested(quality: Reliability, settings: _Settings) -> _Outcome:
     return _Outcome(rejection)
 
 
-def _statistics(part: ObservationReliability[Batch], settings: _Settings) -> FloatArray:
+def _statistics(part: _Part, settings: _Settings) -> FloatArray:
     return np.abs(part.w if settings.statistic is Statistic.W else part.tau)
 
 
-def _rejection(part: ObservationReliability[Batch], settings: _Settings, n_tests: int) -> Rejection:
+def _worst(part: _Part, settings: _Settings, n_tests: int) -> tuple[tuple[int, int], float]:
+    """Row and component of the largest statistic, and its p value."""
     row, component = np.unravel_index(np.nanargmax(_statistics(part, settings)), part.w.shape)
     at = int(row), int(component)
-    is_w = settings.statistic is Statistic.W
-    single = (part.w_p_values if is_w else part.tau_p_values)[at]
-    p_value = float(overall_level(single, n_tests)) if settings.overall else float(single)
+    single = (part.w_p_values if settings.statistic is Statistic.W else part.tau_p_values)[at]
+    return at, float(overall_level(single, n_tests)) if settings.overall else float(single)
+
+
+def _rejection(
+    part: ObservationReliability[Batch], settings: _Settings, at: tuple[int, int], p_value: float
+) -> Rejection:
     return Rejection(
         part.label(at[0]),
         part.source,
         *at,
-        float((part.w if is_w else part.tau)[at]),
+        float((part.w if settings.statistic is Statistic.W else part.tau)[at]),
         p_value,
         float(-part.left_out_residuals[at]),
         float(part.detectable[at]),
     )
 
 
-def _tied(parts: list[ObservationReliability[Batch]], settings: _Settings, top: float) -> tuple[str, ...]:
+def _tied(parts: list[_Part], settings: _Settings, top: float) -> tuple[str, ...]:
     """Names of the observations whose statistic is the largest, up to rounding."""
     return tuple(
         part.label(int(row))
