@@ -4,6 +4,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from types import ModuleType
@@ -24,11 +25,16 @@ def table() -> ModuleType:
 
 ARCHITECTURE = table()
 ARROWS, INSIDE, FILES = ARCHITECTURE.ARROWS, ARCHITECTURE.INSIDE, ARCHITECTURE.FILES
-modules_of, imports_of = ARCHITECTURE.modules_of, ARCHITECTURE.imports_of
+modules_of = ARCHITECTURE.modules_of
 FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
 LOADERS = ("obseq.kernels.loading", "obseq.kernels.ondemand")  # codegen.ondemand alone: kernels under trial
 FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "src", "tests", "tools"}
 LARGEST_FILE = 1_500_000
+
+
+@cache
+def imports_of(path: Path) -> tuple[tuple[int, str], ...]:
+    return tuple(ARCHITECTURE.imports_of(path))
 
 
 def tracked_files() -> list[Path]:

@@ -29,7 +29,10 @@ REGISTRY = tuple(f for f in REGISTRY if not type(f).__module__.endswith({tuple(O
 
 CHECKS = """
 import sys, pytest
+from functools import cache
+from obseq.codegen import files
 from obseq.codegen.main import main
+files.generate = cache(files.generate)
 if main([]) or main(["--check"]):
     sys.exit("gencode")
 sys.exit(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *sys.argv[1:]]))
@@ -61,19 +64,39 @@ EACH = {
 }
 
 
-@pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    """The project with a short registry, imported from where it is."""
-    ignored = ignore_patterns("__pycache__", *ROOMS, "*.egg-info")
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project with a short registry, imported from where it is; what Python compiled is as good there."""
+    tmp_path = tmp_path_factory.mktemp("copy") / "obseq"
+    ignored = ignore_patterns(*ROOMS, "*.egg-info")
     copytree(ROOT / "src", tmp_path / "src", ignore=ignored)
     for room in ROOMS:
-        copytree(ROOT / room, tmp_path / room, ignore=ignore_patterns("__pycache__", *LEFT_OUT[room]))
+        copytree(ROOT / room, tmp_path / room, ignore=ignore_patterns(*LEFT_OUT[room]))
         (tmp_path / "src" / "obseq" / room).symlink_to(Path("..") / ".." / room)
-    copytree(ROOT / "tests", tmp_path / "tests", ignore=ignore_patterns("__pycache__"))
+    copytree(ROOT / "tests", tmp_path / "tests")
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text("utf-8"), "utf-8")
     registry = tmp_path / "formulas" / "__init__.py"
     registry.write_text(registry.read_text("utf-8") + FEW, "utf-8")
     return tmp_path
+
+
+@pytest.fixture
+def copy(whole: Path) -> Iterator[Path]:
+    """The copy as it was made: what a test writes is taken back."""
+    before = texts(whole)
+    yield whole
+    for path in texts(whole).keys() - before.keys():
+        path.unlink()
+    for path, (changed, content) in before.items():
+        if not path.exists() or path.stat().st_mtime_ns != changed:
+            path.write_bytes(content)
+            os.utime(path, ns=(changed, changed))
+
+
+def texts(project: Path) -> dict[Path, tuple[int, bytes]]:
+    """When each file that people or the generator write was changed, and what is in it."""
+    written = (path for path in project.rglob("*") if path.suffix in (".py", ".md", ".toml"))
+    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in written}
 
 
 def sections() -> Iterator[tuple[str, str]]:
@@ -108,7 +131,7 @@ def edit(path: Path, block: str) -> None:
 
 def check(project: Path, *tests: str) -> str:
     """Generates what is due, then runs some tests of the copy; what was printed."""
-    command = [sys.executable, "-c", CHECKS, *tests]
+    command = [sys.executable, "-c", CHECKS, f"--basetemp={project.parent / 'inner'}", *tests]
     environment = {**os.environ, "PYTHONPATH": str(project / "src")}
     done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

@@ -5,11 +5,13 @@
     python tools/objects.py --into DIR             the libraries alone
 
 `--formulas` and `--modules` limit kernels and loops, for trials. A C compiler links the objects that numba's
-LLVM writes; nothing of either is needed where the wheel is installed. The whole takes some minutes.
+LLVM writes; nothing of either is needed where the wheel is installed. The whole takes some minutes at first;
+later, what changed since: objects are kept in the user's cache.
 """
 
 import argparse
 import base64
+import functools
 import hashlib
 import importlib
 import os
@@ -24,7 +26,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from obseq.compilation import Loop, objects
+from obseq.compilation import Loop, cache, objects
+from obseq.compilation.digests import DIGITS
 from obseq.compilation.routines import Routine
 from obseq.kernels import formula_names, load
 from obseq.kernels.loading import routine
@@ -121,12 +124,30 @@ class Choice:
 
 def emit(choice: Choice, part: int, parts: int, folder: Path) -> None:
     """Writes the objects of one part of the routines, a folder for each kind of processor."""
-    from obseq.compilation import numba_compiler
-
     for each in choice.routines()[part::parts]:
-        made = numba_compiler.compile_for(each.function, each.signature, each.symbol, choice.levels)
-        for level, code in made.items():
+        for level, code in made(each, choice.levels).items():
             (folder / level / f"{each.symbol}.o").write_bytes(code)
+
+
+def made(each: Routine, levels: Sequence[str]) -> dict[str, bytes]:
+    """Objects of a routine for kinds of processors: those of the user's cache, the others compiled."""
+    names = {level: f"{each.symbol}-{level}-{compiler_digest()}" for level in levels}
+    found = {level: code for level, name in names.items() if (code := cache.read(name)) is not None}
+    if lacking := [level for level in levels if level not in found]:
+        from obseq.compilation import numba_compiler
+
+        new = numba_compiler.compile_for(each.function, each.signature, each.symbol, lacking)
+        for level, code in new.items():
+            cache.write(names[level], code)
+        found |= new
+    return found
+
+
+@functools.cache
+def compiler_digest() -> str:
+    """Digest of the files that compile: with others of them, objects are others too."""
+    files = sorted(Path(objects.__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:DIGITS]
 
 
 def build(choice: Choice, target: Path, jobs: int) -> list[Path]:

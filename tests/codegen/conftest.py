@@ -13,7 +13,8 @@ from obseq.formulas import functions
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from vectorised import judging  # it lies beside the folder
+from unchanged import Seen  # these lie beside the folder
+from vectorised import judging
 
 ARITHMETIC = {
     "add": lambda a, b: a + b,
@@ -51,6 +52,12 @@ def _evaluate(graph: ExpressionGraph, node: int, inputs: Mapping[str, Any]) -> A
 def evaluate() -> Callable[[ExpressionGraph, int, Mapping[str, Any]], Any]:
     """(graph, node, value of each input) -> value of the node, in the arithmetic of the inputs."""
     return _evaluate
+
+
+@pytest.fixture(scope="package")
+def seen(pytestconfig: pytest.Config) -> Seen:
+    """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
+    return Seen(getattr(pytestconfig, "cache", None))
 
 
 @pytest.fixture(scope="package", autouse=True)

@@ -12,7 +12,8 @@ from obseq.formulas import Formula
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from vectorised import judging  # it lies beside the folder
+from unchanged import Seen  # these lie beside the folder
+from vectorised import judging
 
 DIGITS = 80
 
@@ -38,6 +39,12 @@ def _exact(
             columns.append([(high - low) / (2 * step) for low, high in zip(*ends, strict=True)])
         values = formula.evaluate(u, o)
     return np.array(values, dtype=float), np.array(columns, dtype=float).T
+
+
+@pytest.fixture(scope="package")
+def seen(pytestconfig: pytest.Config) -> Seen:
+    """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
+    return Seen(getattr(pytestconfig, "cache", None))
 
 
 @pytest.fixture(scope="package", autouse=True)

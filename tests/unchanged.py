@@ -1,0 +1,51 @@
+"""What was seen to hold of generated modules, until something changes that they can depend on."""
+
+import hashlib
+import sys
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+WHOLE = ("formulas", "codegen", "generated", "docs/formulas", "tests/codegen", "tests/formulas")
+BELOW = ("src/obseq/kernels", "src/obseq/compilation")
+"""What the generator imports: test_architecture.py sees to it that it imports no other room."""
+
+KINDS = {".py", ".jinja", ".md"}
+TOOLS = ("sympy", "mpmath", "jinja2", "numpy")
+
+
+@cache
+def digest() -> str:
+    """Digest of the equations, the generator, what both stand on, their tests, and what was generated."""
+    parts = [sys.version, *(f"{name} {version(name)}" for name in TOOLS)]
+    found = hashlib.sha256("\0".join(parts).encode())
+    for path in sorted(sources()):
+        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()
+
+
+def sources() -> set[Path]:
+    """The files that generation, and what is tested of it, can depend on."""
+    package = ROOT / "src" / "obseq"
+    found = {*package.glob("*.py"), ROOT / "pyproject.toml", Path(__file__)}
+    for folder in (*WHOLE, *BELOW):
+        found |= {path for path in (ROOT / folder).rglob("*") if path.suffix in KINDS}
+    return found
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was seen with these sources and versions, by name; in pytest's own cache, where there is one."""
+
+    kept: Any
+
+    def __contains__(self, name: str) -> bool:
+        return self.kept is not None and self.kept.get(f"obseq/seen/{name}", "") == digest()
+
+    def add(self, name: str) -> None:
+        """Keeps what was seen."""
+        if self.kept is not None:
+            self.kept.set(f"obseq/seen/{name}", digest())
