@@ -1,5 +1,6 @@
 """Networks of GNU Gama, against the numbers of an independent program, and what their reader refuses."""
 
+import itertools
 import json
 
 import numpy as np
@@ -262,6 +263,47 @@ def test_a_wrong_name_in_an_angle_is_found(tmp_path):
     (error,) = result.gross_errors
     assert error.points == ("A", "B")
     assert "it fits B, not A" in error.text
+
+
+@pytest.mark.parametrize(
+    ("wrong", "names", "told"),
+    [
+        (("C", "B", "E"), ("A", "B"), "it fits A, not B: the name of the backsight is wrong"),
+        (("C", "A", "B"), ("E", "B"), "it fits E, not B: the name of the target is wrong"),
+        (("D", "A", "E"), ("C", "D"), "it fits C, not D: the name of the first point is wrong"),
+    ],
+)
+def test_what_is_said_of_an_angle_fits_it(tmp_path, wrong, names, told):
+    """The angle at C from A to E, one of its names exchanged for another."""
+    places = {"A": (0, 0), "B": (10, 110), "C": (130, 95), "D": (105, -20), "E": (52, 47)}
+
+    def angle(at, back, to):
+        sights = [complex(*places[end]) - complex(*places[at]) for end in (back, to)]
+        return np.angle(sights[0] / sights[1]) * 200 / np.pi % 400
+
+    turns = [
+        (at, back, to)
+        for at in places
+        for back, to in itertools.pairwise([name for name in places if name != at])
+    ]
+    body = "".join(
+        f'<point id="{name}" x="{x}" y="{y}" {"fix" if name in "AB" else "adj"}="xy" />'
+        for name, (x, y) in places.items()
+    )
+    angles = [*((turn, angle(*turn)) for turn in turns), (wrong, angle("C", "A", "E"))]
+    body += "<obs>" + "".join(
+        f'<angle from="{at}" bs="{back}" fs="{to}" val="{value:.4f}" stdev="10" />'
+        for (at, back, to), value in angles
+    )
+    body += "".join(
+        f'<distance from="E" to="{to}" val="{np.hypot(x - 52, y - 47):.4f}" stdev="5" />'
+        for to, (x, y) in places.items()
+        if to != "E"
+    )
+    result = adjusted(network(tmp_path, body + "</obs>", '<network axes-xy="en" angles="left-handed">'))
+    (error,) = result.gross_errors
+    assert error.text == told
+    assert error.points == names[::-1]
 
 
 @pytest.mark.parametrize(

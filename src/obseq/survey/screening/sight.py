@@ -17,7 +17,7 @@ from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import GROSS, QUICK
-from obseq.survey.screening.sights import tolerance_of
+from obseq.survey.screening.substitutes import tolerance_of
 from obseq.survey.screening.values import GON, difference, explain
 
 if TYPE_CHECKING:

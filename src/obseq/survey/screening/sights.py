@@ -5,28 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.substitutes import End, Substitutes, substitutes, tolerance_of
 from obseq.survey.screening.values import GON, LIKELY, Explanation, difference, explain
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
     from obseq.survey.screening.robust import Estimate
-
-_TOLERANCE = 5.0
-"""Sigmas within which an explanation must hit."""
-
-
-@dataclass(frozen=True)
-class _WrongPoint:
-    """A point that fits where another was written."""
-
-    row: int
-    chance: float
 
 
 def single_errors(found: Estimate, suspects: list[int]) -> list[GrossError]:
@@ -44,20 +30,11 @@ def single_errors(found: Estimate, suspects: list[int]) -> list[GrossError]:
 
 def _error_of(found: Estimate, row: int, suspects: dict[int, None]) -> GrossError:
     value_cause = explanation_of(found, row)
-    rows = _of_same_sight(found, row, suspects)
-    target = _other_point(found, rows, at_target=True)
-    origin = None if target else _other_point(found, rows, at_target=False)
-    wrong = target or origin
     best = value_cause.chance if value_cause else LIKELY
-    if wrong is not None and wrong.chance < best:
-        return _wrong_point(found, rows, wrong, at_target=target is not None)
-    return _wrong_value(found, row, value_cause)
-
-
-def tolerance_of(found: Estimate, row: int) -> float:
-    """How far from what the others give a good value of an observation may be (m, rad)."""
-    sigma = abs(found.misfits[row]) / max(float(found.ratios[row]), 1e-300)
-    return _TOLERANCE * found.scale * float(sigma)
+    rows = _of_same_sight(found, row, suspects)
+    wrong = [one for end in End if (one := substitutes(found, rows, end)) and len(one.points) == 1]
+    wrong = [one for one in wrong if len(wrong) * one.chance < best]
+    return _wrong_point(found, wrong) if wrong else _wrong_value(found, row, value_cause)
 
 
 def explanation_of(found: Estimate, row: int) -> Explanation | None:
@@ -88,70 +65,28 @@ def _of_same_sight(found: Estimate, row: int, suspects: dict[int, None]) -> list
     ]
 
 
-def _other_point(found: Estimate, rows: list[int], *, at_target: bool) -> _WrongPoint | None:
-    """The point whose coordinates fit all these observations where another is written."""
-    observations, n = found.book.observations, len(found.points)
-    located = np.asarray(np.isfinite(found.coordinates).all(axis=1))
-    if not at_target and any(observations.stations[row] >= 0 for row in rows):
-        return None
-    if any(BY_CODE[int(observations.types[row])].start is Start.NOTHING for row in rows):
-        return None
-    fits, chance = located.copy(), float(np.count_nonzero(located))
-    ends = [int(observations.from_points[rows[0]]), int(observations.to_points[rows[0]])]
-    fits[ends] = False
-    for row in rows:
-        values = _to_all_points(found, row, at_target=at_target)
-        kind, value = BY_CODE[int(observations.types[row])], float(observations.values[row])
-        tolerance = 2.0 * tolerance_of(found, row)
-        gaps = np.abs(values - value)
-        if kind.is_angle:
-            gaps = np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi)
-        fits &= gaps <= tolerance
-        chance *= 2.0 * tolerance / (2.0 * math.pi if kind.is_angle else max(2.0 * abs(value), tolerance))
-    candidates = np.flatnonzero(fits[:n])
-    return _WrongPoint(int(candidates[0]), chance) if len(candidates) == 1 else None
-
-
-def _to_all_points(found: Estimate, row: int, *, at_target: bool) -> FloatArray:
-    """(n,) what one observation would have been to (or from) every point; NaN where it cannot be said."""
-    observations = found.book.observations
-    kind = BY_CODE[int(observations.types[row])]
-    start, end = int(observations.from_points[row]), int(observations.to_points[row])
-    base = found.coordinates[start if at_target else end]
-    offsets = (found.coordinates - base) * (1.0 if at_target else -1.0)
-    offsets[:, 2] += float(observations.to_heights[row] - observations.from_heights[row])
-    if kind.start is Start.DISTANCE:
-        return np.asarray(np.linalg.norm(offsets, axis=1))
-    if kind.start is Start.FLAT:
-        return np.asarray(np.hypot(offsets[:, 0], offsets[:, 1]))
-    if kind.start is Start.ANGLE:
-        back = found.coordinates[observations.backsights[row]]
-        backwards = back - (base if at_target else found.coordinates)
-        azimuths = [np.arctan2(sight[..., 0], sight[..., 1]) for sight in (offsets, backwards)]
-        return np.asarray(azimuths[0] - azimuths[1])
-    if kind.start is Start.RISE:
-        there = found.coordinates[end if at_target else start]
-        rise = found.coordinates[:, 2] - there[2]
-        return np.asarray(found.computed[row] + (rise if at_target else -rise))
-    if observations.stations[row] < 0:
-        return np.full(len(offsets), np.nan)
-    local = offsets @ found.rotations[observations.stations[row]]
-    if kind.start is Start.ZENITH:
-        return np.asarray(np.arctan2(np.hypot(local[:, 0], local[:, 1]), local[:, 2]))
-    if kind.is_angle:
-        return np.asarray(np.arctan2(local[:, 0], local[:, 1]))
-    return np.asarray(local[:, {Start.DX: 0, Start.DY: 1}.get(kind.start, 2)])
-
-
-def _wrong_point(found: Estimate, rows: list[int], wrong: _WrongPoint, *, at_target: bool) -> GrossError:
-    observations = found.book.observations
-    ends = observations.to_points if at_target else observations.from_points
-    written, fits = found.book.point_names[ends[rows[0]]], found.points.names[wrong.row]
-    end = "target" if at_target else "first point"
-    text = f"it fits {fits}, not {written}: the name of the {end} is wrong"
+def _wrong_point(found: Estimate, wrong: list[Substitutes]) -> GrossError:
+    """Observations that fit with another point at one end, or at either of several."""
+    rows = list(wrong[0].rows)
+    names = [_names(found, one) for one in wrong]
+    told = (
+        f"it fits {fits}, not {written}: the name of the {one.end} is wrong"
+        for one, (written, fits) in zip(wrong, names, strict=True)
+    )
     size = float(found.ratios[rows].max())
     what = ", ".join(found.book.label(row) for row in rows)
-    return GrossError(what, Cause.WRONG_POINT, text, size, tuple(rows), (written, fits))
+    return GrossError(what, Cause.WRONG_POINT, "; or ".join(told), size, wrong[0].rows, names[0])
+
+
+def _names(found: Estimate, one: Substitutes) -> tuple[str, str]:
+    """The point that is written, and the one that fits."""
+    observations = found.book.observations
+    ends = {
+        End.TARGET: observations.to_points,
+        End.ORIGIN: observations.from_points,
+        End.BACKSIGHT: observations.backsights,
+    }[one.end]
+    return found.book.point_names[ends[one.rows[0]]], found.points.names[one.points[0]]
 
 
 def _wrong_value(found: Estimate, row: int, cause: Explanation | None) -> GrossError:
