@@ -20,6 +20,7 @@ class Cause(enum.StrEnum):
     MISTYPED = "mistyped"
     NEW_SETUP = "new set-up"
     DISTANCES = "constant or scale of distances"
+    HEIGHT = "height of instrument or target"
     SIGMAS = "sigmas too small"
     HORIZONTAL = "horizontal for slope distance"
     COORDINATE_SYSTEM = "coordinate system"

@@ -13,9 +13,11 @@ from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.ambiguous import Ambiguity
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
+from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import Trials, group_cause
 from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.offsets import offset_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
 from obseq.survey.screening.setups import setup_cause
 from obseq.survey.screening.sight import sight_cause
@@ -66,14 +68,16 @@ def gross_errors(
         errors.append(step[0])
         found = step[1]
         untried.clear()
-    ambiguous, suspects = _ambiguous(model, system, found)
+    exchanged, suspects = exchanged_readings(found, found.suspects.tolist())
+    ambiguous, suspects = _ambiguous(model, system, found, suspects)
     singles = _left_over(found, suspects, untried)
-    return tuple(sorted([*errors, *ambiguous, *singles], key=lambda error: -error.size))
+    return tuple(sorted([*errors, *exchanged, *ambiguous, *singles], key=lambda error: -error.size))
 
 
-def _ambiguous(model: Model, system: PointSystem, found: Estimate) -> tuple[list[GrossError], list[int]]:
+def _ambiguous(
+    model: Model, system: PointSystem, found: Estimate, suspects: list[int]
+) -> tuple[list[GrossError], list[int]]:
     """Errors whose place is not known, or shared, and the suspects that they leave; none among too many."""
-    suspects = found.suspects.tolist()
     errors, left = Ambiguity(system, found).errors(model, suspects)
     if _are_too_many(found, suspects) and (len(errors) > _MOST_CAUSES or _are_too_many(found, left)):
         return [], suspects
@@ -118,6 +122,7 @@ def _cause_of_many(
     steps = [group_cause(trials)]
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
+        steps += [offset_cause(trials)]
     best = _best([step for step in steps if step is not None])
     if best is None and len(found.suspects) > 1:
         best = sight_cause(trials)

@@ -52,12 +52,15 @@ class Substitutes:
 
 def tolerance_of(found: Estimate, row: int) -> float:
     """How far from what the others give a good value of an observation may be (m, rad)."""
+    return _TOLERANCE * found.scale * sigma_of(found, row)
+
+
+def sigma_of(found: Estimate, row: int) -> float:
+    """Sigma of an observation (m, rad), its relative part included where it takes part."""
     ratio = float(found.ratios[row])
     if ratio > 0.0:
-        sigma = abs(float(found.misfits[row])) / ratio
-    else:
-        sigma = float(found.book.observations.sigmas[row])
-    return _TOLERANCE * found.scale * sigma
+        return abs(float(found.misfits[row])) / ratio
+    return float(found.book.observations.sigmas[row])
 
 
 def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes | None:

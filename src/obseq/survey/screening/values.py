@@ -23,6 +23,8 @@ FEET = 0.3048
 """Metres in a foot."""
 _DECIMALS = {True: 5, False: 4}
 """Decimals of angles (gon) and of lengths (m) in which digits are looked for."""
+_FEWEST_DECIMALS = 3
+"""Decimals that lengths are taken to be written with, where they end in zeros."""
 LIKELY = 0.02
 """Chance below which an explanation is believed."""
 
@@ -141,9 +143,18 @@ def _by_mistakes(
 ) -> Iterator[Explanation]:
     mistakes = mistakes_of(kind)
     for mistake in mistakes:
-        if abs(difference(kind, mistake.right(value), expected)) <= tolerance:
-            chance = len(mistakes) * 2.0 * tolerance / span
+        margin = tolerance + (0.0 if kind.is_angle else _enlarged(mistake, value))
+        if abs(difference(kind, mistake.right(value), expected)) <= margin:
+            chance = len(mistakes) * 2.0 * margin / span
             yield Explanation(mistake.cause, mistake.text, chance)
+
+
+def _enlarged(mistake: Mistake, value: float) -> float:
+    """What a mistake that makes values larger makes of the rounding of a length as it was written."""
+    decimals = max(len(repr(value).partition(".")[2]), _FEWEST_DECIMALS)
+    half = 0.5 * 10.0**-decimals
+    gain = abs(mistake.right(value + half) - mistake.right(value))
+    return gain if gain > 2.0 * half else 0.0
 
 
 def _by_digits(

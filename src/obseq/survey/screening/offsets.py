@@ -1,0 +1,299 @@
+"""One offset that several sights share: a height of instrument or target, the constant of a prism.
+
+Each group of sights that may share one is corrected by the offset that fits it best, and the network is
+computed anew. A height changes zenith angles by its share across the sight and distances by that along it.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.survey.kinds.components import DZ
+from obseq.survey.kinds.directions import ZEN
+from obseq.survey.kinds.lengths import DIST
+from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.robust import GROSS
+from obseq.survey.screening.substitutes import sigma_of
+from obseq.survey.screening.values import explain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.survey.model import FieldBook
+    from obseq.survey.screening.groups import Trials
+    from obseq.survey.screening.robust import Estimate
+
+    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+_HIT = 5.0
+"""Sigmas of an offset within which an explanation must hit."""
+_LEAST_SHOWN = 2
+"""Observations that must show the offset: one alone says nothing of where it comes from."""
+_SHARE = 0.8
+"""Share of a group that an offset must fit."""
+_ROUNDS, _STEP = 4, 1e-3
+"""How often an offset is improved, and by what its effect is found (m)."""
+_EQUAL = 0.1
+"""Contradictions by which two offsets may differ that explain a network equally well."""
+_GAIN = 0.65
+"""Contradictions, for each suspect of a group, that its offset must remove."""
+
+
+class What(enum.Enum):
+    """What is shared."""
+
+    INSTRUMENT = "height of the instrument"
+    TARGET = "height of the target"
+    CONSTANT = "constant of the distances"
+
+
+@dataclass(frozen=True, eq=False)
+class _Offset:
+    """An offset of a group.
+
+    Attributes:
+        what: what is off.
+        rows: the observations that share it.
+        size: m, to be added.
+        sigma: m, its standard deviation.
+        suspects: the suspects that it explains.
+    """
+
+    what: What
+    rows: Rows
+    size: float
+    sigma: float
+    suspects: Rows
+
+
+def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
+    """The offset that explains most, with the network in which it is corrected; None when there is none."""
+    offsets = sorted(_offsets(trials.found), key=lambda one: -len(one.suspects))
+    offsets = [found for one in offsets for found in (one, *_mirrored(trials.found, one))]
+    explaining: list[tuple[float, _Offset, Estimate]] = []
+    for number, one in enumerate(offsets):
+        if number == trials.most:
+            trials.untried.append("heights and constants of more set-ups")
+            break
+        corrected = trials.tried(trials.found.points, _corrected(trials.found.book, one))
+        if corrected is None:
+            continue
+        left = corrected.disagreement(GROSS)
+        if trials.before - left < _GAIN * len(one.suspects):
+            continue
+        explaining.append((left, one, corrected))
+    if not explaining:
+        return None
+    least = min(left for left, _, _ in explaining)
+    equal = [(one, corrected) for left, one, corrected in explaining if left <= least + _EQUAL]
+    return _any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
+
+
+def _any_of(errors: list[GrossError]) -> GrossError:
+    """One error, or one of several that nothing tells apart."""
+    if len(errors) == 1:
+        return errors[0]
+    first, *others = errors
+    text = "; or ".join([first.text, *(f"{one.what}: {one.text}" for one in others)])
+    rows = tuple(dict.fromkeys(row for one in errors for row in one.rows))
+    return replace(first, text=f"{text}; nothing tells these apart", rows=rows)
+
+
+def _offsets(found: Estimate) -> Iterator[_Offset]:
+    """Offsets that would explain all suspects of a group, and fit the rest of it."""
+    sights = _Sights.of(found)
+    seen: set[bytes] = set()
+    for what, rows in _groups(found):
+        key = what.value.encode() + rows.tobytes()
+        if key not in seen and (offset := _fitted(found, what, rows, sights)) is not None:
+            seen.add(key)
+            yield offset
+
+
+def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+    """The height of the sights the other way at a point, whose own height would take up the rest."""
+    observations = found.book.observations
+    ends = observations.from_points, observations.to_points
+    mine, others = ends if one.what is What.INSTRUMENT else ends[::-1]
+    point = mine[one.rows[0]]
+    if one.what is What.CONSTANT or (mine[one.rows] != point).any():
+        return
+    sees_heights = np.isin(observations.types, (ZEN.code, DIST.code)) & np.isfinite(found.misfits)
+    rows = _rows(observations.active & sees_heights & (others == point))
+    if len(rows):
+        what = What.TARGET if one.what is What.INSTRUMENT else What.INSTRUMENT
+        yield replace(one, what=what, rows=rows, size=-one.size)
+
+
+def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset | None:
+    """The offset that fits a group; None where it explains nothing, or not the whole group."""
+    rows = sights.seeing(what, rows)
+    suspects = rows[found.ratios[rows] > found.limit]
+    if len(suspects) < _LEAST_SHOWN:
+        return None
+    sigmas = np.array([sigma_of(found, row) for row in rows.tolist()])
+    size, sigma = _size(found.misfits[rows], sigmas, what, rows, sights)
+    change = sights.change(what, rows, size)
+    fits = np.abs(found.misfits[rows] + change) / sigmas <= found.limit
+    shown = np.abs(change) / sigmas > found.limit
+    if not fits[np.isin(rows, suspects)].all() or fits.mean() < _SHARE or shown.sum() < _LEAST_SHOWN:
+        return None
+    return _Offset(what, rows, size, sigma * found.scale, suspects)
+
+
+def _size(
+    misfits: FloatArray, sigmas: FloatArray, what: What, rows: Rows, sights: _Sights
+) -> tuple[float, float]:
+    """The offset that most of the observations want, and its standard deviation (m)."""
+    size, shares = 0.0, np.ones(len(rows))
+    for _ in range(_ROUNDS):
+        change = sights.change(what, rows, size)
+        shares = (sights.change(what, rows, size + _STEP) - change) / _STEP
+        shares = np.where(np.abs(shares) > 1e-9, shares, 1e-9)
+        size += _weighted_median(-(misfits + change) / shares, np.abs(shares) / sigmas)
+    return size, float(np.sum((shares / sigmas) ** 2) ** -0.5)
+
+
+def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+@dataclass(frozen=True, eq=False)
+class _Sights:
+    """Where the observations look.
+
+    Attributes:
+        vectors: (k, 3) from instrument to target; NaN where a point has no place.
+        up: (k, 3) verticals of the instruments.
+        is_zenith, is_distance: (k,) which are zenith angles, and slope distances.
+    """
+
+    vectors: FloatArray
+    up: FloatArray
+    is_zenith: BoolArray
+    is_distance: BoolArray
+
+    @classmethod
+    def of(cls, found: Estimate) -> _Sights:
+        """Those of an estimate."""
+        observations = found.book.observations
+        is_used = observations.active & np.isfinite(found.misfits)
+        kinds = (is_used & (observations.types == kind.code) for kind in (ZEN, DIST))
+        up = _verticals(found)
+        return cls(_vectors(found, up), up, *kinds)
+
+    def seeing(self, what: What, rows: Rows) -> Rows:
+        """Those of some rows that an offset changes."""
+        mask = self.is_distance if what is What.CONSTANT else self.is_zenith | self.is_distance
+        return rows[mask[rows]]
+
+    def change(self, what: What, rows: Rows, size: float) -> FloatArray:
+        """What an offset (m) adds to misfits."""
+        if what is What.CONSTANT:
+            return np.full(len(rows), -size)
+        raised = size if what is What.TARGET else -size
+        there = self.vectors[rows] + raised * self.up[rows]
+        return np.asarray(self._values(rows, there) - self._values(rows, self.vectors[rows]))
+
+    def _values(self, rows: Rows, vectors: FloatArray) -> FloatArray:
+        rise = np.sum(vectors * self.up[rows], axis=1)
+        length = np.linalg.norm(vectors, axis=1)
+        flat = np.sqrt(np.maximum(length**2 - rise**2, 0.0))
+        return np.asarray(np.where(self.is_zenith[rows], np.arctan2(flat, rise), length))
+
+
+def _verticals(found: Estimate) -> FloatArray:
+    """(k, 3) the vertical of each instrument; z where there is none."""
+    observations, rotations = found.book.observations, found.rotations
+    up = np.tile((0.0, 0.0, 1.0), (len(observations), 1))
+    if len(rotations):
+        turned = rotations[observations.stations][:, :, 2]
+        is_known = (observations.stations >= 0) & np.isfinite(turned).all(axis=1)
+        up = np.where(is_known[:, None], turned, up)
+    return up
+
+
+def _vectors(found: Estimate, up: FloatArray) -> FloatArray:
+    observations, n = found.book.observations, len(found.book.point_names)
+    places = np.full((n, 3), np.nan)
+    places[: len(found.coordinates)] = found.coordinates
+    heights = (observations.to_heights - observations.from_heights)[:, None]
+    marks = places[observations.to_points] - places[observations.from_points]
+    return np.asarray(marks + heights * up)
+
+
+def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
+    """Sights from a point with one height, to a point, and of both; distances from and to a point."""
+    observations = found.book.observations
+    is_used = observations.active & np.isfinite(found.misfits)
+    ends = observations.from_points, observations.to_points
+    for origin in np.unique(ends[0][found.suspects]).tolist():
+        mine = is_used & (ends[0] == origin)
+        for height in np.unique(observations.from_heights[mine]).tolist():
+            yield What.INSTRUMENT, _rows(mine & (observations.from_heights == height))
+        yield What.CONSTANT, _rows(mine)
+    for target in np.unique(ends[1][found.suspects]).tolist():
+        mine = is_used & (ends[1] == target)
+        yield What.TARGET, _rows(mine)
+        yield What.CONSTANT, _rows(mine)
+        for origin in np.unique(ends[0][mine]).tolist():
+            yield What.TARGET, _rows(mine & (ends[0] == origin))
+
+
+def _rows(mask: BoolArray) -> Rows:
+    return np.flatnonzero(mask).astype(np.intp)
+
+
+def _corrected(book: FieldBook, one: _Offset) -> FieldBook:
+    """The observations with an offset added."""
+    name = {What.INSTRUMENT: "from_heights", What.TARGET: "to_heights", What.CONSTANT: "values"}[one.what]
+    column = getattr(book.observations, name).copy()
+    column[one.rows] += one.size
+    return replace(book, observations=replace(book.observations, **{name: column}))
+
+
+def _described(found: Estimate, one: _Offset) -> GrossError:
+    rows = one.rows
+    label = found.book.label(int(rows[0]))
+    size = float(found.ratios[one.suspects].max())
+    if one.what is What.CONSTANT:
+        cause = Cause.DISTANCES
+        what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
+        text = f"{one.size:+.4f} m added to each of them fits: likely the constant of the prism"
+    else:
+        cause, text = _of_height(found, one)
+        what = f"{one.what.value} of {len(rows)} observations {_between(found, rows)} (the first: {label})"
+    return GrossError(
+        what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what is not What.CONSTANT
+    )
+
+
+def _between(found: Estimate, rows: Rows) -> str:
+    """From and to where sights go that have a point in common."""
+    observations, names = found.book.observations, found.book.point_names
+    ends = (("from", observations.from_points), ("to", observations.to_points))
+    common = [(word, points[rows[0]]) for word, points in ends if (points[rows] == points[rows[0]]).all()]
+    return " ".join(f"{word} {names[point]}" for word, point in common)
+
+
+def _of_height(found: Estimate, one: _Offset) -> tuple[Cause, str]:
+    """What the height should have been, and what slip makes the one that is written of it."""
+    observations = found.book.observations
+    heights = observations.from_heights if one.what is What.INSTRUMENT else observations.to_heights
+    written = np.unique(heights[one.rows])
+    if len(written) > 1:
+        return Cause.HEIGHT, f"{one.size:+.4f} m added to each of them fits"
+    height = float(written[0])
+    text = f"{height:.4f} m is written, {height + one.size:.4f} m fits"
+    if height == 0.0:
+        return Cause.HEIGHT, f"{text}: likely it was left out"
+    why = explain(DZ, height, height + one.size, _HIT * one.sigma)
+    return Cause.HEIGHT, text if why is None else f"{text}; likely: {why.text}"

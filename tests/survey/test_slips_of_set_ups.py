@@ -1,0 +1,160 @@
+"""Slips that a set-up, a target or a pair of readings makes: each is planted in a good network, and named."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from obseq.survey import Network
+from obseq.survey.screening.findings import Cause
+
+PLACES = {"A": (1000.0, 2000.0, 100.0), "B": (1180.0, 2030.0, 104.0), "C": (1090.0, 2190.0, 97.0)}
+PLACES |= {"P1": (1060.0, 2060.0, 101.5), "P2": (1130.0, 2110.0, 99.0), "P3": (1010.0, 2130.0, 98.2)}
+PLACES |= {"P4": (1205.0, 2140.0, 102.7)}
+GON = 200.0 / math.pi
+ANGLE, LENGTH = 0.001, 0.002
+"""Noise, gon and m."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of an OBS file."""
+
+    code: str
+    origin: str
+    target: str
+    value: float
+    sigma: float
+    instrument: float
+    prism: float
+
+    @property
+    def text(self):
+        heights = f"0 {self.instrument:.4f} {self.prism:.4f}"
+        return f"{self.code} {self.origin} {self.target} {self.value:.4f} {self.sigma} {heights}"
+
+
+def sight(random, origin, target, zero, instrument, code="5"):
+    """A direction, a zenith angle and a slope distance."""
+    prism = round(random.uniform(1.3, 1.7), 3)
+    east, north, up = np.subtract(PLACES[target], PLACES[origin])
+    up += prism - instrument
+    values = math.atan2(east, north) * GON - zero, math.atan2(math.hypot(east, north), up) * GON
+    heights = instrument, prism
+    hz, zen = (value + random.normal(0.0, ANGLE) for value in values)
+    length = math.hypot(east, north, up) + random.normal(0.0, LENGTH)
+    yield Line(code, origin, target, hz % 400.0, ANGLE, *heights)
+    yield Line("6", origin, target, zen, ANGLE, *heights)
+    yield Line("3", origin, target, length, LENGTH, *heights)
+
+
+def measured(seed=1):
+    """Every point observes all the others."""
+    random = np.random.default_rng(seed)
+    lines = []
+    for origin in PLACES:
+        zero, instrument = random.uniform(0.0, 400.0), round(random.uniform(1.4, 1.7), 3)
+        for k, target in enumerate(name for name in PLACES if name != origin):
+            lines += sight(random, origin, target, zero, instrument, "5" if k else "7")
+    return lines
+
+
+def network(folder, lines, known=("A", "B", "C")):
+    texts = [f"1 {name} {' '.join(map(str, PLACES[name]))} 0.002" for name in known]
+    (folder / "s.obs").write_text("\n".join(line.text for line in lines))
+    (folder / "s.cor").write_text("\n".join(texts))
+    return Network.read(folder / "s.obs", folder / "s.cor")
+
+
+def spoilt(folder, change, **where):
+    """The gross errors of the network with the lines changed that have these fields."""
+    lines = [
+        replace(line, **change(line)) if all(getattr(line, k) in v for k, v in where.items()) else line
+        for line in measured()
+    ]
+    assert lines != measured()
+    return network(folder, lines).gross_errors()
+
+
+def exchanged(folder, *codes):
+    """The gross errors when the readings from P2 to P3 and P4 are exchanged."""
+    values = {
+        (line.code, line.target): line.value
+        for line in measured()
+        if line.origin == "P2" and line.target in ("P3", "P4")
+    }
+    other = {"P3": "P4", "P4": "P3"}
+    return spoilt(
+        folder,
+        lambda line: {"value": values[line.code, other[line.target]]},
+        origin=("P2",),
+        target=("P3", "P4"),
+        code=codes,
+    )
+
+
+def test_an_honest_network_raises_no_alarm(tmp_path):
+    assert network(tmp_path, measured()).gross_errors() == ()
+
+
+@pytest.mark.parametrize("codes", [("5",), ("6",), ("3",), ("5", "6")])
+def test_exchanged_readings_are_named(tmp_path, codes):
+    (error,) = exchanged(tmp_path, *codes)
+    assert error.cause is Cause.SWAPPED_NAMES and set(error.points) == {"P3", "P4"}
+    assert error.text == "the two readings are exchanged: each fits in place of the other"
+    assert len(error.rows) == 2 * len(codes)
+
+
+def test_readings_of_whole_sights_may_be_names(tmp_path):
+    (error,) = exchanged(tmp_path, "5", "6", "3")
+    assert error.text.startswith("the names P") and error.text.endswith(" are exchanged, or the two readings")
+
+
+@pytest.mark.parametrize(
+    ("height", "words"),
+    [
+        (lambda h: 0.0, ": likely it was left out"),
+        (lambda h: h / 0.3048, "likely: feet instead of metres"),
+        (lambda h: h + 0.2, "m fits"),
+    ],
+)
+def test_a_wrong_height_of_instrument_is_named(tmp_path, height, words):
+    (true,) = {line.instrument for line in measured() if line.origin == "A"}
+    (error,) = spoilt(tmp_path, lambda line: {"instrument": height(line.instrument)}, origin=("A",))
+    assert error.cause is Cause.HEIGHT and "height of the instrument" in error.what and "from A" in error.what
+    assert f"{height(true):.4f} m is written" in error.text and words in error.text
+    fits = float(error.text.partition("written, ")[2].partition(" m fits")[0])
+    assert abs(fits - true) < 0.005
+    assert "nothing tells" not in error.text  # the height of A is known
+
+
+def test_at_a_point_of_unknown_height_the_targets_on_it_may_be_wrong_instead(tmp_path):
+    (error,) = spoilt(tmp_path, lambda line: {"prism": line.prism + 0.1}, target=("P4",))
+    assert error.cause is Cause.HEIGHT
+    assert "height of the target of 12 observations to P4" in error.text + error.what
+    assert "height of the instrument of 12 observations from P4" in error.text + error.what
+    assert error.text.endswith("nothing tells these apart")
+
+
+def test_a_forgotten_height_of_one_target_is_named(tmp_path):
+    (error,) = spoilt(tmp_path, lambda line: {"prism": 0.0}, origin=("P2",), target=("P4",))
+    assert error.what.startswith("height of the target of 2 observations from P2 to P4")
+    assert error.text.endswith("likely it was left out")
+
+
+@pytest.mark.parametrize("where", [{"origin": ("P2",)}, {"target": ("P4",)}])
+def test_the_constant_of_one_prism_is_named(tmp_path, where):
+    (error,) = spoilt(tmp_path, lambda line: {"value": line.value - 0.0344}, code=("3",), **where)
+    assert error.cause is Cause.DISTANCES and len(error.rows) == 6
+    assert "likely the constant of the prism" in error.text
+    assert abs(float(error.text.split()[0]) - 0.0344) < 0.003
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [(lambda v: v / 1000.0, "kilometres"), (lambda v: v / 0.3048, "feet")]
+)
+def test_one_distance_in_another_unit(tmp_path, change, words):
+    where = {"code": ("3",), "origin": ("P2",), "target": ("P4",)}
+    (error,) = spoilt(tmp_path, lambda line: {"value": change(line.value)}, **where)
+    assert error.cause is Cause.UNITS and f"{words} instead of metres" in error.text
