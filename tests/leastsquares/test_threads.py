@@ -9,7 +9,7 @@ from obseq.leastsquares import DivergenceError, LeastSquares
 from obseq.leastsquares.assembly import threads
 from obseq.leastsquares.assembly.evaluation import residuals
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.solvers.blas import _thread_functions
+from obseq.leastsquares.solvers.blas import _thread_functions, one_blas_thread
 
 
 @pytest.fixture
@@ -161,14 +161,30 @@ def test_a_number_of_threads_that_is_none():
 
 
 def test_one_thread_is_one_of_blas_too():
-    functions = _thread_functions()
-    if functions is None:
-        pytest.skip(reason="SciPy is not built on its own OpenBLAS here")
+    """Of SciPy's and of NumPy's."""
+    if not _thread_functions():
+        pytest.skip(reason="neither SciPy nor NumPy is built on its own OpenBLAS here")
     seen = []
     system = LeastSquares()
     x = system.add_scalars(["x"], [0.0])
     system.add_linear([x], [[[1.0]]], [2.0], 1.0)
-    before = functions[0]()
-    system.solve(progress=lambda _: seen.append(functions[0]()))
-    assert set(seen) == {1}
-    assert functions[0]() == before
+    before = blas_threads()
+    system.solve(progress=lambda _: seen.append(blas_threads()))
+    assert {number for numbers in seen for number in numbers} == {1}
+    assert blas_threads() == before
+
+
+def blas_threads():
+    return [get() for get, _ in _thread_functions()]
+
+
+def test_the_last_block_that_is_left_gives_the_threads_back():
+    """Blocks of two threads of Python's need not end in the reverse order."""
+    before = blas_threads()
+    first, second = one_blas_thread(), one_blas_thread()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert set(blas_threads()) <= {1}
+    second.__exit__(None, None, None)
+    assert blas_threads() == before

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -163,7 +163,7 @@ class Camera:
         if self.model is not None:
             return self.model.coefficient_names
         try:
-            return calculator(f"EqDist_{self._model}").observations
+            return _coefficient_names(self._model)
         except FormulaError as error:
             raise InputError(f"camera {self.name}: degree {self.degree}: {error}") from None
 
@@ -324,6 +324,12 @@ class Camera:
         if self.projection == "EquiRect":
             return np.asarray(np.hypot(x, z) > 0.0)
         return np.asarray((np.hypot(x, y) > 0.0) | (z > 0.0))
+
+
+@cache
+def _coefficient_names(model: str) -> tuple[str, ...]:
+    """Names of the coefficients of a distortion, in the order of the equation."""
+    return calculator(f"EqDist_{model}").observations
 
 
 def are_in_front(

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
-from scipy.linalg.blas import dgemm
 
 from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
@@ -60,18 +59,13 @@ class Front:
     def inverse(self, outer: FloatArray) -> FloatArray:
         """Inverse of the whole system on own and outer unknowns, given that on the outer ones."""
         gain = cho_solve((self.lower, True), self.coupling)
-        cross = -_product(gain, outer)
-        top = cho_solve((self.lower, True), np.eye(len(self.own))) - _product(cross, gain.T)
+        cross = -gain @ outer
+        top = cho_solve((self.lower, True), np.eye(len(self.own))) - cross @ gain.T
         return np.block([[top, cross], [cross.T, outer]])
 
     def for_child(self, child: int) -> IntArray:
         """Places of a child's unknowns among own and outer ones."""
         return _places(np.concatenate([self.own, self.outer]), self.children[child])
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """A product by SciPy's BLAS, whose threads `one_blas_thread` rules; NumPy has another."""
-    return np.asarray(dgemm(1.0, a, b)) if a.size and b.size else a @ b
 
 
 def _places(among: IntArray, wanted: IntArray) -> IntArray:
@@ -103,7 +97,7 @@ def merge(children: list[Reduced], is_own: BoolArray) -> tuple[Front, Reduced]:
     rest = right[own:] - half.T @ solve_triangular(lower, right[:own], lower=True) if own else right
     cost, decrease = sum(child.cost for child in children), sum(child.decrease for child in children)
     front = Front(numbers[:own], numbers[own:], lower, coupling, right[:own], parts)
-    remaining = matrix[own:, own:] - _product(half.T, half)
+    remaining = matrix[own:, own:] - half.T @ half
     return front, Reduced(numbers[own:], remaining, rest, cost, decrease)
 
 

@@ -12,6 +12,7 @@ import importlib.util
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,40 +104,61 @@ def _address(module: Any, name: str) -> int:
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL | None:
     """SciPy's own OpenBLAS, in which integers have 32 bits; None if it has another BLAS."""
-    spec = importlib.util.find_spec("scipy")
+    return _own_library("scipy", "scipy_dpotrs_")
+
+
+def _own_library(package: str, function: str) -> ctypes.CDLL | None:
+    """The OpenBLAS that a package brings with it, if it has a function of that name."""
+    spec = importlib.util.find_spec(package)
     for folder in map(Path, (spec and spec.submodule_search_locations) or ()):
-        for place in (folder.parent / "scipy.libs", folder / ".dylibs", folder / ".libs"):
+        for place in (folder.parent / f"{package}.libs", folder / ".dylibs", folder / ".libs"):
             for library in sorted(place.glob("libscipy_openblas*")):
                 loaded = ctypes.CDLL(str(library))
-                if hasattr(loaded, "scipy_openblas_set_num_threads") and hasattr(loaded, "scipy_dpotrs_"):
+                if hasattr(loaded, function):
                     return loaded
     return None
 
 
-def _thread_functions() -> tuple[Callable[[], int], Callable[[int], None]] | None:
-    """What gets and sets the number of threads of SciPy's own OpenBLAS; None if it has another BLAS."""
-    library = _library()
-    if library is None:
-        return None
-    return library.scipy_openblas_get_num_threads, library.scipy_openblas_set_num_threads
+@lru_cache(maxsize=1)
+def _thread_functions() -> tuple[tuple[Callable[[], int], Callable[[int], None]], ...]:
+    """What gets and sets the number of threads of each OpenBLAS that SciPy and NumPy bring with them."""
+    found = []
+    for package, ending in (("scipy", ""), ("numpy", "64_")):
+        get, put = (f"scipy_openblas_{what}_num_threads{ending}" for what in ("get", "set"))
+        library = _own_library(package, put)
+        if library is not None:
+            found.append((getattr(library, get), getattr(library, put)))
+    return tuple(found)
+
+
+class _Held:
+    """How many blocks keep OpenBLAS at one thread, and what to give back when the last one is left."""
+
+    lock = Lock()
+    blocks = 0
+    before: tuple[int, ...] = ()
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keeps SciPy's OpenBLAS at one thread: its threads cost more than they bring on small blocks.
+    """Keeps SciPy's OpenBLAS and NumPy's at one thread: more cost more than they bring on small blocks.
 
-    On two busy cores, two of them take 19 to 500 ms to factor 189 unknowns, and one takes 0.1 ms.
+    On two busy cores, two of them take 19 to 500 ms to factor 189 unknowns, and one takes 0.1 ms. The numbers
+    from before hold again when the last such block is left, whichever thread entered it.
 
-    Where SciPy is built on another library (a distribution's, Apple's) that library's setting holds.
+    Where a package is built on another library (a distribution's, Apple's) that library's setting holds.
     """
-    functions = _thread_functions()
-    if functions is None:
-        yield
-        return
-    get, put = functions
-    before = get()
-    put(1)
+    with _Held.lock:
+        if not _Held.blocks:
+            _Held.before = tuple([get() for get, _ in _thread_functions()])
+            for _, put in _thread_functions():
+                put(1)
+        _Held.blocks += 1
     try:
         yield
     finally:
-        put(before)
+        with _Held.lock:
+            _Held.blocks -= 1
+            if not _Held.blocks:
+                for (_, put), number in zip(_thread_functions(), _Held.before, strict=True):
+                    put(number)
