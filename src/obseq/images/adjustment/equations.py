@@ -188,8 +188,11 @@ class Equations:
         rows = part.rows
         formulas = [camera.formula for camera in self.start.cameras]
         equations = {camera.formula: camera.equation for camera in self.start.cameras}
-        kind = index_of(list(equations), formulas, "formula")[part.image[rows]]
-        chosen = [(formula, rows[kind == k]) for k, formula in enumerate(equations.values())]
+        if len(equations) == 1:
+            chosen = [(formula, rows) for formula in equations.values()]
+        else:
+            kind = index_of(list(equations), formulas, "formula")[part.image[rows]]
+            chosen = [(formula, rows[kind == k]) for k, formula in enumerate(equations.values())]
         return [
             MeasureBatch(number, here, self._add_batch(formula, part, here))
             for formula, here in chosen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,8 +64,10 @@ class NumberedSet:
     @property
     def rows(self) -> IntArray:
         """Rows of the measures that are used, by image and, in each, by point."""
-        rows = np.flatnonzero(self.is_used)
-        keys = self.image[rows] * (int(self.point.max(initial=0)) + 1) + self.point[rows]
+        rows, image, point = np.flatnonzero(self.is_used), self.image, self.point
+        if len(rows) < len(image):
+            image, point = image[rows], point[rows]
+        keys = image * (int(self.point.max(initial=0)) + 1) + point
         return rows if (np.diff(keys) > 0).all() else rows[np.argsort(keys, kind="stable")]
 
 
@@ -136,25 +139,39 @@ def start_of(block: Block) -> Start:
     unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
     _require_in_front(poses, cameras, names, sets, coordinates)
-    kept = np.ones(len(names), dtype=bool)
-    kept[list(reasons)] = False
-    number = np.cumsum(kept) - 1
-    left_out += [LeftOut("point", names[k], reason) for k, reason in sorted(reasons.items())]
-    used = [
-        NumberedSet(part.given, part.image, number[part.point], part.is_used & kept[part.point])
-        for part in sets
-    ]
-    return Start(
+    start = Start(
         poses,
         cameras,
-        tuple(itertools.compress(names, kept)),
-        coordinates[kept],
-        covariances[kept],
-        control[kept],
-        used,
+        tuple(names),
+        coordinates,
+        covariances,
+        control,
+        sets,
         tuple(left_out),
         off,
         _unmeasured(block, names),
+    )
+    return _without(start, reasons) if reasons else start
+
+
+def _without(start: Start, reasons: dict[int, str]) -> Start:
+    """A block without some of its points, each for a reason."""
+    kept = np.ones(len(start.points), dtype=bool)
+    kept[list(reasons)] = False
+    number = np.cumsum(kept) - 1
+    left_out = [LeftOut("point", start.points[k], reason) for k, reason in sorted(reasons.items())]
+    used = [
+        NumberedSet(part.given, part.image, number[part.point], part.is_used & kept[part.point])
+        for part in start.sets
+    ]
+    return replace(
+        start,
+        points=tuple(itertools.compress(start.points, kept)),
+        coordinates=start.coordinates[kept],
+        covariances=start.covariances[kept],
+        is_control=start.is_control[kept],
+        sets=used,
+        left_out=(*start.left_out, *left_out),
     )
 
 
