@@ -61,19 +61,24 @@ def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArra
         for k, orientation in enumerate(graph.orientations)
         if orientation == Orientation.VERT and known.station_steps[k] is not None
     ]
-    sights = [graph.sights[number] for k in plumb for number in graph.sights_from[k]]
-    sighted = [s for s in sights if known.is_placed(s.target) and s.reading() is not None]
-    if not sighted:
+    rows, readings = [], []
+    for k in plumb:
+        for number in graph.sights_from[k]:
+            sight = graph.sights[number]
+            reading = sight.reading() if known.is_placed(sight.target) else None
+            if reading is not None:
+                rows.append((k, sight.origin, sight.target))
+                readings.append(reading[0])
+    if not rows:
         return np.zeros(0, np.int64), np.zeros(0)
-    rows = np.array([(s.station, s.origin, s.target) for s in sighted])
-    stations, starts, ends = rows.T
+    stations, starts, ends = np.array(rows).T
     nowhere = (np.nan, np.nan, np.nan)
     positions = np.array([nowhere if position is None else position for position in known.positions])
     origins, numbers = np.unique(starts, return_inverse=True)
     verticals = np.array([known.vertical_of(origin) for origin in origins.tolist()])
     east, north, up = np.einsum("nij,nj->in", verticals[numbers], positions[ends] - positions[starts])
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
-    angles = np.arctan2(east, north) - np.array([reading[0] for s in sighted if (reading := s.reading())])
+    angles = np.arctan2(east, north) - np.array(readings)
     return stations[is_usable], _wrapped(angles[is_usable])
 
 

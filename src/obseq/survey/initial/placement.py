@@ -204,36 +204,48 @@ class Placement:
             self.known.settle(located)
             self.placed.update(filter(self.known.is_placed, located))
             self.touched_points.extend(located)
+            self._touch(set(located).union(*[self.graph.neighbours[point] for point in located]))
             for point in located:
                 self._spread_height(point)
-                self._touch(self._neighbours(point))
             located = self._orient_around(located)
 
     def _orient_around(self, located: list[int]) -> list[int]:
         """Orients stations at or towards new points; returns origins that this has placed."""
-        placed = []
+        placed: list[int] = []
+        orientations = self.graph.orientations
         for station, sights in sorted(self._sights_around(located).items()):
-            origin = self.graph.origins[station]
-            was_placed = self.known.is_placed(origin)
-            if self.graph.orientations[station] == Orientation.VERT:
+            if orientations[station] == Orientation.VERT:
                 self.traverse.add_azimuths(station, sorted(sights))
-            elif orient(self.known, self.graph, station):
-                if not was_placed and self.known.has_height[origin] and not self.known.is_placed(origin):
-                    placed.append(origin)
-                    self.known.settle([origin])
-                self._spread_orientation(station)
+            else:
+                self._orient_freely(station, placed)
         return sorted(set(placed))
+
+    def _orient_freely(self, station: int, placed: list[int]) -> None:
+        """Orients a station that is not plumb; its origin is one of those placed when this has placed it."""
+        origin = self.graph.origins[station]
+        was_placed = self.known.is_placed(origin)
+        if not orient(self.known, self.graph, station):
+            return
+        if not was_placed and self.known.has_height[origin] and not self.known.is_placed(origin):
+            placed.append(origin)
+            self.known.settle([origin])
+        self._spread_orientation(station)
 
     def _sights_around(self, located: list[int]) -> dict[int, list[int]]:
         """Stations without orientation at or towards some points, with their sights that concern these."""
-        graph, steps = self.graph, self.known.station_steps
+        graph, steps, sights = self.graph, self.known.station_steps, self.graph.sights
         found: dict[int, list[int]] = {}
         for point in located:
             for number in graph.sights_to[point]:
-                found.setdefault(graph.sights[number].station, []).append(number)
+                if steps[station := sights[number].station] is None:
+                    found.setdefault(station, []).append(number)
         for point in located:
-            found.update((station, graph.sights_from[station]) for station in graph.stations_at[point])
-        return {s: sights for s, sights in found.items() if steps[s] is None and self._may_use(s)}
+            for station in graph.stations_at[point]:
+                if steps[station] is None:
+                    found[station] = graph.sights_from[station]
+        if self.allowed is None:
+            return found
+        return {station: numbers for station, numbers in found.items() if station in self.allowed}
 
     def _may_use(self, station: int) -> bool:
         return self.allowed is None or station in self.allowed
@@ -253,16 +265,9 @@ class Placement:
         for point in self.best_positions.keys() & points:
             del self.best_positions[point]
 
-    def _neighbours(self, point: int) -> set[int]:
-        """The point, and those that observations join with it."""
-        graph = self.graph
-        found = {point, *[other for other, _, _ in graph.distances[point]]}
-        found.update([other for other, _, _ in graph.flats[point]], graph.observers[point])
-        return found.union(*[graph.targets[station] for station in graph.stations_at[point]])
-
     def _spread_height(self, point: int) -> None:
         """Carries heights along height differences, also to points without horizontal position."""
-        waiting = [point]
+        waiting = [point] if self.graph.height_differences[point] else []
         while waiting:
             start = waiting.pop()
             height = self.known.heights[start]
@@ -279,10 +284,12 @@ class Placement:
     def _best_polar(self, point: int) -> _Polar | None:
         """The complete vector with the least expected error."""
         best: _Polar | None = None
+        sights, steps, is_placed = self.graph.sights, self.known.station_steps, self.known.is_placed
         for number in self.graph.sights_to[point]:
-            sight = self.graph.sights[number]
-            is_oriented = self.known.station_steps[sight.station] is not None
-            if is_oriented and self._may_use(sight.station) and self.known.is_placed(sight.origin):
+            sight = sights[number]
+            if steps[sight.station] is None:
+                continue
+            if self._may_use(sight.station) and is_placed(sight.origin):
                 polar = self._polar(sight)
                 if polar is not None and (best is None or polar.point_sigma < best.point_sigma):
                     best = polar

@@ -116,7 +116,7 @@ class SightGraph:
         sights_from: of each station, indices in `sights`.
         sights_to: of each point, indices in `sights`.
         targets: of each station, the points that it sights.
-        observers: of each point, the points from which it is sighted.
+        neighbours: of each point, the points that sights or distances join with it.
         stations_at: of each point, its stations.
         distances: of each point, (other point, distance, row), one per pair.
         height_differences: of each point, (other point, height above it, row).
@@ -132,7 +132,7 @@ class SightGraph:
     sights_from: list[list[int]] = field(default_factory=list)
     sights_to: list[list[int]] = field(default_factory=list)
     targets: list[set[int]] = field(default_factory=list)
-    observers: list[set[int]] = field(default_factory=list)
+    neighbours: list[set[int]] = field(default_factory=list)
     stations_at: list[list[int]] = field(default_factory=list)
     distances: list[list[tuple[int, float, int]]] = field(default_factory=list)
     height_differences: list[list[tuple[int, float, int]]] = field(default_factory=list)
@@ -161,7 +161,7 @@ def build_graph(
         sights_from=[[] for _ in range(len(book.stations))],
         sights_to=[[] for _ in range(n_points)],
         targets=[set() for _ in range(len(book.stations))],
-        observers=[set() for _ in range(n_points)],
+        neighbours=[set() for _ in range(n_points)],
         stations_at=[[] for _ in range(n_points)],
         distances=[[] for _ in range(n_points)],
         height_differences=[[] for _ in range(n_points)],
@@ -224,9 +224,12 @@ def _add_sights(graph: SightGraph, book: FieldBook, rows: Rows) -> Rows:
     numbers = np.empty(len(order), np.intp)
     numbers[order] = np.arange(len(order))
     chosen = rows[firsts[order]]
-    columns = observations.stations[chosen], observations.to_points[chosen], observations.from_points[chosen]
-    for station, target, origin in zip(*(column.tolist() for column in columns), strict=True):
-        _add_sight(graph, station, target, origin)
+    columns = observations.stations[chosen], observations.from_points[chosen], observations.to_points[chosen]
+    stations, origins, targets = (column.tolist() for column in columns)
+    graph.sights.extend(map(Sight, stations, origins, targets))
+    graph.sight_of.update(zip(zip(stations, targets, strict=True), range(len(stations)), strict=True))
+    for number, sight in enumerate(graph.sights):
+        _link_sight(graph, number, sight)
     sight_of = np.full(len(observations), -1, np.intp)
     sight_of[rows] = numbers[pair_of]
     return sight_of
@@ -260,6 +263,8 @@ def _add_distances(
             first[pair] = value, row
             of_points[origin].append((target, value, row))
             of_points[target].append((origin, value, row))
+            graph.neighbours[origin].add(target)
+            graph.neighbours[target].add(origin)
 
 
 def _add_angles(graph: SightGraph, measured: list[Measured], backsights: list[int]) -> None:
@@ -282,10 +287,16 @@ def _add_angles(graph: SightGraph, measured: list[Measured], backsights: list[in
 def _add_sight(graph: SightGraph, station: int, target: int, origin: int, hz: Measure | None = None) -> None:
     number = graph.sight_of[station, target] = len(graph.sights)
     graph.sights.append(Sight(station, origin, target, hz))
+    _link_sight(graph, number, graph.sights[number])
+
+
+def _link_sight(graph: SightGraph, number: int, sight: Sight) -> None:
+    station, origin, target = sight.station, sight.origin, sight.target
     graph.sights_from[station].append(number)
     graph.sights_to[target].append(number)
     graph.targets[station].add(target)
-    graph.observers[target].add(origin)
+    graph.neighbours[target].add(origin)
+    graph.neighbours[origin].add(target)
 
 
 def _add_rises(graph: SightGraph, measured: list[Measured]) -> None:

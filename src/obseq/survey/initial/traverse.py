@@ -110,10 +110,12 @@ class Traverse:
                 return station, make()
         return None
 
+    def _is_surest(self, station: int, azimuth_sigma: float) -> bool:
+        """Whether a link is surer than those before it; one that is not never has its turn."""
+        return azimuth_sigma < self.surest.get(station, math.inf)
+
     def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
-        """Links are made only when it is their turn; one that is less sure than another never is."""
-        if azimuth_sigma >= self.surest.get(station, math.inf):
-            return
+        """Adds the surest link of a station; links are made only when it is their turn."""
         self.surest[station] = azimuth_sigma
         heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
 
@@ -126,33 +128,26 @@ class Traverse:
 
     def add_azimuths(self, station: int, numbers: list[int]) -> None:
         """Links of a station on a located point by the azimuths of some of its sights, to located targets."""
-        origin = self.graph.origins[station]
-        if self.known.verticals[origin] is None or not self._is_open(station):
+        origin, verticals, sights = self.graph.origins[station], self.known.verticals, self.graph.sights
+        if verticals[origin] is None or not self._is_open(station):
             return
+        origin_sigma = _honest_sigma(self.known, origin)
         for number in numbers:
-            sight = self.graph.sights[number]
-            if self.known.verticals[sight.target] is not None:
-                self._add_azimuth(sight)
+            sight = sights[number]
+            if verticals[sight.target] is not None:
+                self._add_azimuth(sight, origin_sigma)
 
-    def _add_azimuth(self, sight: Sight) -> None:
+    def _add_azimuth(self, sight: Sight, origin_sigma: float) -> None:
         known, reading = self.known, sight.reading()
         target = known.position_of(sight.target)
         distance = _flat_distance(known, sight.origin, target)
         if reading is None or distance == 0.0:
             return
-        moved = math.hypot(_honest_sigma(known, sight.origin), _honest_sigma(known, sight.target))
+        moved = math.hypot(origin_sigma, _honest_sigma(known, sight.target))
         azimuth_sigma = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
-        link = partial(
-            Link,
-            None,
-            ((sight.target, target),),
-            azimuth_sigma,
-            0.0,
-            None,
-            "azimuth of a known point",
-            reading[1],
-        )
-        self._push(sight.station, azimuth_sigma, link)
+        if self._is_surest(sight.station, azimuth_sigma):
+            link = partial(_azimuth_link, sight.target, target, azimuth_sigma, reading[1])
+            self._push(sight.station, azimuth_sigma, link)
 
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
@@ -191,7 +186,8 @@ class Traverse:
         found = found or self._by_two_targets(shared)
         if found is not None:
             total = math.hypot(self.known.azimuth_sigmas[station], found.azimuth_sigma)
-            self._push(other, total, partial(self._link, station, found, total))
+            if self._is_surest(other, total):
+                self._push(other, total, partial(self._link, station, found, total))
 
     def _by_sight(self, origin: tuple[Space, float], shared: list[_Shared]) -> _Way | None:
         """The oriented station sees the other; a common target, or the sight back, gives the azimuth."""
@@ -255,6 +251,10 @@ class Traverse:
         )
 
 
+def _azimuth_link(point: int, position: Space, azimuth_sigma: float, rows: tuple[int, ...]) -> Link:
+    return Link(None, ((point, position),), azimuth_sigma, 0.0, None, "azimuth of a known point", rows)
+
+
 def _farthest(complete: list[tuple[_Shared, Space]], place: Space) -> tuple[_Shared, Space]:
     """The one of some targets, with their own vectors, that is horizontally farthest from a place."""
     x, y, _ = place
@@ -300,8 +300,11 @@ def _azimuth(a: Space, b: Space) -> float:
 
 def _flat_distance(known: Known, origin: int, target: Space) -> float:
     """Horizontal distance to a target, 0 when it is on the vertical."""
-    east, north, up = times(known.vertical_of(origin), minus(target, known.position_of(origin)))
-    distance = math.hypot(east, north)
+    (a, b, c), (d, e, f), (g, h, i) = known.vertical_of(origin)
+    px, py, pz = known.position_of(origin)
+    x, y, z = target[0] - px, target[1] - py, target[2] - pz
+    up = g * x + h * y + i * z
+    distance = math.hypot(a * x + b * y + c * z, d * x + e * y + f * z)
     return distance if distance > 1e-6 * abs(up) + 1e-9 else 0.0
 
 
