@@ -1,8 +1,8 @@
 """Mutated survey files: whatever they hold, they are refused in words or give a result that can be trusted.
 
-A failure is anything else: another error than ours, more than `PATIENCE` seconds, a number that is not
-finite where the result says one, "converged" with precisions that are undefined. Each failure is printed
-with its seed, which makes the same files again.
+A failure is anything else: another error than ours, more than `PATIENCE` seconds of computation, a number
+that is not finite where the result says one, "converged" with precisions that are undefined. Each failure
+is printed with its seed, which makes the same files again.
 
     python tools/benchmarks/fuzz_readers.py --start 0 --count 20000 --adjust 0.2
 """
@@ -204,18 +204,18 @@ def has_nan(record: AdjustmentRecord) -> bool:
 
 @contextmanager
 def patience(seconds: int) -> Iterator[None]:
-    """Raises TimeoutError in a block that takes longer."""
+    """Raises TimeoutError in a block that computes for longer, whatever else the machine does."""
 
     def stop(*_: object) -> None:
         raise TimeoutError(f"more than {seconds} seconds")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def judged(name: str, work: Callable[[], str], counts: Counter[str]) -> str | None:

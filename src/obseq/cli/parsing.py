@@ -37,14 +37,35 @@ def add_command(
     return command
 
 
+class Given(argparse.Action):
+    """What an option gives, with what it gave before where it takes several values."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Keep the values of one use of the option."""
+        before = getattr(namespace, self.dest, None)
+        adds_up = option_string is not None and isinstance(values, list) and before is not self.default
+        setattr(namespace, self.dest, [*(before or ()), *values] if adds_up else values)
+
+
 class CommandParser(argparse.ArgumentParser):
     """A parser of a subcommand that takes positional arguments and options in any order.
 
     argparse gives all positional arguments that may be absent their values at the first of them, and refuses
-    those that come after an option.
+    those that come after an option. Of an option that takes several values and is given several times, it
+    forgets all values but the last ones; here they add up.
     """
 
     _is_intermixed = False
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.register("action", None, Given)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse options first, then what is left."""
