@@ -70,6 +70,36 @@ def test_what_is_projected_is_intersected_and_resected(folder, capsys):
     assert float(pose["z"]) == pytest.approx(1500.0, abs=0.05)
 
 
+def with_noise(folder, sigma, wrong=None):
+    """Gives the measures noise, and one column an error of 40 pixels."""
+    noise = np.random.default_rng(3)
+    lines = []
+    for line in (folder / "measured.mes").read_text().splitlines():
+        point, shot, *pixel = line.split()
+        column, row = np.array(pixel, dtype=float) + noise.normal(0.0, sigma, 2)
+        row += 40.0 * ((point, shot) == wrong)
+        lines.append(f"{point} {shot} {column} {row}\n")
+    (folder / "noisy.mes").write_text("".join(lines))
+
+
+@pytest.mark.parametrize("method", ["pair", "all"])
+def test_intersections_are_judged(folder, capsys, method):
+    projected(folder, capsys)
+    command = ["intersect", *SITE, "--points", "noisy.mes", "--method", method]
+    with_noise(folder, 0.5)
+    assert main([*command, "--sigma", "0.5"]) == 0
+    shown = capsys.readouterr()
+    assert "what --sigma announces: GOOD" in shown.err
+    sigmas0 = [float(row["sigma0"]) for row in rows(shown.out)]
+    assert 0.3 < np.sqrt(np.mean(np.square(sigmas0))) < 2.0
+    assert main([*command, "--sigma", "0.05"]) == 1
+    assert "TOO LARGE: look at orientations" in capsys.readouterr().err
+    with_noise(folder, 0.5, wrong=("P", "A"))
+    assert main([*command, "--sigma", "0.5"]) == 1
+    said = capsys.readouterr().err
+    assert "a gross error is suspected: point P (" in said
+
+
 def test_image_points_go_to_the_ground_and_to_a_map(folder, capsys):
     (folder / "m.mes").write_text("P A 500 400\n# comment\nQ Z 1 2\nP A 1 2\nR B x 3\n")
     command = ["image-world", *SITE, "--points", "m.mes", "--height", "10", "--z-type", "height"]

@@ -68,7 +68,22 @@ def test_residuals_that_are_too_large_are_judged_poor(folder, capsys):
 def test_points_without_residual_are_counted(folder, capsys):
     (folder / "t.csv").write_text("3000 2000 2000 2000\n3000 2000 4500 2000\n3100 2000 2100 2003\n")
     assert main("epipolar a.tif b.tif --orientation Ori --ties t.csv --degree 1".split()) == 1
-    assert "of 3 points have no residual" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "of 3 points have no residual" in shown
+    assert "  pair 2, (3000.00, 2000.00) with (4500.00, 2000.00)\n" in shown
+
+
+def test_mismatches_are_named_and_make_the_exit_code_1(folder, capsys):
+    path = folder / "TieP" / "a.tif" / "b.tif.csv"
+    lines = path.read_text().splitlines()
+    x1, y1, x2, y2 = map(float, lines[8].split(","))
+    lines[8] = f"{x1},{y1},{x2},{y2 + 60.0}"
+    path.write_text("\n".join(lines) + "\n")
+    assert main("epipolar a.tif b.tif --orientation Ori --ties TieP --out check".split()) == 1
+    shown = capsys.readouterr().out
+    assert "GOOD" in shown
+    assert "1 point is far beyond the others: mismatches, or gross errors.\n  pair 8, (" in shown
+    assert f"pair 8, ({x1:.2f}, {y1:.2f})" in (folder / "check/residuals.html").read_text()
 
 
 @pytest.mark.parametrize(

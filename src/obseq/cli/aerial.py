@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from obseq.images.aerial.result_columns import LeftOut, Table
 
 LEFT_OUT = 1
-"""Exit code: something was left out."""
+"""Exit code: something was left out, or residuals are larger than expected."""
 SHOWN = 20
 """Lines of what was left out that are printed."""
 
@@ -27,6 +27,13 @@ what they hold, one letter each: N shot, X Y, Z altitude or H ellipsoidal height
 C camera, P point, T type, S skipped."""
 
 EXIT = "exit code: 0 done; 1 done, and lines were left out (each with its reason); 2 could not run"
+
+EXIT_RAYS = """\
+The last lines say whether the rays meet as --sigma announces, and which points are suspected to be
+gross errors (column sigma0: residuals of each point over what is announced).
+
+exit code: 0 done; 1 done, and lines were left out (each with its reason), rays miss each other by
+more than is announced, or a gross error is suspected; 2 could not run"""
 
 
 def register(commands: Commands) -> None:
@@ -59,7 +66,7 @@ def _world_image(commands: Commands) -> None:
 
 def _intersect(commands: Commands) -> None:
     purpose = "intersect the rays of points measured in several images"
-    command = add_command(commands, "intersect", _run(_intersections), purpose, MORE, EXIT)
+    command = add_command(commands, "intersect", _run(_intersections), purpose, MORE, EXIT_RAYS)
     _add_site(command)
     _add_measures(command, required=True)
     command.add_argument(
@@ -170,7 +177,10 @@ def _run(job: Job) -> Callable[[argparse.Namespace], int]:
         if not arguments.out:
             print(printable(table.csv()), end="")
         _say_left_out(table.left_out)
-        return LEFT_OUT if table.left_out else 0
+        if table.verdict is None:
+            return LEFT_OUT if table.left_out else 0
+        print(printable(table.verdict.sentences()), file=sys.stderr)
+        return LEFT_OUT if table.left_out or not table.verdict.is_good else 0
 
     return run
 
@@ -195,7 +205,7 @@ def _say_left_out(left_out: "Sequence[LeftOut]") -> None:
     for where, reason in left_out[:SHOWN]:
         print(printable_line(f"left out: {where}: {reason}"), file=sys.stderr)
     if len(left_out) > SHOWN:
-        print(f"left out: {len(left_out) - SHOWN} more", file=sys.stderr)
+        print(f"left out: {len(left_out) - SHOWN} more, {len(left_out)} in all", file=sys.stderr)
 
 
 def _ground(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
@@ -261,7 +271,7 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
 def _with(table: "Table", before: "list[LeftOut]") -> "Table":
     from obseq.images.aerial.result_columns import Table
 
-    return Table(table.columns, (*before, *table.left_out))
+    return Table(table.columns, (*before, *table.left_out), table.verdict)
 
 
 def _site(arguments: argparse.Namespace) -> "tuple[Worksite, list[LeftOut]]":

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from obseq.images.epipolar import Fit, OrientedCamera
 
 CHECK_FAILED = 1
-"""Exit code: residuals are larger than expected, or points have none."""
-HIGHEST = 5
+"""Exit code: residuals are larger than expected, or of some points, or points have none."""
+HIGHEST, SHOWN = 5, 5
 
 MORE = """
 Says whether the orientations agree: residuals against what the measures of the points announce
@@ -31,8 +31,8 @@ example:
   obseq epipolar im1.tif im2.tif --orientation MMVII-PhgrProj/Ori/BA --ties MMVII-PhgrProj/TieP/All --out
   check
 
-exit code: 0 done; 1 done, and residuals are larger than expected or points without residual were left out; 2
-could not run"""
+exit code: 0 done; 1 done, and residuals are larger than expected, points are far beyond the others
+(mismatches, which are named), or points without residual were left out; 2 could not run"""
 
 
 def register(commands: Commands) -> None:
@@ -86,11 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("computing"):
         report = _Report(arguments)
         write_all(dict(zip(outputs, report.files(), strict=True)) if outputs else {})
-    print(f"{report.verdict.sentences()}\n\n{printable(report.text)}", end="")
-    lost = report.n_lost
-    if lost:
-        print(f"{lost} of {report.n_given} points have no residual: at the epipole, or behind a camera")
-    return CHECK_FAILED if lost or not report.verdict.is_good else 0
+    print(printable("\n".join([*report.said, "", report.text])), end="")
+    sound = report.verdict.is_good and not report.verdict.gross and not report.lost.size
+    return 0 if sound else CHECK_FAILED
 
 
 class _Report:
@@ -114,7 +112,7 @@ class _Report:
         seen = np.isfinite(found.values)
         if not seen.any():
             raise InputError("no point has a residual: do the images and the orientation belong together?")
-        self.n_given, self.n_lost = len(pairs), int((~seen).sum())
+        self.rows, self.lost, self.given = np.flatnonzero(seen), np.flatnonzero(~seen), pairs
         self.pairs, self.values = pairs[seen], found.values[seen]
         self.directions = found.directions[seen]
         self.grey = _brightness(arguments.image, self.size) if arguments.image else None
@@ -134,6 +132,30 @@ class _Report:
         width, height = self.pixels.max(axis=0)
         return int(width) + 1, int(height) + 1
 
+    @property
+    def said(self) -> list[str]:
+        """The verdict, the points that are far beyond the others, and those that have no residual."""
+        gross = list(self.verdict.gross)
+        lines = self.verdict.sentences().splitlines()
+        lines += [
+            f"  {self._pair(int(self.rows[row]))}: residual {self.values[row]:+.3g} px"
+            for row in gross[:SHOWN]
+        ]
+        if len(gross) > SHOWN:
+            lines.append(f"  and {len(gross) - SHOWN} more")
+        if self.lost.size:
+            why = "at the epipole, behind a camera, or where the distortion has no inverse"
+            lines.append(f"{self.lost.size} of {len(self.given)} points have no residual: {why}")
+            lines += [f"  {self._pair(int(row))}" for row in self.lost[:SHOWN]]
+        if self.lost.size > SHOWN:
+            lines.append(f"  and {self.lost.size - SHOWN} more")
+        return lines
+
+    def _pair(self, row: int) -> str:
+        """A pair of points, by its number in the file and its pixels."""
+        x1, y1, x2, y2 = self.given[row].tolist()
+        return f"pair {row + 1}, ({x1:.2f}, {y1:.2f}) with ({x2:.2f}, {y2:.2f})"
+
     def files(self) -> list[str | bytes]:
         """The contents of the files, in the order of their names."""
         from obseq.images.epipolar import fit_cloud, residual_cloud, residual_page
@@ -141,7 +163,7 @@ class _Report:
         return [
             self._table(),
             self.text,
-            residual_page(self.title, self.pixels, self.values, self.size, self.fits[-1]),
+            residual_page(self.title, self.pixels, self.values, self.size, self.fits[-1], self.said),
             residual_cloud(self.pixels, self.values, self.size, self.grey),
             *(fit_cloud(self.pixels, fit) for fit in self.fits),
         ]

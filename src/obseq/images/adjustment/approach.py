@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray
     from obseq.images.adjustment.equations import Equations, MeasureBatch
+    from obseq.images.camera import Camera
     from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
 
 Solving: TypeAlias = dict[str, Any]
@@ -99,7 +100,7 @@ def _put_again(equations: Equations) -> tuple[float, dict[int, str]]:
     )
     coordinates = system.values(equations.points)
     coordinates[free] = np.nan
-    reasons, off = put_points(coordinates, free, poses, start.cameras, start.points, start.sets)
+    reasons, off = put_points(coordinates, free, poses, _present_cameras(equations), start.points, start.sets)
     placed = free & np.isfinite(coordinates).all(axis=1)
     system.set_values(equations.points[placed], coordinates[placed])
     return off, reasons
@@ -142,6 +143,17 @@ def _call_back(equations: Equations, leave_out: bool) -> tuple[LeftOut, ...]:
     lost[list(reasons)] = True
     _switch_off(equations, lost)
     return tuple(LeftOut("point", equations.start.points[k], reasons[k]) for k in sorted(reasons))
+
+
+def _present_cameras(equations: Equations) -> list[Camera]:
+    """The camera of each image with its present parameters."""
+    ids = dict(zip(equations.cameras, equations.calibrations.tolist(), strict=True))
+    values = equations.system.values
+    present = {
+        camera.name: camera.with_parameters(values([ids[camera.name]])[0])
+        for camera in {camera.name: camera for camera in equations.start.cameras}.values()
+    }
+    return [present[camera.name] for camera in equations.start.cameras]
 
 
 def _weakened(equations: Equations) -> list[Batch]:

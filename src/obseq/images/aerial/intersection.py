@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.aerial.heights import HeightType
+    from obseq.images.aerial.rays import RayPairs
     from obseq.images.aerial.worksite import Worksite
 
 
@@ -37,6 +38,7 @@ class PairPoints(NamedTuple):
         reach: (n, 2) how far along the rays, in focal lengths; negative is behind the camera.
         sine: (n,) sine of the angle between the rays.
         covariances: (n, 3, 3) in map axes and metres, or None.
+        gap_sigmas: (n,) standard deviation of the gap along itself, metres, or None.
     """
 
     points: FloatArray
@@ -44,6 +46,7 @@ class PairPoints(NamedTuple):
     reach: FloatArray
     sine: FloatArray
     covariances: FloatArray | None
+    gap_sigmas: FloatArray | None
 
 
 class RayPoints(NamedTuple):
@@ -94,7 +97,7 @@ def intersect_pairs(
     joined = [
         np.concatenate(column) if column[0] is not None else None for column in zip(*parts, strict=True)
     ]
-    return PairPoints(*joined)  # type: ignore[arg-type]  # the last alone may be None
+    return PairPoints(*joined)  # type: ignore[arg-type]  # the last two alone may be None
 
 
 def _chunks(count: int) -> list[tuple[int, int]]:
@@ -117,15 +120,10 @@ def _geocentric(
     two = turned(towards[second], worksite.directions(second, pixels[:, 1]))
     pairs = meet(centres[first], one, centres[second], two)
     points = system.from_geocentric(pairs.middle)
-    covariances = None
-    if sigma is not None:
-        spread = middle_jacobian(one, two, pairs)
-        rows = np.concatenate(
-            [spread[:, :, :3] @ towards[first][:, :, :2], spread[:, :, 3:] @ towards[second][:, :, :2]],
-            axis=2,
-        )
-        covariances = map_covariances(worksite, points, sigma**2 * rows @ np.swapaxes(rows, 1, 2))
-    return _in_front(points, pairs.gap, pairs.reach, pairs.sine, covariances)
+    if sigma is None:
+        return _in_front(points, pairs, None, None)
+    covariances, gaps = _precisions(one, two, pairs, towards[first], towards[second], sigma)
+    return _in_front(points, pairs, map_covariances(worksite, points, covariances), gaps)
 
 
 def _approximate(
@@ -144,27 +142,41 @@ def _approximate(
     one = turned(towards[first], worksite.directions(first, pixels[:, 0]))
     two = turned(towards[second], worksite.directions(second, pixels[:, 1]))
     pairs = meet(frames.to_euclidean(moved[first]), one, frames.to_euclidean(moved[second]), two)
-    covariances = None
-    if sigma is not None:
-        spread = middle_jacobian(one, two, pairs)
-        rows = np.concatenate(
-            [spread[:, :, :3] @ towards[first][:, :, :2], spread[:, :, 3:] @ towards[second][:, :, :2]],
-            axis=2,
-        )
-        covariances = sigma**2 * rows @ np.swapaxes(rows, 1, 2)
-    return _in_front(frames.to_map(pairs.middle), pairs.gap, pairs.reach, pairs.sine, covariances)
+    points = frames.to_map(pairs.middle)
+    if sigma is None:
+        return _in_front(points, pairs, None, None)
+    return _in_front(points, pairs, *_precisions(one, two, pairs, towards[first], towards[second], sigma))
+
+
+def _precisions(
+    one: FloatArray,
+    two: FloatArray,
+    pairs: RayPairs,
+    turn_one: FloatArray,
+    turn_two: FloatArray,
+    sigma: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Covariances (n, 3, 3) of the middles, and standard deviations (n,) of the gaps, of pixels of a sigma.
+
+    A pixel moves its ray, where the gap is, by its reach; along the gap nothing else moves it to first order.
+    """
+    spread = middle_jacobian(one, two, pairs)
+    across = turn_one[:, :, :2], turn_two[:, :, :2]
+    rows = np.concatenate([spread[:, :, :3] @ across[0], spread[:, :, 3:] @ across[1]], axis=2)
+    normal = np.cross(one, two)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    moved = [pairs.reach[:, k, None] * np.einsum("ni,nij->nj", normal, across[k]) for k in (0, 1)]
+    gaps = sigma * np.linalg.norm(np.concatenate(moved, axis=1), axis=1)
+    return sigma**2 * rows @ np.swapaxes(rows, 1, 2), gaps
 
 
 def _in_front(
-    points: FloatArray,
-    gap: FloatArray,
-    reach: FloatArray,
-    sine: FloatArray,
-    covariances: FloatArray | None,
+    points: FloatArray, pairs: RayPairs, covariances: FloatArray | None, gap_sigmas: FloatArray | None
 ) -> PairPoints:
-    behind = ~(reach > 0.0).all(axis=1)
+    behind = ~(pairs.reach > 0.0).all(axis=1)
     points[behind] = np.nan
-    return PairPoints(points, np.sqrt((gap**2).sum(axis=1)), reach, sine, covariances)
+    gaps = np.sqrt((pairs.gap**2).sum(axis=1))
+    return PairPoints(points, gaps, pairs.reach, pairs.sine, covariances, gap_sigmas)
 
 
 def map_covariances(worksite: Worksite, points: FloatArray, covariances: FloatArray) -> FloatArray:

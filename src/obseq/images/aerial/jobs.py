@@ -15,6 +15,7 @@ from obseq.images.aerial.intersection import intersect_pairs, intersect_rays, mo
 from obseq.images.aerial.resection import resect
 from obseq.images.aerial.result_columns import LeftOut, Table
 from obseq.images.aerial.shots import Shots
+from obseq.images.aerial.verdict import judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -112,7 +113,8 @@ def intersections(
         measured: points in images.
         height_type: of the resulting z.
         all_rays: least squares over all rays.
-        sigma: of a column or line, pixels; precisions sx, sy, sz follow from it alone.
+        sigma: of a column or line, pixels; precisions sx, sy, sz follow from it alone, and sigma0 of each
+            point says how its residuals compare with it.
     """
     rows, left = _known_shots(site, measured)
     names = list(dict.fromkeys(measured.names[row] for row in rows))
@@ -128,7 +130,12 @@ def intersections(
         left.append(LeftOut(names[row], ALONE if seen[row] < 2 else APART))
     columns: dict[str, Sequence[object]] = {"point": [names[row] for row in np.flatnonzero(good)]}
     columns |= _place(places[good]) | _precisions(precisions[good]) | {"rays": seen[good].tolist()}
-    return Table(columns | {key: value[good].tolist() for key, value in extra.items()}, tuple(left))
+    squares, redundancy = extra.pop("squares"), np.where(seen > 1, 2 * seen - 3 if all_rays else 1, 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        extra["sigma0"] = np.sqrt(squares / redundancy)
+    verdict = judged(names, np.where(good, squares, np.nan), redundancy)
+    columns |= {key: value[good].tolist() for key, value in extra.items()}
+    return Table(columns, tuple(left), verdict)
 
 
 def resections(
@@ -235,9 +242,11 @@ def _by_pairs(
         np.full(count, np.nan),
     )
     places[rows], gaps[rows] = found.points, found.gaps
-    if found.covariances is not None:
+    squares = np.full(count, np.nan)
+    if found.covariances is not None and found.gap_sigmas is not None:
         precisions[rows] = np.sqrt(np.diagonal(found.covariances, axis1=1, axis2=2))
-    return places, precisions, {"gap": gaps}
+        squares[rows] = np.square(found.gaps / found.gap_sigmas)
+    return places, precisions, {"gap": gaps, "squares": squares}
 
 
 def _by_all_rays(
@@ -253,7 +262,8 @@ def _by_all_rays(
     squared = np.bincount(point, weights=(found.residuals**2).sum(axis=1), minlength=count)
     rms = np.sqrt(squared / np.maximum(2 * found.n_rays, 1))
     covariances = found.covariances if found.covariances is not None else np.full((count, 3, 3), np.nan)
-    return found.points, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)), {"rms": rms}
+    extra = {"rms": rms, "squares": squared / sigma**2}
+    return found.points, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)), extra
 
 
 def _known_shots(site: Worksite, measured: ImagePoints) -> tuple[IntArray, list[LeftOut]]:

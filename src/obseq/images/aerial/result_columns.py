@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.images.aerial.mapping import MapSystem
+    from obseq.images.aerial.verdict import RayVerdict
 
 DECIMALS = {"omega": 9, "phi": 9, "kappa": 9}
 """Of numbers in some columns: degrees to a hundred thousandth of a second; all others have `USUAL`."""
@@ -41,10 +42,12 @@ class Table:
     Attributes:
         columns: values by name, all of one length; x, y, z are map coordinates.
         left_out: what is missing, and why.
+        verdict: on the residuals; None where there are none.
     """
 
     columns: Mapping[str, Sequence[object]]
     left_out: tuple[LeftOut, ...] = ()
+    verdict: RayVerdict | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))

@@ -10,6 +10,8 @@ import numpy as np
 from obseq.images.epipolar.field import percentiles
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import FloatArray
     from obseq.images.epipolar.field import Fit
 
@@ -24,7 +26,12 @@ MOST = 20_000
 
 
 def residual_page(
-    title: str, pixels: FloatArray, values: FloatArray, size: tuple[int, int], fit: Fit | None = None
+    title: str,
+    pixels: FloatArray,
+    values: FloatArray,
+    size: tuple[int, int],
+    fit: Fit | None = None,
+    said: Sequence[str] = (),
 ) -> str:
     """An HTML page with a map of the residuals, and one of what the fit leaves.
 
@@ -34,20 +41,22 @@ def residual_page(
         values: (n,) residuals, pixels.
         size: (width, height) of image 1.
         fit: the fit whose remainder is shown, if any.
+        said: what stands first: the verdict, and what was left out.
     """
     maps = [("Residuals", values)]
     if fit is not None:
         maps.append(
             (f"Without the polynomial of degree {fit.polynomial.degree}", values - fit.polynomial(pixels))
         )
+    words = "".join(f"<p>{escape(line)}</p>" for line in said)
     reach = float(np.quantile(np.abs(values), QUANTILE)) if len(values) else 0.0
     figures = "".join(_figure(name, pixels, part, size, reach or 1.0) for name, part in maps)
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width'>"
         f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>"
-        f"<h1>{escape(title)}</h1><p>{len(values)} points; pixels of the first image, half the distance to "
-        "the epipolar line, positive clockwise of the epipolar direction.</p>"
+        f"<h1>{escape(title)}</h1>{words}<p>{len(values)} points; pixels of the first image, half the "
+        "distance to the epipolar line, positive clockwise of the epipolar direction.</p>"
         f"<main>{figures}</main></body></html>\n"
     )
 

@@ -34,7 +34,8 @@ class EpipolarVerdict:
         noise: what is left without the pattern.
         pattern: root mean square of the pattern over the image; None with too few points to see one.
         degree: of the polynomial that the pattern is.
-        gross: points beyond five times the larger of `noise` and `expected`, once the pattern is off.
+        gross: rows of the points beyond five times the larger of `noise` and `expected`, once the pattern is
+            off; the worst first.
     """
 
     count: int
@@ -43,7 +44,7 @@ class EpipolarVerdict:
     noise: float
     pattern: float | None
     degree: int
-    gross: int
+    gross: tuple[int, ...]
 
     @property
     def is_good(self) -> bool:
@@ -86,8 +87,8 @@ class EpipolarVerdict:
         return f"{word}: {parts}."
 
     def _mismatches(self) -> str:
-        subject = "point is" if self.gross == 1 else "points are"
-        return f"{self.gross} {subject} far beyond the others: mismatches, or gross errors."
+        subject = "point is" if len(self.gross) == 1 else "points are"
+        return f"{len(self.gross)} {subject} far beyond the others: mismatches, or gross errors."
 
 
 def judged(values: FloatArray, pixels: FloatArray, fits: Sequence[Fit], sigma: float) -> EpipolarVerdict:
@@ -110,7 +111,8 @@ def judged(values: FloatArray, pixels: FloatArray, fits: Sequence[Fit], sigma: f
         own = _terms(usable[-1]) / len(values) * _spread(left) ** 2
         pattern = math.sqrt(max(0.0, float(np.mean(field**2)) - own))
     expected, noise = sigma / math.sqrt(2.0), _spread(left)
-    gross = int(np.count_nonzero(np.abs(left) > _BEYOND * max(noise, expected)))
+    order = np.argsort(-np.abs(left), kind="stable")
+    gross = tuple(order[np.abs(left[order]) > _BEYOND * max(noise, expected)].tolist())
     degree = usable[-1].polynomial.degree if usable else -1
     return EpipolarVerdict(len(values), expected, _spread(values), noise, pattern, degree, gross)
 
