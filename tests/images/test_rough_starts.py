@@ -129,3 +129,36 @@ def test_robust_weights_may_take_more_iterations_unless_it_is_said():
     block.add_control_points(_control(scene))
     assert block.solve().converged
     assert not block.solve(max_iterations=2).converged
+
+
+def _over_the_ground(far):
+    """Six images that look down on 25 points; one of these starts so far below."""
+    rng = np.random.default_rng(1)
+    camera = Camera("c", 2000, 1500, 1800.0)
+    centres = np.array([[x, y, 10.0] for x in (0, 2, 4) for y in (0, 3)])
+    poses = Poses.of([f"i{k}" for k in range(6)], centres, np.repeat(DOWN[None], 6, axis=0), cameras="c")
+    points = rng.uniform([0, 0, -0.5], [4, 3, 0.5], (25, 3))
+    names = [f"P{k}" for k in range(25)]
+    rows = [
+        (image, name, *(camera.project((point - centre)[None] * [1, -1, -1])[0] + rng.normal(0.0, NOISE, 2)))
+        for image, centre in zip(poses.images, centres, strict=True)
+        for name, point in zip(names, points, strict=True)
+    ]
+    images, seen, x, y = zip(*rows, strict=True)
+    block = BundleAdjustment()
+    block.add_cameras(camera)
+    block.add_poses(poses)
+    block.add_control_points(ControlPoints.of(names[20:], points[20:], 0.001))
+    block.add_measures(ImagePoints.of(images, seen, np.column_stack([x, y]), NOISE))
+    block.freeze_parameters()
+    if far:
+        block.add_approximations(["P3"], [[1.0, 1.0, -far]])
+    return block.solve()
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e8])
+def test_a_point_that_is_lost_far_away_is_called_back(far):
+    found = _over_the_ground(far)
+    assert found.converged
+    assert not found.left_out
+    np.testing.assert_allclose(found.coordinates, _over_the_ground(0.0).coordinates, atol=1e-9)

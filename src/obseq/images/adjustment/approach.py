@@ -125,8 +125,10 @@ def solve_calling_back(
             if attempt == RECALLS - 1 or not _has_tie_points(equations):
                 raise
             lost += _call_back(equations, attempt > 0)
-        else:
+            continue
+        if result.converged or attempt == RECALLS - 1 or len(result.iterations) >= solving["max_iterations"]:
             break
+        _call_back(equations, leave_out=False)
     return result, lost
 
 

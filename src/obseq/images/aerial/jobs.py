@@ -12,10 +12,10 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.images.aerial.heights import HeightType, convert_heights
 from obseq.images.aerial.intersection import intersect_pairs, intersect_rays, most_distant_pairs
+from obseq.images.aerial.ray_verdict import judged
 from obseq.images.aerial.resection import resect
 from obseq.images.aerial.result_columns import LeftOut, Table
 from obseq.images.aerial.shots import Shots
-from obseq.images.aerial.verdict import judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
