@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from obseq.survey import Network
+from obseq.report import summary
+from obseq.survey import Network, Quality
 from obseq.survey.screening.findings import Cause
 
 PLACES = {"A": (1000.0, 2000.0, 100.0), "B": (1180.0, 2030.0, 104.0), "C": (1090.0, 2190.0, 97.0)}
@@ -158,3 +159,34 @@ def test_one_distance_in_another_unit(tmp_path, change, words):
     where = {"code": ("3",), "origin": ("P2",), "target": ("P4",)}
     (error,) = spoilt(tmp_path, lambda line: {"value": change(line.value)}, **where)
     assert error.cause is Cause.UNITS and f"{words} instead of metres" in error.text
+
+
+def small_errors(count):
+    """The lines with some errors of eight sigmas or so: too small to be announced before the adjustment."""
+    wrong = {("3", "P2", "P4"): 0.018, ("6", "P3", "B"): -0.007, ("5", "P1", "C"): 0.008}
+    wrong = dict(list(wrong.items())[:count])
+    return [
+        replace(line, value=line.value + wrong.get((line.code, line.origin, line.target), 0.0))
+        for line in measured()
+    ]
+
+
+def test_several_gross_errors_are_listed_in_the_order_of_their_removal(tmp_path):
+    adjustment = network(tmp_path, small_errors(3)).adjust()
+    assert adjustment.gross_errors == () and adjustment.suspicion is not None
+    told = adjustment.warnings[0]
+    assert told.startswith("3 gross errors, each found once those before it are left out: 1. ")
+    first, second, third = (told.index(name) for name in ("Dist P2 -> P4", "Zen P3 -> B", "Hz P1 -> C"))
+    assert first < second < third
+    assert adjustment.suspicion.observations[0].startswith("Dist P2 -> P4")
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_one_gross_error_needs_no_list(tmp_path, count):
+    assert network(tmp_path, small_errors(count)).adjust().warnings == ()
+
+
+def test_without_reliability_it_is_said_that_nothing_is_tested(tmp_path):
+    record = network(tmp_path, small_errors(3)).adjust(quality=Quality(reliability=False)).record()
+    assert record.suspicion is None
+    assert "single observations are not tested without reliability" in summary(record)

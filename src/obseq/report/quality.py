@@ -22,6 +22,7 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     """What the tests of single observations found, if reliability was asked for."""
     found = record.reliability
     if found is None:
+        yield "single observations are not tested without reliability: a gross error among them goes unsaid"
         return
     known = sum(abs(row.standardised_residual or 0.0) > found.critical for row in record.constraints)
     count = len(suspects(record)) + known

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.findings import GrossError
+    from obseq.survey.screening.robust import Model
 
 _LOG = logging.getLogger(__name__)
 
@@ -67,13 +68,16 @@ class Fieldwork:
                 return found
             points = more
 
+    def _model(self) -> Model:
+        from obseq.survey.screening.robust import Model
+
+        return Model(self._started, self._equations)
+
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""
-        from obseq.survey.screening.robust import Model
         from obseq.survey.screening.search import gross_errors
 
-        model = Model(self._started, self._equations)
-        return gross_errors(model, self.point_system, self.points, self.book)
+        return gross_errors(self._model(), self.point_system, self.points, self.book)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
@@ -93,7 +97,27 @@ class Fieldwork:
         if datum.kind is DatumKind.INNER:
             return self._adjusted_freely(datum, computation, strict=strict)
         given = self if datum.kind is DatumKind.GIVEN else replace(self, points=held(self.points))
-        return given._adjusted_as_given(computation, strict=strict, start=start)
+        try:
+            return given._with_names(given._adjusted_as_given(computation, strict=strict, start=start))
+        except ObseqError as error:
+            self._blame_names(error)
+
+    def _with_names(self, adjustment: Adjustment) -> Adjustment:
+        """The adjustment with what its names make one think of."""
+        from obseq.survey.screening.names import mistyped_names
+
+        found = adjustment.points, adjustment.left_out
+        told, notes = mistyped_names(self._model(), self.points, self.book, *found)
+        return replace(adjustment, warnings=(*told, *adjustment.warnings), notes=(*adjustment.notes, *notes))
+
+    def _blame_names(self, error: ObseqError) -> NoReturn:
+        """Raises an error of the adjustment again, with names that may be the reason."""
+        from obseq.survey.screening.names import advice
+
+        told = advice(self.points, self.book)
+        if told:
+            raise InputError(f"{error}\n{told}") from error
+        raise error
 
     def _adjusted_freely(self, datum: Datum, computation: Computation, *, strict: bool) -> Adjustment:
         """Adjusts by inner constraints, from where known coordinates, if there are any, put the points."""
@@ -119,6 +143,7 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
+        from obseq.survey.adjustment.sequence import one_after_the_other
         from obseq.survey.screening.search import blame, refuse
 
         with computation.watch.phase("initial values"):
@@ -139,7 +164,8 @@ class Fieldwork:
             errors = self._errors_among_determined(given, computation)
             if strict and errors:
                 refuse(errors)
-        return adjustment.announcing(errors, replaced)
+        told = () if errors else one_after_the_other(computation, given, adjustment)
+        return adjustment.announcing(errors, replaced).warned(*told)
 
     def _check_datum(self) -> None:
         """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""

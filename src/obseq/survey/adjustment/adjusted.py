@@ -152,6 +152,10 @@ class Adjustment:
             warnings=(*(item.sentence() for item in replaced), *self.warnings),
         )
 
+    def warned(self, *sentences: str) -> Adjustment:
+        """The adjustment with more warnings, before the others."""
+        return replace(self, warnings=(*sentences, *self.warnings))
+
     def with_inner(self, covariances: FloatArray) -> Adjustment:
         """The adjustment with covariances (n, 3, 3) of inner constraints, a priori; scaled as its own are."""
         factor = 1.0 if self.precision == "a priori" else self.solution.variance_factor or 1.0

@@ -1,0 +1,79 @@
+"""Names that were mistyped are told by what fits, and nothing is said of names that are merely alike."""
+
+from dataclasses import replace
+
+import pytest
+from test_slips_of_set_ups import PLACES, measured, network
+
+from obseq.errors import InputError
+from obseq.survey import Network
+from obseq.survey.screening.names import are_alike
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [("P12", "p12"), ("P12", "P1Z"), ("P12", "PI2"), ("P.01", "P1"), ("P12", "P21"), ("P1", "P12")],
+)
+def test_names_with_one_slip_are_alike(a, b):
+    assert are_alike(a, b) and are_alike(b, a)
+
+
+@pytest.mark.parametrize(("a", "b"), [("P12", "P34"), ("P1", "P123"), ("A", "P1"), ("BM10", "BM023")])
+def test_other_names_are_not(a, b):
+    assert not are_alike(a, b) and not are_alike(b, a)
+
+
+def renamed(name, **where):
+    return [
+        replace(line, target=name) if all(getattr(line, k) in v for k, v in where.items()) else line
+        for line in measured()
+    ]
+
+
+def test_an_honest_network_is_told_nothing(tmp_path):
+    adjustment = network(tmp_path, measured()).adjust()
+    assert adjustment.warnings == () and not any("known" in note for note in adjustment.notes)
+
+
+def test_what_a_left_out_point_may_be_is_what_its_observations_fit(tmp_path):
+    lines = renamed("P12", origin=("P1",), target=("P2",), code=("3",))
+    adjustment = network(tmp_path, lines).adjust()
+    assert [item.name for item in adjustment.left_out] == ["P12"]
+    assert adjustment.warnings[0] == "P12: did you mean P2? The observations to P12 fit it"
+    adjustment = network(
+        tmp_path, [*measured(), replace(lines[0], code="3", target="P12", value=50.0)]
+    ).adjust()
+    assert [item.name for item in adjustment.left_out] == ["P12"]
+    assert not any("did you mean" in text for text in adjustment.warnings)
+
+
+def test_one_point_under_two_names_is_told(tmp_path):
+    adjustment = network(tmp_path, renamed("p2", origin=("P1",), target=("P2",))).adjust()
+    assert adjustment.warnings[0].startswith("P2 and p2 are adjusted as two points ")
+    assert adjustment.warnings[0].endswith("likely one point under two names")
+
+
+def with_known(folder, *lines, known="ABC"):
+    network(folder, measured(), known)
+    with (folder / "s.cor").open("a") as file:
+        file.writelines(f"\n{line}" for line in lines)
+    return Network.read(folder / "s.obs", folder / "s.cor")
+
+
+def test_a_mistyped_known_point_is_told_with_the_point_that_is_there(tmp_path):
+    line = f"1 a {' '.join(map(str, PLACES['A']))} 0.002"
+    adjustment = with_known(tmp_path, line, known="BC").adjust()
+    (told,) = adjustment.warnings
+    assert (
+        told.startswith("known point a (")
+        and "is in no observation; A, which is adjusted as an unknown" in told
+    )
+    adjustment = with_known(tmp_path, "1 a 1 2 3 0.002", "1 P22 1 2 4 0.002", known="BC").adjust()
+    assert adjustment.warnings == ()
+    assert adjustment.notes[-1] == "2 known points are in no observation, and control nothing: a, P22"
+
+
+def test_a_network_that_fails_for_a_name_says_so(tmp_path):
+    line = f"1 b {' '.join(map(str, PLACES['B']))} 0.002"
+    with pytest.raises(InputError, match=r"known point b \(.*\) is in no observation; did these mean B\?"):
+        with_known(tmp_path, line, known="A").adjust()
