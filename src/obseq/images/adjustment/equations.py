@@ -221,9 +221,12 @@ class Equations:
     def _add_control(self) -> tuple[Batch | None, IntArray]:
         """Coordinates as observations; those of one point are whitened where they are correlated."""
         start = self.start
+        nothing = None, np.zeros((0, 2), dtype=np.int64)
+        if not start.is_control.any():
+            return nothing
         given = start.is_control[:, None] & ~start.is_held & ~start.is_free
         if not given.any():
-            return None, np.zeros((0, 2), dtype=np.int64)
+            return nothing
         rows = np.argwhere(given)
         roots = _roots(start.covariances, given)
         coefficients = roots[rows[:, 0], rows[:, 1]]

@@ -244,15 +244,15 @@ def _known_coordinates(block: Block, names: list[str]) -> FloatArray:
     known = dict(zip(block.control.names, block.control.coordinates, strict=True))
     for network in block.surveys:
         known = dict(zip(network.points.names, network.points.coordinates, strict=True)) | known
-    known = block.approximations | known
-    nothing = np.full(3, np.nan)
-    return np.array([known.get(name, nothing) for name in names], dtype=np.float64).reshape(-1, 3)
+    known = block.approximations | known if known else block.approximations
+    found = map(known.get, names, itertools.repeat(np.full(3, np.nan)))
+    return np.array(list(found), dtype=np.float64).reshape(-1, 3)
 
 
 def _covariances(block: Block, names: list[str]) -> FloatArray:
     """(n, 3, 3) of control points; infinite on the diagonal for the others."""
     found = np.zeros((len(names), 3, 3))
-    found[:, range(3), range(3)] = np.inf
+    found.reshape(-1, 9)[:, ::4] = np.inf
     if not block.control.names:
         return found
     place = {name: k for k, name in enumerate(names)}
