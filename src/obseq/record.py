@@ -385,8 +385,7 @@ class AdjustmentRecord:
 
 def defined(values: NDArray[np.float64]) -> list[float | None]:
     """(n,) numbers as a record holds them: None for what is not finite."""
-    numbers: list[float | None] = values.tolist()
-    return [number if number is not None and math.isfinite(number) else None for number in numbers]
+    return [number if math.isfinite(number) else None for number in values.tolist()]
 
 
 def new_run() -> RunRecord:

@@ -17,6 +17,8 @@ from obseq.survey.files.dynaml_writer import DynamlNetwork, dynaml_text
 from obseq.survey.files.gama_sets import GamaNetwork
 from obseq.survey.files.gama_writer import gama_text
 from obseq.survey.files.obs import obs_text
+from obseq.survey.files.sinex import MOST_OF_NORMALS
+from obseq.survey.files.sinex_normals import normals_of
 from obseq.survey.files.sinex_writer import sinex_text
 from obseq.survey.files.table_writer import table_text
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes_where
@@ -172,7 +174,23 @@ def sinex_of(adjustment: Adjustment) -> str:
         "NUMBER OF DEGREES OF FREEDOM": float(solution.redundancy),
         "VARIANCE FACTOR": float(solution.variance_factor or 1.0),
     }
-    return sinex_text(points.names, points.coordinates @ rotation.T + translation, whole, statistics)
+    normals = _free_normals(adjustment, whole) if points.points.in_datum.any() else None
+    places = points.coordinates @ rotation.T + translation
+    return sinex_text(points.names, places, whole, statistics, normals=normals)
+
+
+def _free_normals(adjustment: Adjustment, covariance: FloatArray) -> FloatArray:
+    """Normal equations of a free network: what is known without its datum."""
+    points = adjustment.points.points
+    outside = np.flatnonzero(~points.in_datum.all(axis=1))
+    if outside.size:
+        raise InputError(
+            f"SINEX: point {points.names[outside[0]]} does not carry the datum of this free network; let all "
+            "points do (--datum inner without --datum-points)"
+        )
+    if len(points) > MOST_OF_NORMALS:
+        raise InputError(f"SINEX: normal equations of {len(points)} points; at most {MOST_OF_NORMALS}")
+    return normals_of(covariance)
 
 
 def in_own_system(network: Network) -> Points:

@@ -147,7 +147,7 @@ class Group:
         numbers: What the formula of its observations takes before the value, where files give that.
         kind: What its observations are grouped by.
         members: Rows of the field book's `point_names`: the points of a barycentre.
-        weights: Their weights in it, of a positive sum.
+        weights: Their weights in it, of a positive sum; in rows of normal equations, coefficients.
     """
 
     name: str

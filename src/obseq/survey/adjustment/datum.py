@@ -10,6 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Orientation
 
@@ -109,6 +110,10 @@ def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
     )
 
 
+LEAST_TURN = 0.01
+"""Precision of an orientation (rad) beyond which only the curvature of the Earth, or rounding, gives it."""
+
+
 def is_held(book: FieldBook, known: BoolArray) -> bool:
     """Whether an observation says where the network is beside points whose plan is known (a mask).
 
@@ -117,6 +122,20 @@ def is_held(book: FieldBook, known: BoolArray) -> bool:
     padded = np.append(known, np.zeros(len(book.point_names) - len(known), np.bool_))
     levelled = np.isin(book.observations.types, codes_where(lambda kind: kind.is_levelled))
     return bool((book.naming(padded) & book.observations.active & ~levelled).any())
+
+
+def normal_rows_turn(book: FieldBook, motion: FloatArray) -> bool:
+    """Whether rows of normal equations leave the network free to turn about the vertical.
+
+    Args:
+        book: The observations.
+        motion: (n, 3) how points move when the network turns, along geocentric axes, per radian.
+    """
+    rows = np.flatnonzero((book.observations.types == NORMAL_ROW.code) & book.observations.active)
+    groups = [book.groups[number] for number in book.observations.groups[rows].tolist()]
+    found = [np.ravel(motion[list(group.members)]) @ group.weights for group in groups]
+    seen = float(np.linalg.norm(np.array(found) / book.observations.sigmas[rows]))
+    return seen * LEAST_TURN < 1.0
 
 
 def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> bool:

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.datum import is_held, is_oriented
+from obseq.survey.adjustment.datum import is_held, is_oriented, normal_rows_turn
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
+from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
 from obseq.survey.model import Orientation
 
@@ -134,11 +135,12 @@ class Equations:
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
             loose = np.zeros((len(points), 3, 0))
-            if self._may_turn(points, initial):
-                loose = self._frame.turn(initial.coordinates)[:, :, None]
+            turn = self._frame.turn(initial.coordinates)
+            if self._may_turn(points, initial, turn):
+                loose = turn[:, :, None]
             self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
 
-    def _may_turn(self, points: Points, initial: InitialValues) -> bool:
+    def _may_turn(self, points: Points, initial: InitialValues, turn: FloatArray) -> bool:
         """Whether nothing orients the network but the curvature of the Earth.
 
         The Jacobian takes verticals as they are: where they are not parallel they hold, in appearance, a
@@ -146,6 +148,11 @@ class Equations:
         """
         if self._frame.is_plane or not self._frame.has_vertical:
             return False
+        normals = np.flatnonzero(self._book.observations.types == NORMAL_ROW.code)
+        if normals.size:
+            rotation, _ = self._frame.to_geocentric(self._book, normals)
+            if not normal_rows_turn(self._book, turn @ rotation.T):
+                return False
         held = np.asarray(~points.is_free[:, :2].all(axis=1))
         return not (is_held(self._book, held) or is_oriented(self._book, initial.orientations))
 

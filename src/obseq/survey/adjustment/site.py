@@ -76,6 +76,17 @@ class NetworkSite:
             shares[k, : len(members)] = group.shares
         return blocks, shares
 
+    def combinations(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """(n, k) blocks of the points of the group of each observation, and (n, k, 3) their coefficients."""
+        groups = [self.book.groups[number] for number in self.book.observations.groups[rows].tolist()]
+        most = max(len(group.members) for group in groups)
+        blocks, coefficients = np.zeros((len(rows), most), np.int64), np.zeros((len(rows), most, 3))
+        for k, group in enumerate(groups):
+            members = self.points[list(group.members)]
+            blocks[k], blocks[k, : len(members)] = members[0], members
+            coefficients[k, : len(members)] = np.reshape(group.weights, (-1, 3))
+        return blocks, coefficients
+
     def levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) observed height differences between the points, along the vertical of the frame."""
         return self.plumb.levelled(self.book, rows, coordinates)

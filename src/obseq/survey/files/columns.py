@@ -111,6 +111,11 @@ class Columns:
         self.groups.append(Group("barycentre", members=members, weights=weights))
         return len(self.groups) - 1
 
+    def open_normal_row(self, members: tuple[int, ...], coefficients: tuple[float, ...]) -> int:
+        """Index of a new group: the points of a row of normal equations, and three coefficients of each."""
+        self.groups.append(Group("normal equations", members=members, weights=coefficients))
+        return len(self.groups) - 1
+
     def open_frame(self, name: str) -> int:
         """Index of a new group of the distances of a polar frame."""
         return self._add_group(Group(name, kind=GroupKind.FRAME))

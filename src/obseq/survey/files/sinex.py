@@ -15,15 +15,23 @@ from obseq.errors import InputError
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.dynadjust_stations import ELLIPSOID
 from obseq.survey.files.project import Project
+from obseq.survey.files.sinex_normals import (
+    NORMAL_MATRIX,
+    NORMAL_VECTOR,
+    is_singular,
+    reduced,
+    rows_of,
+)
 from obseq.survey.files.text import parse_number, quoted, read_text
 from obseq.survey.kinds.geodetic import GEO_X, GEO_Y, GEO_Z
+from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.model import make_points, merge_points
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.files.project import Reading
     from obseq.survey.files.text import TextFile
     from obseq.survey.model import Points
@@ -32,6 +40,10 @@ TYPES = {"STAX": 0, "STAY": 1, "STAZ": 2}
 KINDS = (GEO_X, GEO_Y, GEO_Z)
 MATRIX = "SOLUTION/MATRIX_ESTIMATE"
 ESTIMATE = "SOLUTION/ESTIMATE"
+APRIORI = "SOLUTION/APRIORI"
+STATISTICS = "SOLUTION/STATISTICS"
+MOST_OF_NORMALS = 300
+"""Points of normal equations, each row of which holds all of them."""
 LARGEST = 9000
 """Parameters beyond which a matrix is not read: it is dense."""
 _A_DAY = 86400.0
@@ -60,6 +72,10 @@ class _Estimate:
     value: float
     sigma: float
     line: int
+
+
+Stations = dict[str, list[_Estimate]]
+"""X, Y and Z of each station, by the name of its point."""
 
 
 @dataclass
@@ -118,11 +134,11 @@ class _Sinex:
             raise self.file.error(index, f"{quoted(text)!r} is not the number of a parameter, 1 to {most}")
         return int(digits)
 
-    def estimates(self) -> list[_Estimate]:
-        """The estimated parameters, in the order of their numbers."""
-        found = [self._estimate(index, line) for index, line in self.lines(ESTIMATE)]
+    def estimates(self, block: str = ESTIMATE) -> list[_Estimate]:
+        """The parameters of a block, in the order of their numbers."""
+        found = [self._estimate(index, line) for index, line in self.lines(block)]
         if not found:
-            raise InputError(f"{self.file.name}: the file has no block {ESTIMATE} with parameters")
+            raise InputError(f"{self.file.name}: the file has no block {block} with parameters")
         if [item.number for item in found] != list(range(1, len(found) + 1)):
             raise self.file.error(found[0].line, "the parameters are not numbered 1, 2, 3, ...")
         return found
@@ -150,6 +166,36 @@ class _Sinex:
         years = year % 100 + (50 if year % 100 <= 50 else -50)
         return (years * 365.25 + day) * _A_DAY + second
 
+    def normals(self, estimates: list[_Estimate]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal equations (n, n), their right-hand sides (n,), and the values (n,) that they change.
+
+        They are divided by the variance factor, as the covariance of a file is multiplied by it.
+        """
+        form = self.suffixes.get(NORMAL_MATRIX, "").split()
+        if form not in (["L"], ["U"]) or NORMAL_VECTOR not in self.blocks:
+            raise InputError(f"{self.file.name}: {NORMAL_MATRIX} with L or U and {NORMAL_VECTOR} go together")
+        n, factor = len(estimates), self._variance_factor()
+        vector = np.zeros(n)
+        for index, line in self.lines(NORMAL_VECTOR):
+            vector[self.count(index, line[1:6], n) - 1] = self.number(index, line[47:68])
+        given = self.estimates(APRIORI)
+        names = [(item.kind, item.station, item.solution) for item in given]
+        if names != [(item.kind, item.station, item.solution) for item in estimates]:
+            raise InputError(
+                f"{self.file.name}: {APRIORI} has not the parameters of {ESTIMATE}, in their order"
+            )
+        start = np.array([item.value for item in given])
+        return self._triangle(n, NORMAL_MATRIX) / factor, vector / factor, start
+
+    def _variance_factor(self) -> float:
+        for index, line in self.lines(STATISTICS):
+            if line[1:31].strip() == "VARIANCE FACTOR":
+                factor = self.number(index, line[31:54])
+                if not factor > 0.0:
+                    raise self.file.error(index, "the variance factor is not positive")
+                return factor
+        return 1.0
+
     def covariance(self, estimates: list[_Estimate]) -> FloatArray:
         """(n, n) covariance of all parameters.
 
@@ -162,7 +208,7 @@ class _Sinex:
                 f"{self.file.name}: a block {MATRIX} with L or U and COVA, CORR or INFO is needed: without a "
                 "covariance the coordinates cannot be weighted"
             )
-        matrix = self._triangle(len(estimates))
+        matrix = self._triangle(len(estimates), MATRIX)
         sigmas = np.array([item.sigma for item in estimates])
         if form[1] == "CORR":
             sigmas = np.diag(matrix).copy()
@@ -180,10 +226,10 @@ class _Sinex:
         except np.linalg.LinAlgError as error:
             raise InputError(f"{self.file.name}: the information matrix is singular") from error
 
-    def _triangle(self, n: int) -> FloatArray:
+    def _triangle(self, n: int, block: str) -> FloatArray:
         """(n, n) symmetric matrix of a block; elements that are left out are 0."""
         matrix = np.zeros((n, n))
-        for index, line in self.lines(MATRIX):
+        for index, line in self.lines(block):
             row, column = self.count(index, line[1:6], n) - 1, self.count(index, line[7:12], n) - 1
             for k, start in enumerate((13, 35, 57)):
                 text = line[start : start + 21].strip()
@@ -225,8 +271,8 @@ def _points(places: dict[str, FloatArray]) -> Points:
 
 def _add(columns: Columns, sinex: _Sinex, told: list[str]) -> dict[str, FloatArray]:
     """Adds the positions of a file; returns them by the names of their points."""
-    estimates, number = sinex.estimates(), columns.open_file(sinex.file)
-    covariance = sinex.covariance(estimates)
+    number = columns.open_file(sinex.file)
+    estimates = sinex.estimates(ESTIMATE if ESTIMATE in sinex.blocks else APRIORI)
     others = sorted({item.kind for item in estimates if item.kind not in TYPES})
     if others:
         told.append(
@@ -234,21 +280,64 @@ def _add(columns: Columns, sinex: _Sinex, told: list[str]) -> dict[str, FloatArr
             "these leave them"
         )
     chosen = _by_point(sinex, estimates)
-    order = [item.number - 1 for parts in chosen.values() for item in parts]
-    matrix = covariance[np.ix_(order, order)]
-    _check(sinex, chosen, matrix)
-    first = len(columns)
-    for name, parts in chosen.items():
-        row = columns.point(sinex.file, parts[0].line, name)
-        for kind, item, sigma in zip(
-            KINDS, parts, np.sqrt(np.diag(matrix)[len(columns) - first :]), strict=False
-        ):
-            columns.append(Measure(kind, row, row, item.value, float(sigma)), number, item.line)
-    columns.correlate(list(range(first, len(columns))), matrix)
+    order = np.array([item.number - 1 for parts in chosen.values() for item in parts], np.int64)
+    matrix = None if _is_free(sinex) else sinex.covariance(estimates)[np.ix_(order, order)]
+    if matrix is None or (NORMAL_MATRIX in sinex.blocks and is_singular(matrix)):
+        _check_epochs(sinex, chosen)
+        _add_normals(columns, sinex, chosen, number, _normal_rows(sinex, estimates, order))
+    else:
+        _check(sinex, chosen, matrix)
+        _add_positions(columns, sinex, chosen, number, matrix)
     return {name: np.array([item.value for item in parts]) for name, parts in chosen.items()}
 
 
-def _by_point(sinex: _Sinex, estimates: list[_Estimate]) -> dict[str, list[_Estimate]]:
+def _is_free(sinex: _Sinex) -> bool:
+    """Whether normal equations are all that a file has."""
+    return NORMAL_MATRIX in sinex.blocks and MATRIX not in sinex.blocks
+
+
+def _add_positions(
+    columns: Columns, sinex: _Sinex, chosen: Stations, number: int, matrix: FloatArray
+) -> None:
+    """Coordinates with their covariance."""
+    first, sigmas = len(columns), iter(np.sqrt(np.diag(matrix)).tolist())
+    for name, parts in chosen.items():
+        row = columns.point(sinex.file, parts[0].line, name)
+        for kind, item in zip(KINDS, parts, strict=True):
+            columns.append(Measure(kind, row, row, item.value, next(sigmas)), number, item.line)
+    columns.correlate(list(range(first, len(columns))), matrix)
+
+
+def _normal_rows(
+    sinex: _Sinex, estimates: list[_Estimate], order: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rows (r, n), values and sigmas (r,) of the normal equations of the positions."""
+    if len(order) > 3 * MOST_OF_NORMALS:
+        raise InputError(
+            f"{sinex.file.name}: normal equations of {len(order) // 3} points; at most {MOST_OF_NORMALS} are "
+            "read"
+        )
+    matrix, vector, start = sinex.normals(estimates)
+    return rows_of(*reduced(matrix, vector, order), start[order], sinex.file.name)
+
+
+def _add_normals(
+    columns: Columns,
+    sinex: _Sinex,
+    chosen: Stations,
+    number: int,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Combinations of coordinates, as free of constraints as the normal equations."""
+    points = [columns.point(sinex.file, parts[0].line, name) for name, parts in chosen.items()]
+    line = sinex.blocks[NORMAL_MATRIX][0] - 1
+    for row, value, sigma in zip(*(part.tolist() for part in rows), strict=True):
+        group = columns.open_normal_row(tuple(points), tuple(row))
+        ends = points[0], points[-1]
+        columns.append(Measure(NORMAL_ROW, *ends, value, sigma, group=group), number, line)
+
+
+def _by_point(sinex: _Sinex, estimates: list[_Estimate]) -> Stations:
     """X, Y and Z of each station; of each of its solutions, when there are several."""
     found: dict[tuple[str, str], list[_Estimate]] = {}
     for item in estimates:
@@ -265,7 +354,7 @@ def _by_point(sinex: _Sinex, estimates: list[_Estimate]) -> dict[str, list[_Esti
     return named
 
 
-def _check(sinex: _Sinex, chosen: dict[str, list[_Estimate]], matrix: FloatArray) -> None:
+def _check_epochs(sinex: _Sinex, chosen: Stations) -> None:
     epochs = {parts[0].epoch: parts[0] for parts in chosen.values()}
     if not chosen:
         raise InputError(f"{sinex.file.name}: no position (STAX, STAY, STAZ) is estimated")
@@ -274,12 +363,17 @@ def _check(sinex: _Sinex, chosen: dict[str, list[_Estimate]], matrix: FloatArray
             epochs[max(epochs)].line,
             "the positions are of different epochs, between which points move; bring them to one epoch",
         )
+
+
+def _check(sinex: _Sinex, chosen: Stations, matrix: FloatArray) -> None:
+    _check_epochs(sinex, chosen)
     sigmas = np.array([item.sigma for parts in chosen.values() for item in parts])
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError as error:
         raise InputError(
-            f"{sinex.file.name}: the covariance of the positions is not positive definite"
+            f"{sinex.file.name}: the covariance of the positions is not positive definite; that of a free "
+            f"network needs {NORMAL_MATRIX} and {NORMAL_VECTOR} besides"
         ) from error
     ratio = float(np.median(np.sqrt(np.diag(matrix)) / np.where(sigmas > 0.0, sigmas, math.nan)))
     if not abs(ratio - 1.0) < 1e-2:

@@ -41,6 +41,7 @@ def sinex_text(
     covariance: FloatArray,
     statistics: dict[str, float],
     epoch: datetime | None = None,
+    normals: FloatArray | None = None,
 ) -> str:
     """A SINEX 2.02 file.
 
@@ -50,6 +51,8 @@ def sinex_text(
         covariance: (3 n, 3 n) m^2.
         statistics: Numbers by their name in SOLUTION/STATISTICS.
         epoch: Of the coordinates; now when None.
+        normals: (3 n, 3 n) normal equations of a free network, to which its covariance is the pseudo-inverse;
+            divided by the variance factor.
 
     Raises:
         InputError: A coordinate is held exactly, or there are too many stations.
@@ -72,14 +75,26 @@ def sinex_text(
     lines += ["-SITE/ID", "+SOLUTION/STATISTICS"]
     lines += [f" {name:<30} {value:22.15E}" for name, value in statistics.items()]
     lines += ["-SOLUTION/STATISTICS", "+SOLUTION/ESTIMATE"]
-    sigmas = np.sqrt(np.diag(covariance))
-    for k, value in enumerate(geocentric.ravel().tolist()):
-        kind, code = f"STA{'XYZ'[k % 3]}", codes[k // 3]
-        lines.append(
-            f" {k + 1:5d} {kind:<6} {code:<4}  A    1 {time} m    2 {value:21.14E} {sigmas[k]:11.5E}"
-        )
-    lines += ["-SOLUTION/ESTIMATE", "+SOLUTION/MATRIX_ESTIMATE L COVA", *_matrix(covariance)]
-    return "\n".join([*lines, "-SOLUTION/MATRIX_ESTIMATE L COVA", "%ENDSNX"]) + "\n"
+    values, sigmas = geocentric.ravel().tolist(), np.sqrt(np.diag(covariance)).tolist()
+    lines += [*_parameters(codes, time, values, sigmas), "-SOLUTION/ESTIMATE"]
+    lines += ["+SOLUTION/MATRIX_ESTIMATE L COVA", *_matrix(covariance), "-SOLUTION/MATRIX_ESTIMATE L COVA"]
+    if normals is not None:
+        lines += ["+SOLUTION/APRIORI", *_parameters(codes, time, values, [0.0] * len(values))]
+        lines += ["-SOLUTION/APRIORI", "+SOLUTION/NORMAL_EQUATION_VECTOR"]
+        lines += [*_parameters(codes, time, [0.0] * len(values)), "-SOLUTION/NORMAL_EQUATION_VECTOR"]
+        scaled = normals * statistics.get("VARIANCE FACTOR", 1.0)
+        lines += ["+SOLUTION/NORMAL_EQUATION_MATRIX L", *_matrix(scaled)]
+        lines += ["-SOLUTION/NORMAL_EQUATION_MATRIX L"]
+    return "\n".join([*lines, "%ENDSNX"]) + "\n"
+
+
+def _parameters(
+    codes: Sequence[str], time: str, values: Sequence[float], sigmas: Sequence[float] | None = None
+) -> Iterator[str]:
+    """The lines of parameters, with a column of sigmas or without."""
+    for k, value in enumerate(values):
+        head = f" {k + 1:5d} STA{'XYZ'[k % 3]}   {codes[k // 3]:<4}  A    1 {time} m    2 {value:21.14E}"
+        yield head if sigmas is None else f"{head} {sigmas[k]:11.5E}"
 
 
 def _matrix(covariance: FloatArray) -> Iterator[str]:

@@ -114,6 +114,9 @@ class Site(Protocol):
         Groups of fewer points than others are filled up with points of no share.
         """
 
+    def combinations(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """(n, k) blocks of the points of the group of each observation, and (n, k, 3) their coefficients."""
+
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
 

@@ -19,6 +19,7 @@ from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.formulas import FormulaKind, kind_of
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
+from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
@@ -35,7 +36,7 @@ KINDS: tuple[ObservationKind, ...] = (
     *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
     *(DIST_CONSTANT, DIST_SCALE, DIST_CONSTANT_SCALE, ZEN_REFRACTION),
     *(DX_SCALE, DY_SCALE, DZ_SCALE),
-    *(BARY_X, BARY_Y, BARY_Z),
+    *(BARY_X, BARY_Y, BARY_Z, NORMAL_ROW),
     *(GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, CHORD),
 )
 
