@@ -318,3 +318,15 @@ def test_points_given_twice_alike_are_taken_once(tmp_path):
     first = next(line for line in PLANE.splitlines() if line.startswith("C "))
     network = read(tmp_path, PLANE.replace(first, f"{first}\n{first}"))
     assert network.points.names == read(tmp_path, PLANE).points.names
+
+
+@pytest.mark.parametrize("text", ["[Files]\nData1=survey one.dat\nData2=Levels.DAT\n", "\x00\x07binary\x00"])
+def test_a_project_file_is_refused_with_the_data_files_to_give(tmp_path, text, capsys):
+    path = tmp_path / "job.prj"
+    path.write_text(text)
+    (tmp_path / "job.dat").write_text("C A 0 0\n")
+    assert main(["adjust", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "the form of STAR*NET's project files is not published; give its data files" in said
+    names = ["survey one.dat", "Levels.DAT"] if "survey" in text else []
+    assert all(name in said for name in [*names, "job.dat"])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.printable import printable
 from obseq.survey.files.once import require_distinct
 from obseq.survey.files.project import Reading, only_one
 from obseq.survey.files.text import encoding_of, quoted, read_bytes
@@ -34,6 +35,20 @@ def _read_comp3d(paths: Sequence[Path], reading: Reading) -> Project:
     return read_comp3d(only_one(tuple(paths)), reading)
 
 
+def _refuse_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
+    """Says which data files to give in place of a project file of STAR*NET, whose form is not published."""
+    path = paths[0]
+    text = read_bytes(path).decode("latin-1")
+    named = [match.group(0).strip() for match in _DATA_FILE.finditer(text)]
+    found = dict.fromkeys([*named, *([f"{path.stem}.dat"] if path.with_suffix(".dat").exists() else [])])
+    files = ", ".join(printable(name) for name in list(found)[:MOST_NAMED]) or "its .dat files"
+    raise InputError(
+        f"{path}: the form of STAR*NET's project files is not published; give its data files ({files}), and "
+        "what the project says beside them: --sigmas distance=... direction=..., --refraction, --points-crs; "
+        "units and dimension as .UNITS and .2D or .3D in the data file (several files: .INCLUDE)"
+    )
+
+
 _read_dna, _read_gama = _reader("dynadjust", "read_dna"), _reader("gama", "read_gama")
 
 READERS: dict[str, Reader] = {
@@ -42,6 +57,7 @@ READERS: dict[str, Reader] = {
     ".snx": _reader("sinex", "read_sinex"),
     ".csv": _reader("table_reader", "read_tables"),
     ".dat": _reader("starnet", "read_starnet"),
+    ".prj": _refuse_starnet_project,
     ".stn": _read_dna,
     ".msr": _read_dna,
 }
@@ -55,6 +71,9 @@ ROOTS: dict[str, Reader] = {
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
 _FIRST_ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
+_DATA_FILE = re.compile(r"[^\s=\"'<>|,;*?\x00-\x1f][^=\"'<>|,;*?\x00-\x1f]{0,120}\.dat\b", re.IGNORECASE)
+MOST_NAMED = 5
+"""Data files that a message names."""
 _START = 4096
 DEFAULTS = Reading()
 
@@ -88,7 +107,7 @@ def reader_of(path: Path) -> Reader:
         return _reader_of_root(path)
     reader = READERS.get(suffix)
     if reader is None:
-        suffixes = ", ".join([*READERS, XML])
+        suffixes = ", ".join([*(known for known in READERS if known != ".prj"), XML])
         raise InputError(f"{path}: files that can be adjusted by themselves end in {suffixes}")
     return reader
 
