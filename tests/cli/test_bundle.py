@@ -201,6 +201,28 @@ def test_control_points_in_no_image_are_named_and_change_nothing(tables, capsys)
     assert "<td>far5</td>" in (folder / "r.html").read_text()
 
 
+def test_a_datum_whose_names_are_spelt_otherwise_is_told_so(tables, capsys):
+    folder, options, poses = tables
+    (folder / "control.csv").write_text((folder / "control.csv").read_text().replace("\nP", "\np"))
+    (folder / "images.txt").write_text(opk_text(poses))
+    words = [word for word in options if not word.startswith("--images")]
+    assert main(["bundle", *words, f"--opk={folder / 'images.txt'}"]) == 2
+    assert (
+        "6 control points are in no image: p0, p1, p2; names count with their case" in capsys.readouterr().err
+    )
+
+
+def test_coordinates_in_another_unit_are_a_cause_in_common(tables, capsys):
+    folder, options, _ = tables
+    head, *rows = (folder / "control.csv").read_text().splitlines()
+    cells = (row.split(",") for row in rows)
+    longer = [f"{name},{x},{y},{1.05 * float(z)},{sigma}" for name, x, y, z, sigma in cells]
+    (folder / "control.csv").write_text("\n".join([head, *longer]) + "\n")
+    code, first = suspect_of(options, capsys)
+    assert code == 1
+    assert "look for a cause that all share (units or axes of coordinates" in first
+
+
 def test_points_measured_once_are_counted_by_their_reason(tables, capsys):
     folder, options, _ = tables
     with (folder / "measures.csv").open("a") as file:

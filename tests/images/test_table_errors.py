@@ -30,6 +30,12 @@ def _filled(folder, **changed):
         ("measures", "c,P,1,1\n", "measures.csv:5: image points: image 'c' is not known"),
         ("measures", "b,P,1,1\n", "measures.csv:5: image b, point P: measured twice in the image"),
         ("measures", "\nb,Q,5000,1\n", "measures.csv:6: image b, point Q: (5000, 1) is outside the image"),
+        (
+            "measures",
+            "A.JPG,P,1,1\n",
+            "measures.csv:5: image points: image 'A.JPG' is not known ('a' is: names",
+        ),
+        ("measures", "b,Q,-900,1\n", "an origin in the middle of the image add half of its width"),
         ("measures", "b,Q,1e999,1\n", "measures.csv:5: x is '1e999', which is no number"),
         ("control", "P,0,0,0,0.01\n", "control.csv:4: control point 'P' is given twice"),
         ("control", "R,0,0,0,-1\n", "control.csv:4: control point R: a sigma is above zero"),

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""
+MANY = 0.1
+"""Share of the measures outside their images that no single mistakes explain."""
 
 
 @dataclass(eq=False)
@@ -194,7 +196,7 @@ class Block:
             camera = cameras[measures.image[row]]
             raise RowError(
                 f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
-                f"{camera.height} pixels ({wrong.size} measures are)",
+                f"{camera.height} pixels ({wrong.size} measures are)" + _origin(wrong.size, len(measures)),
                 row,
             )
 
@@ -359,6 +361,16 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+
+
+def _origin(outside: int, measures: int) -> str:
+    """What many measures outside their images may mean."""
+    if outside < MANY * measures:
+        return ""
+    return (
+        "; pixels are counted from the upper left corner here, x to the right, y down: for an origin in the "
+        "middle of the image add half of its width and height, divide millimetres by the size of a pixel"
+    )
 
 
 def _require(known: Sequence[str], names: Sequence[str], used: IntArray, what: str) -> None:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
 
 
+LONGEST_ENDING = 4
+"""Letters of `tiff` and `jpeg`."""
+
+
 def unique_names(names: Sequence[str], what: str) -> tuple[str, ...]:
     """The names, checked to be different.
 
@@ -40,8 +44,25 @@ def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray
         return np.array([place[name] for name in wanted], dtype=np.int64)
     except KeyError as error:
         name = error.args[0]
-        near = ", ".join(map(repr, difflib.get_close_matches(name, known, n=3))) or "none alike"
-        raise RowError(f"{what} {name!r} is not known ({near})", list(wanted).index(name)) from None
+        raise RowError(
+            f"{what} {name!r} is not known ({_alike(name, known)})", list(wanted).index(name)
+        ) from None
+
+
+def _alike(name: str, known: Sequence[str]) -> str:
+    """The names that one may be meant for: it may differ in case, or in the ending of a file."""
+    folded = {other.casefold(): other for other in known}
+    same = [other for key, other in folded.items() if _stem(key) == _stem(name.casefold())]
+    if same:
+        return f"{', '.join(map(repr, same[:3]))} is: names count with case and ending"
+    near = difflib.get_close_matches(name.casefold(), folded, n=3)
+    return ", ".join(repr(folded[key]) for key in near) or "none alike"
+
+
+def _stem(name: str) -> str:
+    """A name without the ending of an image file."""
+    stem, dot, ending = name.rpartition(".")
+    return stem if dot and ending.isalnum() and len(ending) <= LONGEST_ENDING else name
 
 
 def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:

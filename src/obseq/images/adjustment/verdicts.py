@@ -44,9 +44,22 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
             f"the block has no datum: {int(known.sum()) + others} coordinates of measured points are known, "
             "and position, orientation and scale take 7; add control points, or ask for a free block, on its "
             "centres or on its points (datum='centres', datum='points'; --datum centres, --datum points)"
+            + _idle(start)
         )
     if others == len(block.lengths.values) and (known.all(axis=1) == known.any(axis=1)).all():
         check_spread(start.coordinates[known.all(axis=1)], "the block")
+
+
+def _idle(start: Start) -> str:
+    """The control points that are given and in no image, if there are some."""
+    names = [item.name for item in start.unmeasured]
+    if not names:
+        return ""
+    measured = f"{', '.join(start.points[:3])}, ..." if start.points else "none"
+    return (
+        f". {len(names)} control points are in no image: {', '.join(names[:3])}; names count with their case "
+        f"(points in images: {measured})"
+    )
 
 
 def _known_beside_points(block: Block, start: Start) -> int:

@@ -227,8 +227,8 @@ def _check_fit(
     if not middle <= options.max_error:
         raise InputError(
             f"image {image}: the best pose leaves a median residual of {middle:.1f} pixels; look for wrong "
-            f"point names, a wrong camera ({camera.name}, focal length {camera.focal:g} pixels), or a "
-            "distortion that is not zero"
+            f"point names, a wrong camera ({camera.name}, focal length {camera.focal:g} pixels), "
+            "a distortion that is not zero, or lines that were counted upwards (y goes down here)"
         )
     if second < AMBIGUOUS:
         raise InputError(

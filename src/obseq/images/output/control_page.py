@@ -101,7 +101,9 @@ def largest_tests(record: BundleRecord) -> Iterator[str]:
     if tests is None or not tests.largest:
         return
     suspects = suspected(record)
-    said = f'<p class="bad">{escaped(suspects)}</p>' if suspects else "<p>No gross error is suspected.</p>"
+    said = f'<p class="bad">{escaped(suspects)}</p>' if suspects else ""
+    if not record.suspects:
+        said = "<p>No gross error is suspected.</p>"
     rows = [
         (
             item.name, f"{item.w:+.2f}", f"{item.scaled:+.2f}",

@@ -20,6 +20,8 @@ MOST = 12
 """Rows of a table before it is cut."""
 FIRST = 4
 """Names of a list before it is cut."""
+COMMON = 5.0
+"""Times their sigmas from which most residuals have a cause in common."""
 
 
 def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
@@ -47,6 +49,14 @@ def suspected(record: BundleRecord) -> str:
     found, tests = record.suspects, record.suspicion
     if tests is None or not found:
         return ""
+    if not record.converged:
+        return ""
+    if not tests.robust and tests.spread is not None and tests.spread > COMMON:
+        return (
+            f"most residuals are {tests.spread:.3g} times what their sigmas say: look for a cause that all "
+            "share (units or axes of coordinates and pixels, focal length, poses, sigmas) before single "
+            f"observations; the largest test is that of {found[0].text}"
+        )
     if tests.n_suspects == 1:
         others = f" (or one of {tests.alike} others, whose tests are the same)" if tests.alike else ""
         return f"a gross error is suspected: {found[0].text}{others}"
