@@ -212,14 +212,14 @@ def test_a_datum_whose_names_are_spelt_otherwise_is_told_so(tables, capsys):
     )
 
 
-def test_coordinates_in_another_unit_are_a_cause_in_common(tables, capsys):
+def test_a_cause_that_all_residuals_share_is_told_before_single_ones(tables, capsys):
     folder, options, _ = tables
-    head, *rows = (folder / "control.csv").read_text().splitlines()
-    cells = (row.split(",") for row in rows)
-    longer = [f"{name},{x},{y},{1.05 * float(z)},{sigma}" for name, x, y, z, sigma in cells]
-    (folder / "control.csv").write_text("\n".join([head, *longer]) + "\n")
-    code, first = suspect_of(options, capsys)
+    text = (folder / "cameras.csv").read_text()
+    (folder / "cameras.csv").write_text(text.replace(",1790,", ",1700,"))
+    image, point, *_ = with_shift(folder / "measures.csv", 40, 2, 300.0)
+    code, first = suspect_of([*options, "--freeze=.*"], capsys)
     assert code == 1
+    assert f"the largest test is that of image {image}, point {point} x" in first
     assert "look for a cause that all share (units or axes of coordinates" in first
 
 
