@@ -1,5 +1,6 @@
 import math
 import re
+from functools import cache
 
 import mpmath
 import numpy as np
@@ -88,13 +89,18 @@ CASES = {
 """Name: (reference, arguments, largest error in units in the last place), as the module documents."""
 
 
-def _evaluate(name, *arguments):
-    function = getattr(functions, name)
-    names = ", ".join("abc"[: len(arguments)])
-    scope = {"f": dispatcher(function)}
+@cache
+def _loop(name, count):
+    """The function in a loop, compiled once for all tests."""
+    names = ", ".join("abc"[:count])
+    scope = {"f": dispatcher(getattr(functions, name))}
     items = names.replace(",", "[i],") + "[i]"
     exec(f"def loop(out, {names}):\n for i in range(out.size):\n  out[i] = f({items})", scope)
-    loop = njit(error_model="numpy", fastmath={"contract"})(scope["loop"])
+    return njit(error_model="numpy", fastmath={"contract"})(scope["loop"])
+
+
+def _evaluate(name, *arguments):
+    loop = _loop(name, len(arguments))
     out = np.empty(len(arguments[0]))
     loop(out, *(np.ascontiguousarray(argument, dtype=float) for argument in arguments))
     return out, loop

@@ -10,6 +10,8 @@ from typing import NoReturn
 
 INTERRUPTED = 130
 
+os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "10")  # threads that wait for work sleep
+
 
 def main() -> int:
     """Load the command, run it and return its exit code."""

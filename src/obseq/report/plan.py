@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
 from obseq.report.quality import ellipse_level
-from obseq.report.scheme import scheme
 
 if TYPE_CHECKING:
     from obseq.record import AdjustmentRecord, PointRecord
@@ -21,6 +20,8 @@ KNOWN, STATION, UNDETERMINED = 1, 2, 4
 
 def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
     """The plan; `rows` gives the number of each name, points of the record first."""
+    from obseq.report.scheme import scheme  # numpy comes with it, which a command's help need not load
+
     stations = {row.origin for row in record.observations if row.active}
     places: list[tuple[float | None, float | None]] = [(None, None)] * len(rows)
     marks = [0] * len(rows)
