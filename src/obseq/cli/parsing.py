@@ -44,13 +44,14 @@ class Given(argparse.Action):
         self,
         parser: argparse.ArgumentParser,
         namespace: argparse.Namespace,
-        values: Any,
+        values: object,
         option_string: str | None = None,
     ) -> None:
         """Keep the values of one use of the option."""
         before = getattr(namespace, self.dest, None)
-        adds_up = option_string is not None and isinstance(values, list) and before is not self.default
-        setattr(namespace, self.dest, [*(before or ()), *values] if adds_up else values)
+        if option_string is not None and isinstance(values, list) and before is not self.default:
+            values = [*(before or ()), *values]
+        setattr(namespace, self.dest, values)
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -63,8 +64,8 @@ class CommandParser(argparse.ArgumentParser):
 
     _is_intermixed = False
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
         self.register("action", None, Given)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:

@@ -7,11 +7,13 @@ variance of a line grows with its length. Stress majorization (Gansner, Koren, N
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.record import AdjustmentRecord
 
@@ -72,7 +74,7 @@ def _lying(places: FloatArray) -> FloatArray:
     return np.asarray(centred @ np.linalg.svd(centred, full_matrices=False)[2].T)
 
 
-def _part(graph: Any) -> FloatArray:
+def _part(graph: csr_array) -> FloatArray:
     """(n, 2) places of points that hang together."""
     from scipy.sparse.csgraph import dijkstra
 
