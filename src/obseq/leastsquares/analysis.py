@@ -117,11 +117,12 @@ class Analysis:
         progress: Callable[[Iteration], None],
     ) -> Progress:
         """Moves the unknowns to the solution; `before` comes before each linearisation and after the last."""
-        done = Progress(reason=StopReason.NO_UNKNOWNS)
-        if self._problem.n_free:
-            run = iterations_of(strategy, self.equations, self.solver)
-            with one_blas_thread():
-                done = run(options, redundancy, before, progress)
+        if not self._problem.n_free:
+            before(0)
+            return Progress(reason=StopReason.NO_UNKNOWNS)
+        run = iterations_of(strategy, self.equations, self.solver)
+        with one_blas_thread():
+            done = run(options, redundancy, before, progress)
         before(len(done.iterations))
         return done
 

@@ -121,14 +121,7 @@ def store_layout(
     groups, fill = fill_of(table, groups, met, free.count)
     has_loose = bool(len(groups.blocks))
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
-    joined = fill.low < fill.high
-    low = np.concatenate([pairs.low[kept], fill.low[joined]])
-    high = np.concatenate([pairs.high[kept], fill.high[joined]])
-    matrix, found = matrix_pattern(free, low, high)
-    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), np.zeros(len(joined), dtype=np.int64)
-    n_kept = np.count_nonzero(kept)
-    of_fill[joined] = found[n_kept:]
-    offsets[kept] = found[:n_kept]
+    matrix, offsets, of_fill = _pattern(free, pairs, fill, kept)
     direct = _direct(table.size, free, pairs)
     places = _places(table, matrix, free, pairs, direct, loose)
     top = matrix.indptr[free.first[pairs.low[direct]]]
@@ -156,6 +149,21 @@ def store_layout(
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),
     )
+
+
+def _pattern(
+    free: FreeUnknowns, pairs: BlockPairs, fill: Fill, kept: BoolArray
+) -> tuple[SymmetricPattern, IntArray, IntArray]:
+    """The matrix, and the offsets in its block columns of pairs (n_pairs,) and of the fill (n_fill,)."""
+    low, high, joined = pairs.low, pairs.high, fill.low < fill.high
+    offsets, of_fill = np.zeros(len(kept), dtype=np.int64), np.zeros(len(joined), dtype=np.int64)
+    if not len(joined) and kept.all():
+        return *matrix_pattern(free, low, high), of_fill
+    low, high = np.append(low[kept], fill.low[joined]), np.append(high[kept], fill.high[joined])
+    matrix, found = matrix_pattern(free, low, high)
+    n_kept = np.count_nonzero(kept)
+    offsets[kept], of_fill[joined] = found[:n_kept], found[n_kept:]
+    return matrix, offsets, of_fill
 
 
 def _placed(groups: Groups, places: IntArray) -> Groups:

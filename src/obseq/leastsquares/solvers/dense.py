@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
@@ -36,10 +37,25 @@ class DenseCholesky(BaseSolver):
         self._threads = threads
 
     def _analyse(self, pattern: SymmetricPattern) -> None:
-        self._places = pattern.columns().astype(np.int64) * pattern.n + pattern.indices
-        self._columns = np.zeros(pattern.n * pattern.n)
-        self._lower = self._columns.reshape(pattern.n, pattern.n).T
         self._is_small = pattern.n <= SMALL
+        for made in ("_places", "_columns"):
+            self.__dict__.pop(made, None)
+
+    @cached_property
+    def _places(self) -> IntArray:
+        """(nnz,) where the entries of the pattern are in the matrix."""
+        pattern = self.pattern
+        return pattern.columns().astype(np.int64) * pattern.n + pattern.indices
+
+    @cached_property
+    def _columns(self) -> FloatArray:
+        """(n n,) the matrix by columns, made when it is first factored: small systems seldom ask for it."""
+        return np.zeros(self.pattern.n**2)
+
+    @property
+    def _lower(self) -> FloatArray:
+        """(n, n) the same as rows and columns; its lower triangle is used."""
+        return self._columns.reshape(self.pattern.n, self.pattern.n).T
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         diagonal = values[self.pattern.diagonal]
