@@ -31,7 +31,7 @@ from interleaved import Repeat, race, ratio
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives
 
-ROWS = (1, 100, 1_000, 10_000)
+ROWS = (1, 100, 1_000, 10_000, 100_000)
 
 
 @dataclass(frozen=True)
