@@ -190,3 +190,34 @@ def test_without_reliability_it_is_said_that_nothing_is_tested(tmp_path):
     record = network(tmp_path, small_errors(3)).adjust(quality=Quality(reliability=False)).record()
     assert record.suspicion is None
     assert "single observations are not tested without reliability" in summary(record)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda v: 0.99978 * v, "ppm to add): likely coordinates of a map"),
+        (lambda v: v + 0.012, "a constant added to all of them fits"),
+    ],
+)
+def test_what_all_distances_share_is_named_though_none_stands_out(tmp_path, change, words):
+    lines = [replace(line, value=change(line.value)) if line.code == "3" else line for line in measured()]
+    made = network(tmp_path, lines)
+    assert made.gross_errors() == ()  # no misfit of ten sigmas
+    (error,) = made.adjust().gross_errors
+    assert error.cause == Cause.DISTANCES and words in error.text and "nothing tells apart" not in error.text
+
+
+def test_a_scale_between_two_known_points_may_be_theirs(tmp_path):
+    lines = [replace(line, value=0.9996 * line.value) if line.code == "3" else line for line in measured()]
+    (error,) = network(tmp_path, lines, known=("A", "B")).adjust().gross_errors
+    assert "one scale for all of them fits (4" in error.text
+    assert "or, which nothing tells apart, a gross error in one of known x of A" in error.text
+
+
+def test_a_known_point_is_not_taken_for_a_scale(tmp_path):
+    made = network(tmp_path, measured())
+    text = (tmp_path / "s.cor").read_text().replace("2190.0", "2190.025")
+    (tmp_path / "s.cor").write_text(text)
+    adjustment = Network.read(tmp_path / "s.obs", tmp_path / "s.cor").adjust()
+    assert made.adjust().suspicion is None and adjustment.gross_errors == ()
+    assert adjustment.suspicion.observations[0].startswith("known y of C")

@@ -144,6 +144,7 @@ class Fieldwork:
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
         from obseq.survey.adjustment.sequence import one_after_the_other
+        from obseq.survey.screening.common_factor import common_factor
         from obseq.survey.screening.search import blame, refuse
 
         with computation.watch.phase("initial values"):
@@ -160,8 +161,9 @@ class Fieldwork:
             adjustment = computation.determined(given, strict=strict)
         except ObseqError as error:
             blame(error, errors or self._errors_among_determined(given, computation))
-        if not errors and not adjustment.is_honest:
-            errors = self._errors_among_determined(given, computation)
+        if not errors:
+            errors = () if adjustment.is_honest else self._errors_among_determined(given, computation)
+            errors = errors or common_factor(self._model(), computation, given, adjustment)
             if strict and errors:
                 refuse(errors)
         told = () if errors else one_after_the_other(computation, given, adjustment)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _HORIZONTAL = "horizontal"
-_LEAST = 4
+LEAST = 4
 """Distances from which an unknown of all of them says something."""
 _MAP_SCALE = 3e-3
 """Scales of maps, and reductions to height 0, differ from 1 by less than this."""
@@ -34,11 +34,11 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     rows = trials.found.book.observations
     slopes = codes_where(lambda kind: kind.horizontal is not None)
     mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
-    if len(mine) < _LEAST or not (trials.found.ratios[mine] > GROSS).any():
+    if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
     best: tuple[float, str, Estimate] | None = None
     for what in (_HORIZONTAL, "constant", "scale"):
-        book = _changed(trials.found.book, mine, what)
+        book = changed(trials.found.book, mine, what)
         if book is None:
             continue
         corrected = trials.tried(trials.found.points, book)
@@ -51,18 +51,34 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
         return None
     _, what, corrected = best
     size = float(trials.found.ratios[mine].max())
-    label = trials.found.book.label(int(mine[0]))
-    name = f"all {len(mine)} {BY_CODE[int(rows.types[mine[0]])].name} observations (the first: {label})"
     values = [value for part, value in corrected.instruments if part == what]
+    return described(trials.found.book, mine, what, values, size, system), corrected
+
+
+def described(
+    book: FieldBook, rows: Rows, what: str, values: list[float], size: float, system: PointSystem
+) -> GrossError:
+    """What all distances have in common, in words.
+
+    Args:
+        book: the observations.
+        rows: the distances.
+        what: "horizontal", "constant" or "scale".
+        values: the constants (m) or scales (parts) to add.
+        size: misfit of the worst distance, in sigmas.
+        system: the coordinates of the point files.
+    """
+    kind = BY_CODE[int(book.observations.types[rows[0]])].name
+    name = f"all {len(rows)} {kind} observations (the first: {book.label(int(rows[0]))})"
+    cause, text = Cause.DISTANCES, _of_constant(values)
     if what == _HORIZONTAL:
         cause, text = Cause.HORIZONTAL, "they look like horizontal distances instead of slope distances"
-    else:
-        text = _of_constant(values) if what == "constant" else _of_scale(values, system)
-        cause = Cause.DISTANCES
-    return GrossError(name, cause, text, size, tuple(mine.tolist())), corrected
+    elif what == "scale":
+        text = _of_scale(values, system)
+    return GrossError(name, cause, text, size, tuple(rows.tolist()))
 
 
-def _changed(book: FieldBook, rows: Rows, what: str) -> FieldBook | None:
+def changed(book: FieldBook, rows: Rows, what: str) -> FieldBook | None:
     """The observations, with distances that are horizontal, or have an unknown; None where that cannot be."""
     if what == _HORIZONTAL:
         types = book.observations.types.copy()
