@@ -82,10 +82,11 @@ def texts(given: object, what: str) -> tuple[str, ...]:
         InputError: it is one text, or some of it is no text.
     """
     names = tuple(listed(given, what))
-    if set(map(type, names)) - {str}:  # many names are looked at one by one only when some are no plain texts
-        for number, name in enumerate(names):
-            if not isinstance(name, str):
-                raise InputError(f"{what}: row {number} is no name: {name!r}")
+    try:
+        "".join(names)  # the quickest look at many
+    except TypeError:
+        row = next(row for row, name in enumerate(names) if not isinstance(name, str))
+        raise InputError(f"{what}: row {row} is no name: {names[row]!r}") from None
     return names
 
 

@@ -142,11 +142,11 @@ class UnknownTable:
         """Adds blocks of one kind with their values (n, ...) and the names of their components; their ids."""
         self.owner.check()
         kind = self._kind_of(manifold)
-        self._refuse_repeated(kind, names)
+        ids = self._numbered(kind, names)
         unknowns, context = manifold.split(manifold.checked(values, names, what))
         before = self._lengths()
         try:
-            return self._extended(kind, names, unknowns, context, components or manifold.components)
+            return self._extended(kind, ids, unknowns, context, components or manifold.components)
         except BaseException:  # interrupted: no column is longer than another
             self._cut(before)
             raise
@@ -163,14 +163,14 @@ class UnknownTable:
     def _extended(
         self,
         kind: int,
-        names: Sequence[str],
+        ids: dict[str, int],
         values: FloatArray,
         context: FloatArray,
         components: tuple[str, ...],
     ) -> IntArray:
         first, (n, size), width = len(self), values.shape, context.shape[1]
-        self._ids[kind].update(zip(names, range(first, first + n), strict=True))
-        self.names.extend(names)
+        self._ids[kind].update(ids)
+        self.names.extend(ids)
         self._components.append(components)
         self._kind.extend(np.full(n, kind))
         self._size.extend(np.full(n, size))
@@ -210,13 +210,16 @@ class UnknownTable:
         for column, length in zip(self._columns(), others, strict=True):
             column.cut(length)
 
-    def _refuse_repeated(self, kind: int, names: Sequence[str]) -> None:
-        known = self._ids[kind]
-        if len(set(names)) != len(names) or not known.keys().isdisjoint(names):
+    def _numbered(self, kind: int, names: Sequence[str]) -> dict[str, int]:
+        """The ids that new blocks of a kind shall have, by name; the names must all be new, and different."""
+        known, first = self._ids[kind], len(self)
+        ids = dict(zip(names, range(first, first + len(names)), strict=True))
+        if len(ids) != len(names) or not known.keys().isdisjoint(ids.keys()):
             counts = Counter(names)
             repeated = next(name for name in names if name in known or counts[name] > 1)
             label = self.manifolds[kind].label
             raise InputError(f"the {label} {repeated!r} is there twice: give each one its own name")
+        return ids
 
     def find(self, names: Sequence[str], label: str) -> IntArray:
         """Ids of blocks of one kind by name; the kind by its label, in any case."""
