@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
-from obseq.images.output.suspicion import StandardisedRecord, SuspicionRecord
-from obseq.images.output.testing import ReliabilityRecord
+from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
+from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.plain import from_plain, to_plain
 from obseq.record import IterationRecord, RunRecord
 from obseq.record_quality import GlobalTestRecord
@@ -188,7 +188,7 @@ class BundleRecord:
     weakened: int
     worst: tuple[ImagePointRecord, ...]
     residuals: ResidualColumns
-    reliability: ReliabilityRecord | None
+    reliability: BlockReliabilityRecord | None
     rigid_blocks: tuple[RigidRecord, ...]
     clinometers: tuple[ClinometerRecord, ...]
     run: RunRecord
@@ -203,7 +203,7 @@ class BundleRecord:
         return self.converged and not self.left_out and not self.behind and not self.suspects
 
     @property
-    def suspicion(self) -> SuspicionRecord | None:
+    def suspicion(self) -> LargestTestsRecord | None:
         """The largest tests; None when no precision was asked for, or without redundancy."""
         return None if self.reliability is None else self.reliability.suspicion
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
-    from obseq.images.output.suspicion import SuspicionRecord
-    from obseq.images.output.testing import ReliabilityRecord
+    from obseq.images.output.suspicion import LargestTestsRecord
+    from obseq.images.output.testing import BlockReliabilityRecord
 
 MOST = 12
 """Rows of a table before it is cut."""
@@ -116,7 +116,7 @@ def _line_of(text: str) -> str:
     return f"{text}\n" if text else ""
 
 
-def _reliability(found: ReliabilityRecord) -> str:
+def _reliability(found: BlockReliabilityRecord) -> str:
     return (
         f"  {found.beyond} of {found.tested} image coordinates beyond the test |w| > {found.critical:.2f}; "
         f"{found.poor} are poorly controlled (redundancy below {POOR}), {found.uncontrolled} not at all"
@@ -213,7 +213,7 @@ def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
     return f"{title} ({len(items)})\n" + _table(("what", "how many", "which", "why"), by_reason(items))
 
 
-def _tests(found: ReliabilityRecord | None) -> str:
+def _tests(found: BlockReliabilityRecord | None) -> str:
     """The largest tests of all kinds of observation, and all suspects that are listed."""
     if found is None or found.suspicion is None or not found.suspicion.largest:
         return ""
@@ -233,7 +233,7 @@ def _tests(found: ReliabilityRecord | None) -> str:
     )
 
 
-def _limit(tests: SuspicionRecord) -> str:
+def _limit(tests: LargestTestsRecord) -> str:
     """From where on something is suspected."""
     spread = 1.0 if tests.spread is None or not tests.robust else max(tests.spread, 1.0)
     by = f", {tests.limit:.2f} times their spread" if spread > 1.0 else ""

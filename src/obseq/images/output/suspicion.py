@@ -64,7 +64,7 @@ class StandardisedRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class SuspicionRecord:
+class LargestTestsRecord:
     """Which observations are suspected to be gross errors.
 
     A gross error that has its full weight spoils the tests of others: the largest alone is suspected then.
@@ -114,7 +114,7 @@ def has_robust_weights(solution: BundleSolution) -> bool:
     return bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
 
 
-def suspicion_record(solution: BundleSolution, whole: Reliability) -> SuspicionRecord:
+def largest_tests(solution: BundleSolution, whole: Reliability) -> LargestTestsRecord:
     """The largest tests of a solution, from the reliability of its system."""
     robust, level = has_robust_weights(solution), LEVEL / max(whole.n_tests, 1)
     if robust:
@@ -128,7 +128,7 @@ def suspicion_record(solution: BundleSolution, whole: Reliability) -> SuspicionR
         limit = limit_by_others(w.max(initial=0.0), squares, whole.redundancy, level)
     beyond, tests = int(np.count_nonzero(scaled > limit)), _Tests(solution)
     listed = _largest(w, min(max(LISTED, beyond if robust else 0), MOST))
-    return SuspicionRecord(
+    return LargestTestsRecord(
         LEVEL,
         whole.n_tests,
         limit,

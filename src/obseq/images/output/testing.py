@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.images.output.suspicion import SuspicionRecord, suspicion_record
+from obseq.images.output.suspicion import LargestTestsRecord, largest_tests
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -60,7 +60,7 @@ class TestColumns:
 
 
 @dataclass(frozen=True, slots=True)
-class ReliabilityRecord:
+class BlockReliabilityRecord:
     """The reliability of the image points of a block.
 
     Attributes:
@@ -86,14 +86,14 @@ class ReliabilityRecord:
     uncontrolled: int
     worst: tuple[TestedPointRecord, ...]
     all: TestColumns
-    suspicion: SuspicionRecord | None = None
+    suspicion: LargestTestsRecord | None = None
 
 
-def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
+def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
     """The reliability of a solution with covariances."""
     found = solution.reliability()
     whole, tested = found.whole, np.isfinite(found.w)
-    return ReliabilityRecord(
+    return BlockReliabilityRecord(
         whole.level,
         whole.power,
         whole.w_critical,
@@ -107,7 +107,7 @@ def reliability_record(solution: BundleSolution) -> ReliabilityRecord:
             *map(tuple, found.redundancy.T.tolist()),
             *(_defined(column) for column in (*found.w.T, *found.detectable.T)),
         ),
-        suspicion_record(solution, whole),
+        largest_tests(solution, whole),
     )
 
 
