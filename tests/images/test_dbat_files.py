@@ -65,7 +65,7 @@ def test_sigmas_may_be_attributes_and_files_may_be_called_alike(tmp_path):
         ),
         (lambda text: text.replace(' sxy="0.1"', ""), "1,2,3,4", "the measures have no sigma"),
         (lambda text: text, "1,2,3", r"m\.txt:1: 3 fields where im,id,x,y are expected"),
-        (lambda text: text, "1,2,3,x", r"m\.txt:1: y is 'x', which is no number"),
+        (lambda text: text, "1,2,3,x", r"m\.txt:1: y is 'x', which is no finite number"),
         (lambda text: text, "7,2,3,4", "the image 7 is not in the list"),
         (lambda text: text.replace("$HERE", "$DBAT"), "", r"only \$HERE is known"),
         (lambda text: text.replace("<sensor>auto", "<sensor>40"), "1,2,3,4", "2 times as wide as high"),

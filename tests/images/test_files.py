@@ -66,7 +66,11 @@ def test_a_backward_camera_stays_one(tmp_path):
         (read_cameras, "", r"f\.csv: the file has no line of column names"),
         (read_cameras, "name,width,height\n", r"f\.csv: column 'focal' is missing"),
         (read_cameras, "name,width,height,focal\nc,10,10\n", r"f\.csv:2: 3 fields for 4 columns"),
-        (read_cameras, "name,width,height,focal\nc,10,10,x\n", r"f\.csv:2: focal is 'x', which is no number"),
+        (
+            read_cameras,
+            "name,width,height,focal\nc,10,10,x\n",
+            r"f\.csv:2: focal is 'x', which is no finite",
+        ),
         (read_cameras, "name,width,height,focal\nc,10,10,nan\n", r"f\.csv:2: focal is 'nan'"),
         (read_cameras, "name,width,height,focal\nc,10,10,-1\n", r"f\.csv:2: camera c: the focal length"),
         (read_images, "image,x,y,z,omega,phi,kapa\n", r"f\.csv: column 'kapa' means nothing here"),

@@ -54,7 +54,7 @@ def test_a_convention_that_does_not_fit_is_refused_and_the_right_one_named(tmp_p
     ("text", "columns", "message"),
     [
         ("a 1 2 3\n", "NXYZOPK", r"p\.txt:1: 4 fields where NXYZOPK are 7"),
-        ("a 1 2 3 x 0 0\n", "NXYZOPK", r"p\.txt:1: 'x' is no finite number"),
+        ("a 1 2 3 x 0 0\n", "NXYZOPK", r"p\.txt:1: a field is 'x', which is no finite number"),
         ("# only\n", "NXYZOPK", "holds no pose"),
         ("a 1 2 3 0 0 0\n", "NXYZOP", "needed once each"),
         ("a 1 2 3 0 0 0\n", "NXYZQ", "Q is none of"),

@@ -36,7 +36,7 @@ def _filled(folder, **changed):
             "measures.csv:5: image points: image 'A.JPG' is not known ('a' is: names",
         ),
         ("measures", "b,Q,-900,1\n", "an origin in the middle of the image add half of its width"),
-        ("measures", "b,Q,1e999,1\n", "measures.csv:5: x is '1e999', which is no number"),
+        ("measures", "b,Q,1e999,1\n", "measures.csv:5: x is '1e999', which is no finite number"),
         ("control", "P,0,0,0,0.01\n", "control.csv:4: control point 'P' is given twice"),
         ("control", "R,0,0,0,-1\n", "control.csv:4: control point R: a sigma is above zero"),
         ("images", "a,wide,0,0,9,0,0,0\n", "images.csv:5: image 'a' is given twice"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.files.tables import number_in
 from obseq.project.tree import Reader, merged, read_tree, tree_text
 
 if TYPE_CHECKING:
@@ -71,15 +72,9 @@ class Rules:
             raise InputError(f"{self.where}: no rule of mode {missing} matches the image {image}")
         additional = self.value("AdditionalName", image)
         part = f"_Add{additional}" if additional else ""
-        thousandth = round(1000.0 * self._number(focal, "Focalmm", image))
+        thousandth = round(1000.0 * number_in(focal, f"{self.where}: Focalmm of {image} is"))
         begin = f"CalibIntr_Cam{model.replace(' ', '_')}{part}_Foc"
         return f"{begin}{thousandth}", f"{begin}{thousandth // 1000}"
-
-    def _number(self, text: str, mode: str, image: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            raise InputError(f"{self.where}: {mode} of {image} is {text!r}, not a number") from None
 
 
 def read_rules(path: str | Path) -> Rules:

@@ -16,7 +16,7 @@ from obseq.errors import InputError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
-from obseq.images.files.tables import text_of
+from obseq.images.files.tables import number_in, text_of
 from obseq.images.files.xml import Element, child, content, number, problem, read_xml, text
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
@@ -98,17 +98,8 @@ class _Rows:
         found = np.empty((len(self.rows), len(columns)))
         for k, column in enumerate(columns):
             for row, word in enumerate(self.texts(column)):
-                found[row, k] = self._number(row, column, word)
+                found[row, k] = number_in(word, f"{self.path}:{self.lines[row]}: {column} is")
         return found
-
-    def _number(self, row: int, column: str, text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
-            raise InputError(f"{self.path}:{self.lines[row]}: {column} is {text!r}, which is no number")
-        return value
 
 
 def read_dbat(path: str | Path) -> BundleAdjustment:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images.files.tables import text_of
+from obseq.images.files.tables import number_in, text_of
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
@@ -112,18 +112,11 @@ def _row(path: str | Path, number: int, line: str, columns: str) -> tuple[str, d
             name = taken[0]
         elif letter != "?":
             keys = [f"M{k}" for k in range(9)] if letter == "M" else [letter]
-            found |= {key: _number(path, number, word) for key, word in zip(keys, taken, strict=True)}
+            found |= {
+                key: number_in(word, f"{path}:{number}: a field is")
+                for key, word in zip(keys, taken, strict=True)
+            }
     return name, found
-
-
-def _number(path: str | Path, line: int, word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{path}:{line}: {word[:40]!r} is no finite number")
-    return value
 
 
 def opk_text(poses: Poses) -> str:

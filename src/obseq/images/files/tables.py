@@ -39,6 +39,21 @@ def text_of(path: str | Path) -> str:
         raise InputError(f"{path}: {error.strerror}") from None
 
 
+def number_in(text: str, said: str) -> float:
+    """A finite number; `said` begins the sentence when it is none.
+
+    Raises:
+        InputError: it is no number, or not finite.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{said} {text[:40]!r}, which is no finite number")
+    return value
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows of text fields under column names.
@@ -125,13 +140,7 @@ class Table:
     def _number(self, row: int, column: str, field: str, default: float | None) -> float:
         if not field and default is not None:
             return default
-        try:
-            value = float(field)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"{self.place(row)}: {column} is {field!r}, which is no number")
-        return value
+        return number_in(field, f"{self.place(row)}: {column} is")
 
     @contextmanager
     def located(self, rows: Sequence[int] | None = None) -> Iterator[None]:

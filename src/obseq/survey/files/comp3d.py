@@ -19,7 +19,6 @@ from obseq.survey.files.cor import PointColumns
 from obseq.survey.files.includes import Folder
 from obseq.survey.files.levelled_points import levelled_points
 from obseq.survey.files.project import Project, Reading
-from obseq.survey.files.text import parse_number
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:
@@ -205,10 +204,7 @@ def _covariance(folder: Folder, name: str, points: Points) -> CoordinateCovarian
     for k, (index, fields) in enumerate(rows[1:]):
         if fields[:1] != [names[k]] or len(fields) != len(names) + 1:
             raise file.error(index, f"the row of {names[k]} with {len(names)} numbers is expected here")
-        try:
-            matrix[k] = [parse_number(text) for text in fields[1:]]
-        except ValueError as error:
-            raise file.error(index, str(error)) from error
+        matrix[k] = [file.number(index, text) for text in fields[1:]]
     return _restricted(file.name, names, matrix, points)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.survey.files.columns import Measure
-from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted
+from obseq.survey.files.text import LEAST_SIGMA, quoted
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
@@ -278,10 +278,7 @@ def _polar(
 
 
 def _numbers(file: TextFile, index: int, texts: list[str]) -> list[float]:
-    try:
-        return [parse_number(text) for text in texts]
-    except ValueError as error:
-        raise file.error(index, str(error)) from error
+    return [file.number(index, text) for text in texts]
 
 
 def _sigmas(file: TextFile, index: int, sigmas: list[float]) -> list[float]:

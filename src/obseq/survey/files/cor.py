@@ -38,7 +38,6 @@ from obseq.survey.files.text import (
     check_default_sigma,
     check_writable,
     leading_numbers,
-    parse_number,
     quoted,
     read_text,
 )
@@ -188,10 +187,7 @@ def _flag(file: TextFile, index: int, fields: list[str]) -> int:
 
 
 def _number(file: TextFile, index: int, text: str) -> float:
-    try:
-        return parse_number(text)
-    except ValueError as error:
-        raise file.error(index, f"{error} (fields are: {_HELP})") from error
+    return file.number(index, text, f"{{}} (fields are: {_HELP})")
 
 
 def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Rest:

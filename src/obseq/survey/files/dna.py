@@ -23,7 +23,7 @@ from obseq.survey.files.dynadjust_records import (
     radians_of_packed,
     radians_of_parts,
 )
-from obseq.survey.files.text import parse_number, quoted, read_text
+from obseq.survey.files.text import quoted, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,10 +123,7 @@ class DnaFile:
         text = self.text(index, span)
         if not text and default is not None:
             return default
-        try:
-            return parse_number(text)
-        except ValueError as error:
-            raise self.file.error(index, f"columns {span[0] + 1} to {span[1]}: {error}") from error
+        return self.file.number(index, text, f"columns {span[0] + 1} to {span[1]}: {{}}")
 
     def name(self, index: int, span: Span) -> str:
         """The name of a point in some columns of a line."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.files.text import parse_number, read_bytes, read_text
+from obseq.survey.files.text import read_bytes, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,12 +112,9 @@ def _read_list(path: Path, encoding: str) -> StationList:
             continue
         name = line[:40].strip()
         file.check_name(index, name)
-        try:
-            height, north, east = (
-                parse_number(line[a:b].strip()) for a, b in ((40, 50), (50, 69), (69, 999))
-            )
-        except ValueError as error:
-            raise file.error(index, f"{error} (columns: name, N, deflections in seconds)") from error
+        fields = (line[a:b].strip() for a, b in ((40, 50), (50, 69), (69, 999)))
+        said = "{} (columns: name, N, deflections in seconds)"
+        height, north, east = (file.number(index, field, said) for field in fields)
         values[name] = (height, east * SECOND, north * SECOND)
     return StationList(values)
 

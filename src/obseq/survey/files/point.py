@@ -32,7 +32,6 @@ from obseq.survey.files.text import (
     LARGEST_LENGTH,
     TextFile,
     check_default_sigma,
-    parse_number,
     quoted,
     read_text,
 )
@@ -241,10 +240,7 @@ def _renamed(name: str, options: PointFileOptions) -> str:
 
 
 def _number(file: TextFile, index: int, values: dict[str, str], field: str) -> float:
-    try:
-        return parse_number(values[field])
-    except ValueError as error:
-        raise file.error(index, f"field {field}: {error}") from error
+    return file.number(index, values[field], f"field {field}: {{}}")
 
 
 def _sigmas(file: TextFile, index: int, values: dict[str, str], options: PointFileOptions) -> list[float]:

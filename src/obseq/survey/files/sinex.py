@@ -22,7 +22,7 @@ from obseq.survey.files.sinex_normals import (
     reduced,
     rows_of,
 )
-from obseq.survey.files.text import parse_number, quoted, read_text
+from obseq.survey.files.text import quoted, read_text
 from obseq.survey.kinds.geodetic import GEO_X, GEO_Y, GEO_Z
 from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.model import make_points, merge_points
@@ -122,10 +122,7 @@ class _Sinex:
 
     def number(self, index: int, text: str) -> float:
         """A number, of Fortran too."""
-        try:
-            return parse_number(text.strip().upper().replace("D", "E"))
-        except ValueError as error:
-            raise self.file.error(index, str(error)) from error
+        return self.file.number(index, text.strip().upper().replace("D", "E"))
 
     def count(self, index: int, text: str, most: int) -> int:
         """A number of a parameter, from 1 to the most."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.shown_units import ShownUnits, length_named
-from obseq.survey.files.text import parse_number, quoted
+from obseq.survey.files.text import quoted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -89,10 +89,7 @@ class Line:
 
     def number(self, text: str) -> float:
         """A finite number."""
-        try:
-            return parse_number(text)
-        except ValueError as error:
-            raise self.error(str(error)) from error
+        return self.file.number(self.index, text)
 
     def length(self, text: str) -> float:
         """A length, in metres."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from obseq.shown_units import METRES, ShownUnits
 from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.table_clusters import Member
-from obseq.survey.files.text import LEAST_SIGMA, parse_number, quoted
+from obseq.survey.files.text import LEAST_SIGMA, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,10 +90,7 @@ class Table:
         text = cells.get(column, "")
         if not text and default is not None:
             return default
-        try:
-            return parse_number(text)
-        except ValueError as error:
-            raise self.file.error(index, f"column {column}: {error}") from error
+        return self.file.number(index, text, f"column {column}: {{}}")
 
     def numbers(self, index: int, cells: dict[str, str], column: str) -> list[float]:
         """The numbers in a cell, with blanks between them."""

@@ -47,6 +47,13 @@ class TextFile:
         """An error about line `index` (from 0), which it quotes."""
         return InputError(f"{self.place(index)}: {problem}\n    {quoted(self.lines[index])}")
 
+    def number(self, index: int, text: str, said: str = "{}") -> float:
+        """The number in a text of line `index`; `said` is how the reason is told when it is none."""
+        try:
+            return parse_number(text)
+        except ValueError as error:
+            raise self.error(index, said.format(error)) from error
+
     def check_name(self, index: int, name: str) -> None:
         """Refuses a point name that is not in the encoding of the file, or that nobody could read."""
         if len(name) > LONGEST_NAME:

@@ -11,6 +11,7 @@ from obseq.arguments import FUNCTION, NOTHING, NUMBER, WHOLE, expecting, instanc
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.plan_record import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
+from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.planning.draws import compared, draw
@@ -77,9 +78,9 @@ class Plan:
             WeakObservationRecord(
                 observation=book.label(int(row)),
                 redundancy=max(float(redundancy[row]), 0.0),
-                detectable=_number(numbers.detectable[row]),
+                detectable=finite_number(numbers.detectable[row]),
                 unit=BY_CODE[int(book.observations.types[row])].unit,
-                external=_number(numbers.external[row]),
+                external=finite_number(numbers.external[row]),
             )
             for row in order
             if redundancy[row] < UNCONTROLLED
@@ -175,7 +176,3 @@ def _weak_point(name: str, variance: float, direction: np.ndarray) -> WeakPointR
     horizontal = float(np.hypot(east, north))
     azimuth = float(np.arctan2(east, north)) % (2.0 * np.pi)
     return WeakPointRecord(name, float(np.sqrt(variance)), azimuth, float(np.arctan2(up, horizontal)))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
