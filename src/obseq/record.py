@@ -23,10 +23,13 @@ from obseq.record_quality import (
     EllipseRecord,
     EllipsoidRecord,
     GlobalTestRecord,
+    GrossErrorRecord,
+    LeftOutRecord,
     MotionRecord,
     RejectionRecord,
     RelativeRecord,
     ReliabilityRecord,
+    ReplacedRecord,
     SnoopingRecord,
     StatisticsRecord,
     SuspicionRecord,
@@ -198,60 +201,6 @@ class ConstraintRecord:
     line: int
     redundancy: float | None = None
     standardised_residual: float | None = None
-
-
-@dataclass(frozen=True)
-class LeftOutRecord:
-    """A point or a station that nothing determines, and that was left out with its observations.
-
-    Attributes:
-        place: Approximate x, y, z in the computation frame; None where none were given.
-        directions: Unit vectors along which its observations let a point move; None where they leave more.
-    """
-
-    what: str
-    name: str
-    reason: str
-    observations: tuple[str, ...]
-    place: tuple[float, ...] | None = None
-    directions: tuple[tuple[float, ...], ...] | None = None
-
-
-@dataclass(frozen=True)
-class ReplacedRecord:
-    """Approximate coordinates that observations contradict, and that were not used.
-
-    Attributes:
-        place: File and line that give the approximation.
-        given: The approximation, in the system of the points.
-        used: What the observations give, in the same system.
-        moved: Distance between the two (m).
-    """
-
-    name: str
-    place: str
-    given: tuple[float, ...]
-    used: tuple[float, ...]
-    moved: float
-
-
-@dataclass(frozen=True)
-class GrossErrorRecord:
-    """Observations or known points that contradict the rest grossly, and the likely cause.
-
-    Attributes:
-        what: Observations, points or groups of them, with file and line.
-        cause: Kind of the likely cause: "units", "mistyped", "names swapped", "unknown"...
-        text: The likely cause in words, and what would fit.
-        size: Misfit of the worst observation, in sigmas.
-        points: Names of the points that it concerns, if any.
-    """
-
-    what: str
-    cause: str
-    text: str
-    size: float
-    points: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
