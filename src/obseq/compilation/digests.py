@@ -49,7 +49,7 @@ class Instruction:
         """Text of the whole module."""
         return _module_text(self.module)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Has a meaning in compiled functions only."""
         raise TypeError(f"{self.name} can be called by compiled functions only")
 

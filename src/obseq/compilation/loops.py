@@ -15,7 +15,7 @@ from obseq.compilation.settings import FAILED, OBJECT_HEADER
 from obseq.compilation.signatures import signature_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 
 F = TypeVar("F", bound="Callable[..., Any]")
@@ -30,7 +30,7 @@ class Loop(Function):
     they are. The function is compiled, or found, when it is first called.
     """
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """The result of the function; arrays are changed in place.
 
         Raises:
@@ -76,13 +76,13 @@ class Loop(Function):
         arguments = self.routine.signature.arguments
         return tuple(k for k, argument in enumerate(arguments) if argument.record)
 
-    def _members(self, arguments: tuple[Any, ...]) -> list[Any]:
-        given = list(arguments)
+    def _members(self, arguments: tuple[object, ...]) -> list[Any]:
+        given: list[Any] = list(arguments)
         for k in reversed(self._records):
             given[k : k + 1] = given[k]
         return given
 
-    def _converted(self, given: Any) -> list[Any]:
+    def _converted(self, given: Sequence[object]) -> list[object]:
         """The same with numbers of any type as Python's own."""
         parameters = self.routine.signature.parameters
         if len(given) != len(parameters):
@@ -94,7 +94,7 @@ class Loop(Function):
             for parameter, value in zip(parameters, given, strict=True)
         ]
 
-    def _refuse(self, status: int, given: Any) -> None:
+    def _refuse(self, status: int, given: Sequence[object]) -> None:
         if status == FAILED:
             raise RuntimeError(f"{self.name}: the compiled loop failed")
         parameter = self.routine.signature.parameters[status - 1]

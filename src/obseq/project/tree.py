@@ -308,7 +308,7 @@ def _plain(value: Any, where: str, depth: int) -> Tree:
     raise InputError(f"{where}: a null has no meaning here")
 
 
-def _plain_field(name: str, value: Any, where: str, depth: int) -> Tree:
+def _plain_field(name: str, value: object, where: str, depth: int) -> Tree:
     """A value under its name: the key of a map may be a pair of names, which is no list."""
     if name == _KEY and isinstance(value, list) and value and all(isinstance(one, str) for one in value):
         return tuple(value)

@@ -52,7 +52,7 @@ class BlockSolution:
 class Here:
     """An executor that does the work at once, in this process."""
 
-    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Any], /, *arguments: object) -> Future[Any]:
         """Does the work."""
         future: Future[Any] = Future()
         future.set_result(function(*arguments))
