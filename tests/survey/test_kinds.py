@@ -32,8 +32,8 @@ def test_every_kind_is_read_by_its_code(kind, tmp_path) -> None:
 
 
 GENERAL = {f"obseq.survey.kinds.{module}" for module in ("kind", "registry", "formulas")}
-FORMATS = ("survey/kinds", "survey/files", "project/topo.py", "report/rows.py")
-"""Where single kinds have a name: their room, and what files call them (in `rows`, those of obseq 0.1.0)."""
+FORMATS = ("survey/kinds", "survey/files", "project/topo.py", "report/rows.py", "report/scheme.py")
+"""Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""
 
 
 def modules() -> Iterator[tuple[str, ast.Module]]:

@@ -10,12 +10,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.model import FieldBook, Points
 
 
@@ -124,6 +123,12 @@ def is_held(book: FieldBook, known: BoolArray) -> bool:
     return bool((book.naming(padded) & book.observations.active & ~levelled).any())
 
 
+def combinations_of(book: FieldBook) -> IntArray:
+    """The active rows that combine the coordinates of many points."""
+    codes = codes_where(lambda kind: kind.is_combination)
+    return np.flatnonzero(np.isin(book.observations.types, codes) & book.observations.active)
+
+
 def normal_rows_turn(book: FieldBook, motion: FloatArray) -> bool:
     """Whether rows of normal equations leave the network free to turn about the vertical.
 
@@ -131,7 +136,7 @@ def normal_rows_turn(book: FieldBook, motion: FloatArray) -> bool:
         book: The observations.
         motion: (n, 3) how points move when the network turns, along geocentric axes, per radian.
     """
-    rows = np.flatnonzero((book.observations.types == NORMAL_ROW.code) & book.observations.active)
+    rows = combinations_of(book)
     groups = [book.groups[number] for number in book.observations.groups[rows].tolist()]
     found = [np.ravel(motion[list(group.members)]) @ group.weights for group in groups]
     seen = float(np.linalg.norm(np.array(found) / book.observations.sigmas[rows]))

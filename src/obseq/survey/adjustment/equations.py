@@ -9,13 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.datum import is_held, is_oriented, normal_rows_turn
+from obseq.survey.adjustment.datum import combinations_of, is_held, is_oriented, normal_rows_turn
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
-from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
 from obseq.survey.model import Orientation
 
@@ -148,7 +147,7 @@ class Equations:
         """
         if self._frame.is_plane or not self._frame.has_vertical:
             return False
-        normals = np.flatnonzero(self._book.observations.types == NORMAL_ROW.code)
+        normals = combinations_of(self._book)
         if normals.size:
             rotation, _ = self._frame.to_geocentric(self._book, normals)
             if not normal_rows_turn(self._book, turn @ rotation.T):

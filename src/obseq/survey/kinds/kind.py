@@ -176,6 +176,7 @@ class ObservationKind:
         is_levelled: Whether it says how heights differ, and nothing of the plan.
         is_from_north: Whether it is an angle from north: it orients a network, and says nothing of its shape.
         is_of_circle: Whether it is read on the circle of an instrument, from a zero of the set-up.
+        is_combination: Whether it combines the coordinates of many points, with weights of its own.
         turns_freely: Whether, without axes of an instrument, it stays the same when a network turns about
             the vertical.
         plain: The kind that becomes this one where a user asks for its unknowns; None for any other.
@@ -200,6 +201,7 @@ class ObservationKind:
     is_levelled: bool = False
     is_from_north: bool = False
     is_of_circle: bool = False
+    is_combination: bool = False
     turns_freely: bool = False
     plain: ObservationKind | None = field(default=None, compare=False, repr=False)
     with_unknowns: tuple[str, ...] = ()

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.components import DZ
-from obseq.survey.kinds.directions import ZEN
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
-from obseq.survey.screening.values import explain
+from obseq.survey.screening.values import COORDINATE, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,6 +41,14 @@ _EQUAL = 0.1
 """Contradictions by which two offsets may differ that explain a network equally well."""
 _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
+
+
+def _zenith_angles() -> list[int]:
+    return codes_where(lambda kind: kind.is_refracted)
+
+
+def _slopes() -> list[int]:
+    return codes_where(lambda kind: kind.horizontal is not None)
 
 
 class What(enum.Enum):
@@ -124,7 +130,7 @@ def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
     point = mine[one.rows[0]]
     if one.what is What.CONSTANT or (mine[one.rows] != point).any():
         return
-    sees_heights = np.isin(observations.types, (ZEN.code, DIST.code)) & np.isfinite(found.misfits)
+    sees_heights = np.isin(observations.types, [*_zenith_angles(), *_slopes()]) & np.isfinite(found.misfits)
     rows = _rows(observations.active & sees_heights & (others == point))
     if len(rows):
         what = What.TARGET if one.what is What.INSTRUMENT else What.INSTRUMENT
@@ -186,7 +192,7 @@ class _Sights:
         """Those of an estimate."""
         observations = found.book.observations
         is_used = observations.active & np.isfinite(found.misfits)
-        kinds = (is_used & (observations.types == kind.code) for kind in (ZEN, DIST))
+        kinds = (is_used & np.isin(observations.types, codes) for codes in (_zenith_angles(), _slopes()))
         up = _verticals(found)
         return cls(_vectors(found, up), up, *kinds)
 
@@ -295,5 +301,5 @@ def _of_height(found: Estimate, one: _Offset) -> tuple[Cause, str]:
     text = f"{height:.4f} m is written, {height + one.size:.4f} m fits"
     if height == 0.0:
         return Cause.HEIGHT, f"{text}: likely it was left out"
-    why = explain(DZ, height, height + one.size, _HIT * one.sigma)
+    why = explain(COORDINATE, height, height + one.size, _HIT * one.sigma)
     return Cause.HEIGHT, text if why is None else f"{text}; likely: {why.text}"
