@@ -12,9 +12,10 @@ if TYPE_CHECKING:
 SOLVER_NAMES = ("dense", "supernodal", "superlu", "pardiso", "cholmod")
 
 SMALL = 500
-"""Up to this many unknowns the matrix is dense. Measured on networks of distances with code compiled ahead of
-time: where both solvers are loaded the sparse one wins from 280 unknowns on (a whole solution of 500: 13 ms,
-dense 22); its first use in a process costs 0.08 s more, most of it PyMETIS, and it wins from 850 on."""
+"""Up to this many unknowns the matrix is dense. Measured on networks of distances with compiled code at hand:
+where both solvers are loaded the sparse one wins from 270 unknowns on (a whole solution of 500 takes 7 ms,
+with the dense one 14); its first use in a process costs 0.04 to 0.08 s more, most of it PyMETIS, which is
+more than it gains in one solution of less than 850."""
 
 NEARLY_FULL = 0.5
 """Share of non-zero entries from which a dense factorisation is the faster one (measured: 0.65 to 0.75 times
