@@ -143,6 +143,22 @@ def test_what_a_formula_loses_inside_is_recognised(kernels, strategy):
     assert len(again.iterations) <= 2
 
 
+@pytest.mark.parametrize("strategy", ALL)
+def test_residuals_of_zero_are_nothing_but_rounding(kernels, strategy):
+    for seed in range(10):
+        heights = np.random.default_rng(seed).uniform(0, 100, 12)
+        start, end = np.arange(11), np.arange(1, 12)
+        start, end = np.append(start, start), np.append(end, end)  # measured twice, with equal results
+        system = obseq.LeastSquares()
+        ids = system.add_scalars([f"H{k}" for k in range(12)], np.where(np.arange(12) == 0, heights, 0.0))
+        system.freeze(ids[:1])
+        blocks = {"a": ids[start], "b": ids[end]}
+        system.add(kernels["Cancelling"], blocks, (heights[end] - heights[start]).round(6), 1e-4)
+        result = system.solve(strategy=strategy)
+        assert result.converged, (seed, result.stop_reason)
+        assert result.evaluations <= 20, seed
+
+
 def test_resolution_and_roughness_are_those_of_the_numbers(kernels):
     system = obseq.LeastSquares()
     a, b = system.add_scalars(["a", "b"], [3.0, 1024.0])

@@ -89,13 +89,21 @@ class Arrival:
             return None
         if length <= self._tolerance * unit:
             return StopReason.STEP
-        resolved = resolution(self._equations.table, weights)
-        if length <= resolved:
+        if length <= resolution(self._equations.table, weights):
             return StopReason.ROUNDING
-        small = length <= max(NEGLIGIBLE * unit, FINE / EPS * resolved)
-        if small and not shrinks and self._is_noise(step, length):
+        if not shrinks and self.is_rounding(step, length, cost, redundancy, weights):
             return StopReason.ROUNDING
         return None
+
+    def is_rounding(
+        self, step: FloatArray, length: float, cost: float, redundancy: int, weights: FloatArray
+    ) -> bool:
+        """Whether a step that does not shrink, or brings nothing, is made of the rounding of residuals."""
+        if self._tolerance < 0.0:
+            return False
+        resolved = resolution(self._equations.table, weights)
+        small = length <= max(NEGLIGIBLE * self.unit(cost, redundancy), FINE / EPS * resolved)
+        return small and self._is_noise(step, length)
 
     def _is_noise(self, step: FloatArray, length: float) -> bool:
         """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""

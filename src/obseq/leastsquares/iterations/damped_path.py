@@ -11,7 +11,8 @@ from obseq.leastsquares.iterations.arrival import sizes_of
 from obseq.leastsquares.iterations.curvature import curvature_of
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unexplained, newton_step
-from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
+from obseq.leastsquares.iterations.trials import Trial
+from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

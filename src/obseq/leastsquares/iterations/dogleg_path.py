@@ -10,7 +10,8 @@ from obseq.dataclass import dataclass
 from obseq.leastsquares.iterations.arrival import sizes_of
 from obseq.leastsquares.iterations.curvature import curvature_of
 from obseq.leastsquares.iterations.newton import factor
-from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS, Trial
+from obseq.leastsquares.iterations.trials import Trial
+from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import EPS, NEGLIGIBLE, Arrival, roughness
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
+from obseq.leastsquares.iterations.trials import ROUNDED_COST, Trial, gain_of, scaled, share_of
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.solution.result import Iteration
@@ -29,9 +27,6 @@ LEAST_GAIN = 1e-4
 
 POOR, GOOD = 0.25, 0.75
 """Gains below which the radius shrinks, and from which it grows."""
-
-ROUNDED_COST = 16.0 * EPS
-"""Share of the cost below which a promised decrease cannot be seen in it."""
 
 MOST_TRIALS = 60
 """Trials of one iteration: the radius has then shrunk beyond any use."""
@@ -65,27 +60,6 @@ AHEAD = 8.0
 
 FIRST_EXCURSION = 8
 """Restrained steps one after the other that prompt an excursion; twice as many after one in vain."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A step to try.
-
-    Attributes:
-        move: (n_scalars,) of all unknowns.
-        length: its length in the metric of the (damped) normal matrix.
-        norm: its length in the metric of the radius.
-        promised: the decrease of the cost that the linearisation promises.
-        is_full: whether it is the Gauss-Newton step.
-        linearisation: the linearisation it comes from.
-    """
-
-    move: FloatArray
-    length: float
-    norm: float
-    promised: float
-    is_full: bool
-    linearisation: Linearisation
 
 
 class Path(Protocol):
@@ -206,7 +180,7 @@ class _Search:
             self._overshoot.forget()
             return trial
         share = self._overshoot.share_of(trial.move, linearisation.diagonal)
-        return trial if share == 1.0 else _scaled(trial, share)
+        return trial if share == 1.0 else scaled(trial, share)
 
     def _arrived(self, trial: Trial) -> StopReason | None:
         """Asks the full step, where the present one is so short that it may have arrived."""
@@ -224,7 +198,7 @@ class _Search:
         start = table.state()
         for _ in range(MOST_TRIALS):
             cost, after = trial.linearisation.cost, self._cost_after(trial.move)
-            gain = _gain(trial, cost, after)
+            gain = gain_of(trial, cost, after)
             if gain <= LEAST_GAIN and self._is_dark(trial, cost, after):
                 return trial, self._stumbled(trial)
             if self._refuses_first(trial, gain):
@@ -237,6 +211,8 @@ class _Search:
                 return trial, None
             else:
                 table.restore(start)
+                if self._is_rounding(trial):
+                    return trial, StopReason.ROUNDING
                 if self._takes_chance(trial, cost, after):
                     return trial, None
                 self._learn(trial, gain, cost, after)
@@ -271,6 +247,14 @@ class _Search:
             return False
         return bool(trial.promised <= 2.0 * np.sqrt(cost) * roughness(self._equations, -trial.move))
 
+    def _is_rounding(self, trial: Trial) -> bool:
+        """Whether a full step that brings nothing is made of rounding: residuals that are all zero, say."""
+        if not trial.is_full:
+            return False
+        cost, weights = trial.linearisation.cost, trial.linearisation.diagonal
+        redundancy = self._redundancy + self._path.defect
+        return self._arrival.is_rounding(trial.move, trial.length, cost, redundancy, weights)
+
     def _stumbled(self, trial: Trial) -> StopReason | None:
         """Counts the steps taken in the dark, which shrink as long as they lead somewhere."""
         shrinks = trial.length <= 0.5 * self._dark_length
@@ -300,7 +284,7 @@ class _Search:
         if gain <= POOR:
             refused = gain <= LEAST_GAIN or np.isinf(self._radius)
             reach = trial.norm if refused else min(self._radius, 10.0 * trial.norm)
-            self._radius = _share(trial, cost, after) * reach
+            self._radius = share_of(trial, cost, after) * reach
         elif self._path.is_bold and trial.is_full:
             self._radius = np.inf
         elif trial.is_full or gain >= GOOD:
@@ -374,26 +358,3 @@ class _Search:
             except (DivergenceError, SingularSystemError):
                 return None
         return None
-
-
-def _scaled(trial: Trial, share: float) -> Trial:
-    """A share of a step, for a sum of squares whose minimum lies there."""
-    length, norm, promised = share * trial.length, share * trial.norm, share * trial.promised
-    return replace(trial, move=share * trial.move, length=length, norm=norm, promised=promised)
-
-
-def _share(trial: Trial, cost: float, after: float) -> float:
-    """Where the parabola through both costs with the slope at the start has its minimum: 0.1 to 0.5."""
-    if not after < 100.0 * cost:
-        return 0.1
-    slope = 2.0 * trial.length**2
-    return min(max(0.5 * slope / (after - cost + slope), 0.1), 0.5) if after > cost else 0.5
-
-
-def _gain(trial: Trial, cost: float, after: float) -> float:
-    """Share of the promised decrease that came true; hard constraints that ask for a rise get their way."""
-    if not np.isfinite(after):
-        return -1.0
-    if trial.promised <= 0.0:
-        return 1.0 if trial.promised < -ROUNDED_COST * cost else 0.0
-    return (cost - after) / trial.promised

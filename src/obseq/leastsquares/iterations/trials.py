@@ -1,0 +1,62 @@
+"""Steps to try, and what they bring of what they promise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.leastsquares.iterations.arrival import EPS
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.assembly.linearisation import Linearisation
+
+ROUNDED_COST = 16.0 * EPS
+"""Share of the cost below which a promised decrease cannot be seen in it."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A step to try.
+
+    Attributes:
+        move: (n_scalars,) of all unknowns.
+        length: its length in the metric of the (damped) normal matrix.
+        norm: its length in the metric of the radius.
+        promised: the decrease of the cost that the linearisation promises.
+        is_full: whether it is the Gauss-Newton step.
+        linearisation: the linearisation it comes from.
+    """
+
+    move: FloatArray
+    length: float
+    norm: float
+    promised: float
+    is_full: bool
+    linearisation: Linearisation
+
+
+def scaled(trial: Trial, share: float) -> Trial:
+    """A share of a step, for a sum of squares whose minimum lies there."""
+    length, norm, promised = share * trial.length, share * trial.norm, share * trial.promised
+    return replace(trial, move=share * trial.move, length=length, norm=norm, promised=promised)
+
+
+def share_of(trial: Trial, cost: float, after: float) -> float:
+    """Where the parabola through both costs with the slope at the start has its minimum: 0.1 to 0.5."""
+    if not after < 100.0 * cost:
+        return 0.1
+    slope = 2.0 * trial.length**2
+    return min(max(0.5 * slope / (after - cost + slope), 0.1), 0.5) if after > cost else 0.5
+
+
+def gain_of(trial: Trial, cost: float, after: float) -> float:
+    """Share of the promised decrease that came true; hard constraints that ask for a rise get their way."""
+    if not np.isfinite(after):
+        return -1.0
+    if trial.promised <= 0.0:
+        return 1.0 if trial.promised < -ROUNDED_COST * cost else 0.0
+    return (cost - after) / trial.promised
