@@ -125,6 +125,7 @@ class RejectionRecord:
         p_value: Probability that the largest of all is larger still without any blunder.
         blunder: Estimate of the error of its value, m or rad.
         detectable: Its minimal detectable bias.
+        companions: How many other components of its vector were left out with it.
     """
 
     observation: str
@@ -133,6 +134,7 @@ class RejectionRecord:
     p_value: float
     blunder: float
     detectable: float | None
+    companions: int = 0
 
 
 @dataclass(frozen=True)

@@ -62,9 +62,10 @@ def _rejections(record: AdjustmentRecord, snooping: SnoopingRecord) -> Iterator[
     for item in snooping.rejections:
         unit = record.observations[item.row].unit or "m"
         size, least = shown.small(unit, item.blunder), shown.small(unit, item.detectable)
+        others = ", left out with its whole vector" if item.companions else ""
         yield (
             f"  {item.observation}: {snooping.statistic} {item.statistic:.2f}, "
-            f"off by about {size} (detectable from {least})"
+            f"off by about {size} (detectable from {least}){others}"
         )
 
 

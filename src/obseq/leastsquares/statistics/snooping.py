@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, SingularSystemError
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, overall_level
 from obseq.leastsquares.statistics.reliability import reliability
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.batches import Batch
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
     _Part = ObservationReliability[Batch | Prior]
 
+
+Place: TypeAlias = "tuple[Batch, int]"
+"""A batch, and a row in it."""
 
 TIE = 1e-6
 """Two statistics that agree to this share cannot tell their observations apart."""
@@ -61,6 +65,7 @@ class Rejection:
             this statistic alone when the level is that of single tests.
         blunder: estimate of the error of the observed value, in its unit: too large when positive.
         detectable: minimal detectable bias, in the same unit.
+        companions: batches and rows of the observations that were left out with it.
     """
 
     label: str
@@ -71,6 +76,12 @@ class Rejection:
     p_value: float
     blunder: float
     detectable: float
+    companions: tuple[Place, ...] = ()
+
+    def set_active(self, active: bool) -> None:
+        """Makes it and its companions active or not."""
+        for batch, row in ((self.batch, self.row), *self.companions):
+            batch.set_active(row, active)
 
 
 @dataclass(frozen=True)
@@ -100,7 +111,7 @@ class Snooping:
     def reinstate(self) -> None:
         """Makes the rejected observations active again; the system is to be solved anew."""
         for rejection in self.rejections:
-            rejection.batch.set_active(rejection.row, True)
+            rejection.set_active(True)
 
     def columns(self) -> dict[str, list[str] | list[int] | list[float]]:
         """The rejections as a table by columns."""
@@ -143,6 +154,7 @@ def snoop(
     max_rejections: int | None = None,
     solve_options: Mapping[str, Any] | None = None,
     priors: bool = False,
+    together: Callable[[Batch, int], Sequence[Place]] | None = None,
 ) -> Snooping:
     """Finds blunders one at a time: solves, rejects the worst observation if it fails its test, solves again.
 
@@ -156,29 +168,47 @@ def snoop(
         solve_options: arguments of `LeastSquares.solve` for the solutions.
         priors: whether priors are tested too; they are not left out, but where the largest test is that of
             one, it is the suspect and the search ends.
+        together: what is left out with an observation, such as the other components of its vector.
     """
     checked_probability(level, "level")
     settings = _Settings(Statistic(statistic), level, overall, batches, priors)
     rejections: list[Rejection] = []
+    needed: tuple[str, ...] = ()
     try:
         while True:
-            result = system.solve(covariance=True, **dict(solve_options or {}))
+            try:
+                result = system.solve(covariance=True, **dict(solve_options or {}))
+            except SingularSystemError:
+                if needed or not rejections or not rejections[-1].companions:
+                    raise
+                needed = (rejections[-1].label,)
+                rejections.pop().set_active(True)
+                continue
             quality = reliability(system, result)
-            outcome = _tested(quality, settings)
+            outcome = _Outcome(None, SnoopingEnd.NEEDED, needed) if needed else _tested(quality, settings)
             if outcome.rejection is not None and len(rejections) == max_rejections:
                 outcome = _Outcome(None, SnoopingEnd.LIMIT, (outcome.rejection.label,))
             if outcome.end is not None or outcome.rejection is None:
                 break
-            outcome.rejection.batch.set_active(outcome.rejection.row, False)
-            rejections.append(outcome.rejection)
+            rejections.append(_with_companions(outcome.rejection, together))
+            rejections[-1].set_active(False)
     except BaseException:  # an interruption too leaves the system as it was given
         for rejection in rejections:
-            rejection.batch.set_active(rejection.row, True)
+            rejection.set_active(True)
         raise
     end = outcome.end or SnoopingEnd.CLEAN
     return Snooping(
         tuple(rejections), end, outcome.suspects, settings.statistic, level, overall, result, quality
     )
+
+
+def _with_companions(
+    rejection: Rejection, together: Callable[[Batch, int], Sequence[Place]] | None
+) -> Rejection:
+    """A rejection with what goes with it, of what is active."""
+    found = together(rejection.batch, rejection.row) if together else ()
+    others = (place for place in found if place != (rejection.batch, rejection.row))
+    return replace(rejection, companions=tuple((batch, row) for batch, row in others if batch.active[row]))
 
 
 def _tested(quality: Reliability, settings: _Settings) -> _Outcome:

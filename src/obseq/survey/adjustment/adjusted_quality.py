@@ -148,6 +148,7 @@ def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> Sno
             p_value=item.p_value,
             blunder=item.blunder,
             detectable=item.detectable if np.isfinite(item.detectable) else None,
+            companions=len(item.companions),
         )
         for row, item in zip(rows, snooping.rejections, strict=True)
     )

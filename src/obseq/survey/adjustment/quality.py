@@ -22,7 +22,7 @@ from obseq.leastsquares.statistics.variance_components import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares import Batch, LeastSquaresResult, Prior
@@ -152,7 +152,12 @@ def examine(
         before = solution.values(equations.points)
         batches = [batch for _, batch in equations.batches.values()]
         snooping = snoop(
-            system, wanted.snooping_level, wanted.snooping, batches=batches, solve_options=solving
+            system,
+            wanted.snooping_level,
+            wanted.snooping,
+            batches=batches,
+            solve_options=solving,
+            together=vectors_of(equations, book),
         )
         solution = snooping.result
         change = solution.values(equations.points) - before
@@ -218,7 +223,33 @@ def numbers(part: ObservationReliability[Batch | Prior], name: str) -> FloatArra
 def left_out(equations: Equations, snooping: Snooping | None, n: int) -> tuple[BoolArray, tuple[int, ...]]:
     """What snooping left out of the field book: a mask (n,), and the rows in the order found."""
     rows = {id(batch): rows for rows, batch in equations.batches.values()}
-    found = tuple(int(rows[id(item.batch)][item.row]) for item in (snooping.rejections if snooping else ()))
+    rejections = snooping.rejections if snooping else ()
+    found = tuple(int(rows[id(item.batch)][item.row]) for item in rejections)
     mask = np.zeros(n, np.bool_)
     mask[list(found)] = True
+    for item in rejections:
+        mask[[int(rows[id(batch)][row]) for batch, row in item.companions]] = True
     return mask, found
+
+
+def vectors_of(equations: Equations, book: FieldBook) -> Callable[[Batch, int], list[tuple[Batch, int]]]:
+    """What says which observations are one vector, or one position: of a cluster, between the same points."""
+    ends = book.observations.from_points, book.observations.to_points
+    cluster = np.full(len(book.observations), -1, np.int64)
+    for number, one in enumerate(book.clusters):
+        cluster[one.rows] = number
+    batches = {id(batch): (rows, batch) for rows, batch in equations.batches.values()}
+
+    def together(batch: Batch, row: int) -> list[tuple[Batch, int]]:
+        if id(batch) not in batches:
+            return []
+        rows = batches[id(batch)][0]
+        mine = int(rows[row])
+        if cluster[mine] < 0:
+            return []
+        same = cluster[rows] == cluster[mine]
+        for points in ends:
+            same &= points[rows] == points[mine]
+        return [(batch, int(other)) for other in np.flatnonzero(same)]
+
+    return together
