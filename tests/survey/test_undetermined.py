@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obseq.report import listing, page, read_json, to_json
-from obseq.survey import Datum, Network
+from obseq.survey import Datum, Network, network_from_tables
 
 CORNERS = {"A": (0.0, 0.0, 0.0), "B": (60.0, 0.0, 0.0), "C": (100.0, 0.0, 0.0), "D": (40.0, 30.0, 30.0)}
 
@@ -76,3 +76,25 @@ def test_a_point_that_nothing_holds_along_one_direction_is_drawn_with_it(tmp_pat
     ((row, *direction),) = content["plan"]["loose"]
     assert content["names"][row] == "P"
     assert direction == pytest.approx(lost.directions[0], abs=1e-3)
+
+
+def test_a_height_that_only_the_curvature_of_the_earth_gives_is_called_doubtful():
+    points = {
+        "name": ["A", "B", "P"],
+        "x": [652345.0, 652445.0, 652395.0],
+        "y": [6861234.0] * 2 + [6861290.0],
+    }
+    points |= {"z": [35.2, 35.9, 36.0]} | {f"s{axis}": [0.01, 0.01, None] for axis in "xyz"}
+    table = {
+        "type": ["DistHz", "DistHz", "Hz", "Hz"],
+        "from": ["A", "B", "P", "P"],
+        "to": ["P", "P", "A", "B"],
+    }
+    table |= {"value": [74.66, 74.67, 0.0, 316.6], "sigma": [0.005, 0.005, 0.003, 0.01]}
+    adjusted = network_from_tables(points, table, points_crs="EPSG:2154", angles="gon").adjust()
+    (said,) = [text for text in adjusted.warnings if "standard deviation" in text]
+    assert said.startswith("point P: its z has a standard deviation of ")
+    for column, more in {"type": "DH", "from": "A", "to": "P", "value": 0.8, "sigma": 0.005}.items():
+        table[column] = [*table[column], more]
+    adjusted = network_from_tables(points, table, points_crs="EPSG:2154", angles="gon").adjust()
+    assert not any("standard deviation" in text for text in adjusted.warnings)

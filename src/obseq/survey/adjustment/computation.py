@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.initial.unplaced import Unplaced
     from obseq.survey.model import Points
+
+DOUBTFUL = 1.0
+"""Standard deviation of a coordinate (m) below which no point is called doubtful."""
 
 
 def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
@@ -147,6 +151,8 @@ class Computation:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):
             adjustment = self._adjustment(start, equations, found)
+            doubtful = _doubtful(start, adjustment)
+            adjustment = replace(adjustment, warnings=(*adjustment.warnings, *doubtful))
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
                 adjustment = self._with_inner(adjustment, start, equations)
@@ -215,6 +221,25 @@ class Computation:
         turned = axes @ covariances @ axes.transpose(0, 2, 1)
         precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
         return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
+
+
+def _doubtful(start: Determined, adjustment: Adjustment) -> Iterator[str]:
+    """A sentence for each adjusted point that is less precise than its sights are long, by metres.
+
+    Where the observations say nothing of a height, the curvature of the Earth seems to.
+    """
+    rows = np.flatnonzero(start.points.is_free.any(axis=1))
+    factor = adjustment.solution.variance_factor if adjustment.precision == "a posteriori" else None
+    sigmas = adjustment.points.precisions[rows] / math.sqrt(factor or 1.0)
+    lengths = nearest_sights(start.book, start.initial.coordinates, rows)
+    for row, sigma, length in zip(rows.tolist(), sigmas, lengths.tolist(), strict=True):
+        if sigma.max() > max(length, DOUBTFUL):
+            name, axis = start.points.names[row], "xyz"[int(sigma.argmax())]
+            yield (
+                f"point {name}: its {axis} has a standard deviation of {sigma.max():.4g} m, and its nearest "
+                f"sight {length:.4g} m: the observations say next to nothing of it; do not use it, but "
+                "observe it more, or hold that coordinate"
+            )
 
 
 def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
