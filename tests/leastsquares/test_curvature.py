@@ -69,7 +69,7 @@ def test_solutions_are_those_of_the_sum_of_both_matrices(brown):
     added = np.column_stack([curvature.times(axis) for axis in np.eye(4)])
     np.testing.assert_allclose(added, added.T, rtol=1e-8, atol=1e-8 * np.abs(added).max())
     matrix, right = np.diag(10.0 * np.abs(added).sum(axis=0)), np.array([1.0, -2.0, 3.0, 0.5])
-    bent = curvature.solved(lambda v: np.linalg.solve(matrix, v))
+    bent = curvature.correcting(lambda v: np.linalg.solve(matrix, v))
     np.testing.assert_allclose((matrix + added) @ bent(right), right, rtol=1e-10)
 
 
@@ -79,7 +79,7 @@ def test_a_sum_without_minimum_is_refused(brown):
     lowest = np.linalg.eigvalsh(added)[0]
     assert lowest < 0.0
     for factor, is_definite in ((0.9, False), (1.1, True)):
-        solved = curvature.solved(lambda v, shift=-factor * lowest: v / shift)
+        solved = curvature.correcting(lambda v, shift=-factor * lowest: v / shift)
         assert (solved is not None) == is_definite
 
 

@@ -13,7 +13,7 @@ from obseq.leastsquares.assembly.small_system import MOST_UNKNOWNS
 @pytest.fixture
 def step_by_step(monkeypatch):
     """Makes solutions go through assembly and solver, one after the other."""
-    return lambda: monkeypatch.setattr(NormalEquations, "solved", lambda self: None)
+    return lambda: monkeypatch.setattr(NormalEquations, "solve_at_once", lambda self: None)
 
 
 def trilateration(loss=None, blunder=0.0, frozen=(), viscous=False):
@@ -63,7 +63,7 @@ CASES = {
 @pytest.mark.parametrize("before", [None, changing], ids=["as it is", "changing"])
 def test_both_ways_are_one(make, before, step_by_step):
     (system, points), (other, _) = make(), make()
-    assert system.equations().solved() is not None
+    assert system.equations().solve_at_once() is not None
     found = system.solve(before_iteration=before)
     step_by_step()
     expected = other.solve(before_iteration=before)
@@ -79,7 +79,7 @@ def test_both_ways_are_one(make, before, step_by_step):
 def test_the_matrix_and_the_gradient_are_those_of_assembly():
     system, _ = small_mixed()
     equations = system.equations()
-    solved = equations.solved()
+    solved = equations.solve_at_once()
     matrix, kept = solved.values.copy(), solved.gradient.copy()
     whole = equations.assemble()
     assert np.array_equal(matrix, whole.values)
@@ -95,7 +95,7 @@ def test_a_weak_matrix_goes_to_the_solver_which_names_what_is_free():
     points = system.add_points(["A", "B"], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     system.freeze(points[:1])
     system.add("Dist3D", {"p1": points[0], "p2": points[1]}, [1.0], 0.1)
-    assert system.equations().solved() is None
+    assert system.equations().solve_at_once() is None
     with pytest.raises(SingularSystemError, match=r"B\.y"):
         system.solve()
 
@@ -104,17 +104,17 @@ def test_undefined_equations_are_named_and_leave_nothing_behind():
     system, points = trilateration()
     values = system.values(points)
     system.set_values(points[1:2], values[:1])
-    assert system.equations().solved() is None
+    assert system.equations().solve_at_once() is None
     with pytest.raises(DivergenceError, match="Dist3D A -> B"):
         system.solve()
     system.set_values(points[1:2], values[1:2])
-    assert np.isfinite(system.equations().solved().step).all()
+    assert np.isfinite(system.equations().solve_at_once().step).all()
 
 
 def test_infinite_squares_of_finite_equations_are_no_small_matter():
     system, _ = trilateration()
     system.batches[0].observations = np.full((6, 1), 1e160)
-    assert system.equations().solved() is None
+    assert system.equations().solve_at_once() is None
     with pytest.raises(DivergenceError, match="overflow"):
         system.solve()
 

@@ -123,7 +123,7 @@ class NormalEquations:
             return None
         return SmallSystem(self.table, self.batches, self._prior_rows, self.layout, partial(self._room, 0))
 
-    def solved(self) -> SolvedLinearisation | None:
+    def solve_at_once(self) -> SolvedLinearisation | None:
         """`assemble` and its Gauss-Newton step at once, for systems that are `small`.
 
         None where the whole of `assemble` and of a solver is needed: numbers are not finite, or the matrix is

@@ -93,7 +93,9 @@ class Curvature:
         """Whether to use S where Gauss-Newton's step has this length and the sum of squares this size."""
         return self._is_better and length**2 <= RESIDUAL * cost
 
-    def solved(self, solve: Callable[[FloatArray], FloatArray]) -> Callable[[FloatArray], FloatArray] | None:
+    def correcting(
+        self, solve: Callable[[FloatArray], FloatArray]
+    ) -> Callable[[FloatArray], FloatArray] | None:
         """Solutions with A + S from those with a positive definite A; None where A + S is not."""
         across = solve(np.ascontiguousarray(self._vectors))
         core = np.diag(1.0 / self._sizes) + self._vectors.T @ across

@@ -171,7 +171,7 @@ class DampedPath:
     def _bent(self, step: NewtonStep) -> NewtonStep:
         """The step of this damping with the curvature of residuals; as it is where that has no minimum."""
         assert self._curvature is not None
-        solve = self._curvature.solved(self._used.solve)
+        solve = self._curvature.correcting(self._used.solve)
         if solve is None:
             self._is_bent = False
             return step

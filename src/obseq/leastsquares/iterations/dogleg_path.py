@@ -82,7 +82,7 @@ class DoglegPath:
         curvature.learn(self._equations, self._linearisation, np.square(self._metric()))
         full = self.full()
         if curvature.is_trusted(full.length, self._linearisation.cost):
-            plain, bent = self._plain, curvature.solved(self._solver.solve)
+            plain, bent = self._plain, curvature.correcting(self._solver.solve)
             if bent is not None:
                 self._ends = self._ends_of(bent, lambda step: plain.times(step) + curvature.times(step))
 

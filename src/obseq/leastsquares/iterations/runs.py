@@ -75,7 +75,7 @@ def _require_plain(name: str, equations: NormalEquations) -> None:
 
 def _linearised(equations: NormalEquations) -> Linearisation:
     """The equations at the current values; with their step where they are small and clearly regular."""
-    solved = equations.solved()
+    solved = equations.solve_at_once()
     return equations.assemble() if solved is None else solved
 
 

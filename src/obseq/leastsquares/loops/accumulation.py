@@ -196,9 +196,9 @@ def scatter(
         pair, positions = table.pairs[k], table.positions[k]
         codes = table.heights[pair[4]] if pair[4] >= 0 else positions
         if pair[5] == 1:
-            scatter_runs(store, pair, positions, codes, records, width, n_residuals, first, lanes)
+            add_pair_in_runs(store, pair, positions, codes, records, width, n_residuals, first, lanes)
         else:
-            scatter_each(store, pair, positions, codes, records, width, n_residuals, first, lanes)
+            add_pair_each_row(store, pair, positions, codes, records, width, n_residuals, first, lanes)
 
 
 @compiled
@@ -228,7 +228,7 @@ def add_block(
 
 
 @compiled
-def scatter_runs(
+def add_pair_in_runs(
     store: FloatArray,
     pair: IntArray,
     place: PositionArray,
@@ -266,7 +266,7 @@ def scatter_runs(
 
 
 @compiled
-def scatter_each(
+def add_pair_each_row(
     store: FloatArray,
     pair: IntArray,
     place: PositionArray,
