@@ -10,7 +10,6 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from obseq.errors import ObseqError
 from obseq.survey.screening.robust import GROSS, QUICK, estimate
@@ -36,6 +35,8 @@ _LONG = 4
 """Letters from which one wrong letter makes names alike where nothing but names is compared."""
 _MOST = 20
 """Left out points of which it is asked what they may be, unused points that are named."""
+_TREE = 500
+"""Points from which pairs are looked for in a tree."""
 _LARGEST = 20_000
 """Observations up to which a network is computed again for that."""
 
@@ -170,13 +171,24 @@ def _precisions(adjusted: AdjustedPoints) -> FloatArray:
     return np.asarray(np.maximum(np.nan_to_num(adjusted.precisions).max(axis=1), _LEAST_PRECISION))
 
 
+def _pairs_within(places: FloatArray, radius: float) -> list[tuple[int, int]]:
+    """Pairs of points no farther apart, in order; for few points SciPy's tree takes longer to load."""
+    if len(places) > _TREE:
+        from scipy.spatial import cKDTree
+
+        return sorted(cKDTree(places).query_pairs(radius))
+    squares = np.square(places[:, None] - places[None]).sum(axis=2)
+    first, second = np.nonzero(np.triu(squares <= radius**2, 1))
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
 def _doubles(adjusted: AdjustedPoints, unused: set[str]) -> Iterator[str]:
     """Points of nearly one name at one place, at least one of them unknown."""
     precisions = _precisions(adjusted)
     free = np.asarray(adjusted.points.is_free.all(axis=1), np.bool_).tolist()
     radius = min(_SAME * 2.0 * float(precisions.max(initial=0.0)), _FARTHEST)
     places = np.where(np.isfinite(adjusted.coordinates), adjusted.coordinates, 0.0)
-    for a, b in sorted(cKDTree(places).query_pairs(radius)):
+    for a, b in _pairs_within(places, radius):
         names = adjusted.names[a], adjusted.names[b]
         distance = float(np.linalg.norm(places[a] - places[b]))
         is_one = distance <= _SAME * float(np.hypot(precisions[a], precisions[b]))
