@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.registry import codes_where
 from obseq.survey.screening.distances import LEAST, changed, described
 from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import QUICK
@@ -50,7 +50,8 @@ def common_factor(
         adjustment: what came out.
     """
     rows = given.book.observations
-    mine = np.flatnonzero((rows.types == DIST.code) & rows.active)
+    slopes = codes_where(lambda kind: kind.horizontal is not None)
+    mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
     if len(mine) < LEAST or len(rows) > _LARGEST or _is_accepted(adjustment):
         return ()
     accepted = _accepted(computation, given, mine)
