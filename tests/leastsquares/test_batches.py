@@ -1,5 +1,8 @@
 """What does not fit is refused with the names of formula, argument and row."""
 
+from collections.abc import Sequence
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
@@ -173,3 +176,21 @@ def test_a_result_answers_for_its_own_batches_and_what_was_asked():
         result.residuals(later)
     with pytest.raises(InputError, match="covariances were not asked for"):
         result.covariance(x)
+
+
+def test_labels_that_are_made_when_asked_are_not_made_before() -> None:
+    class Lazy(Sequence):
+        asked: ClassVar[list[int]] = []
+
+        def __len__(self) -> int:
+            return 2
+
+        def __getitem__(self, row: int) -> str:
+            self.asked.append(row)
+            return ["line 0", "line 1"][row]
+
+    system = LeastSquares()
+    heights = system.add_scalars(["a", "b"], [0.0, 1.0])
+    batch = system.add_linear([heights], [np.ones((2, 1))], [1.0, 2.0], 0.1, labels=Lazy())
+    assert Lazy.asked == []
+    assert batch.label(1).endswith("line 1") and Lazy.asked == [1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
@@ -349,7 +349,8 @@ class Batch:
     def _labelling(self, labels: Labels) -> Callable[[int], str] | None:
         if labels is None or callable(labels):
             return labels
-        names = texts(labels, f"{self.shape.name}, labels")
+        is_lazy = isinstance(labels, Sequence) and not isinstance(labels, str | list | tuple)
+        names = labels if is_lazy else texts(labels, f"{self.shape.name}, labels")  # some are made when asked
         if len(names) != self.n:
             raise InputError(f"{self.shape.name}: {len(names)} labels for {self.n} observations")
         return names.__getitem__
