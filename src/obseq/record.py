@@ -19,6 +19,7 @@ from obseq.errors import InputError
 from obseq.packages import version
 from obseq.plain import from_plain, to_plain
 from obseq.record_quality import (
+    DoubtfulRecord,
     EffectRecord,
     EllipseRecord,
     EllipsoidRecord,
@@ -46,6 +47,7 @@ VERSION = 1
 __all__ = [
     "AdjustmentRecord",
     "ConstraintRecord",
+    "DoubtfulRecord",
     "EffectRecord",
     "EllipseRecord",
     "EllipsoidRecord",
@@ -255,6 +257,7 @@ class AdjustmentRecord:
         suspicion: One gross error that explains what the sigmas do not; None when nothing is suspected.
         units: What the reports show; the numbers here are in metres and radians.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
+        doubtful: Points that converged, and of which the observations say next to nothing.
     """
 
     n_observations: int
@@ -297,6 +300,7 @@ class AdjustmentRecord:
     setups: tuple[StatisticsRecord, ...] | None = None
     undetermined: tuple[MotionRecord, ...] | None = None
     suspicion: SuspicionRecord | None = None
+    doubtful: tuple[DoubtfulRecord, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -308,8 +312,8 @@ class AdjustmentRecord:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the iterations converged, with everything that was given, no gross error suspected."""
-        is_clean = not self.gross_errors and self.suspicion is None
+        """Whether it converged, with all that was given, no error suspected and no point doubtful."""
+        is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         return self.converged and not self.left_out and is_clean and not self.rejections
 
     def to_dict(self) -> dict[str, Any]:

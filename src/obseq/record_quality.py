@@ -258,6 +258,24 @@ class LeftOutRecord:
 
 
 @dataclass(frozen=True)
+class DoubtfulRecord:
+    """A point that converged, and of which the observations say next to nothing.
+
+    Attributes:
+        axis: Its worst coordinate, of x, y and z.
+        sigma: Standard deviation of that coordinate, a priori (m).
+        sight: Length of its nearest sight (m).
+        circle: Points on one circle with it, that its directions go to (danger circle).
+    """
+
+    name: str
+    axis: str
+    sigma: float
+    sight: float
+    circle: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class ReplacedRecord:
     """Approximate coordinates that observations contradict, and that were not used.
 

@@ -51,12 +51,18 @@ def test_one_distance_in_feet_is_found_though_others_contradict(tmp_path):
     assert error.what.startswith("Dist T2 -> T3") and error.cause is Cause.UNITS and "feet" in error.text
 
 
-def test_a_wrong_height_of_instrument_is_in_one_of_two_sights(tmp_path):
+def test_a_wrong_height_of_instrument_is_among_those_that_fit(tmp_path):
     def spoil(lines):
         lines["T2"][-1] = "15.5/1.55"
 
     (error,) = errors_of(tmp_path, spoil)
-    assert error.is_one and "Zen T2 -> T3" in error.what and "nothing tells them apart" in error.text
+    said = f"{error.what}: {error.text}"
+    assert error.is_one and error.cause is Cause.HEIGHT and said.count("nothing tells these apart") == 1
+    (true,) = [
+        one for one in said.split("; or ") if "height of the instrument of 2 observations from T2" in one
+    ]
+    assert "15.5000 m is written, 1.54" in true and "decimal point" in true
+    assert "fits; or" not in said.replace("decimal point", "")
 
 
 def test_northings_read_as_eastings_may_be_angles_that_are_turned(tmp_path):

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     )
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
+    from obseq.survey.adjustment.doubtful import Doubtful
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
@@ -105,6 +106,7 @@ class Adjustment:
         replaced: The approximate coordinates that observations contradict, and that were not used.
         gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
         undetermined: The motions that the datum of a free network takes away.
+        doubtful: The points of which the observations say next to nothing.
         shown: Units of the reports, where the files have others than metres and gon.
     """
 
@@ -131,6 +133,7 @@ class Adjustment:
     replaced: tuple[Replaced, ...] = ()
     gross_errors: tuple[GrossErrorRecord, ...] = ()
     undetermined: tuple[MotionRecord, ...] = ()
+    doubtful: tuple[Doubtful, ...] = ()
     shown: ShownUnits | None = None
 
     @property
@@ -152,6 +155,11 @@ class Adjustment:
             warnings=(*(item.sentence() for item in replaced), *self.warnings),
         )
 
+    def doubting(self, doubtful: tuple[Doubtful, ...]) -> Adjustment:
+        """The adjustment with points that should not be used, named in warnings."""
+        warnings = (*self.warnings, *(item.sentence() for item in doubtful))
+        return replace(self, doubtful=doubtful, warnings=warnings)
+
     def warned(self, *sentences: str) -> Adjustment:
         """The adjustment with more warnings, before the others."""
         return replace(self, warnings=(*sentences, *self.warnings))
@@ -169,8 +177,8 @@ class Adjustment:
 
     @property
     def is_complete(self) -> bool:
-        """Whether it converged, with everything that was given, no gross error found or suspected."""
-        is_clean = not self.gross_errors and self.suspicion is None
+        """Whether it converged, with all that was given, no error suspected and no point doubtful."""
+        is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         return self.converged and not self.left_out and is_clean and not self.quality.rejected.any()
 
     @property
@@ -230,6 +238,7 @@ class Adjustment:
             setups=by_setup(fit),
             undetermined=self.undetermined or None,
             suspicion=self.suspicion,
+            doubtful=tuple(item.record() for item in self.doubtful),
         )
 
     def _points(self) -> Iterator[PointRecord]:

@@ -16,6 +16,7 @@ from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
+from obseq.survey.adjustment.doubtful import doubtful_points
 from obseq.survey.adjustment.inner import inner_covariances
 from obseq.survey.adjustment.loose_parts import singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
@@ -26,20 +27,18 @@ from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Iteration, LeastSquaresResult
     from obseq.stopwatch import Stopwatch
+    from obseq.survey.adjustment.doubtful import Doubtful
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.initial.unplaced import Unplaced
     from obseq.survey.model import Points
-
-DOUBTFUL = 1.0
-"""Standard deviation of a coordinate (m) below which no point is called doubtful."""
 
 
 def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
@@ -151,8 +150,7 @@ class Computation:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):
             adjustment = self._adjustment(start, equations, found)
-            doubtful = _doubtful(start, adjustment)
-            adjustment = replace(adjustment, warnings=(*adjustment.warnings, *doubtful))
+            adjustment = adjustment.doubting(_doubtful(start, adjustment))
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
                 adjustment = self._with_inner(adjustment, start, equations)
@@ -223,23 +221,12 @@ class Computation:
         return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
 
 
-def _doubtful(start: Determined, adjustment: Adjustment) -> Iterator[str]:
-    """A sentence for each adjusted point that is less precise than its sights are long, by metres.
-
-    Where the observations say nothing of a height, the curvature of the Earth seems to.
-    """
+def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[Doubtful, ...]:
     rows = np.flatnonzero(start.points.is_free.any(axis=1))
     factor = adjustment.solution.variance_factor if adjustment.precision == "a posteriori" else None
     sigmas = adjustment.points.precisions[rows] / math.sqrt(factor or 1.0)
-    lengths = nearest_sights(start.book, start.initial.coordinates, rows)
-    for row, sigma, length in zip(rows.tolist(), sigmas, lengths.tolist(), strict=True):
-        if sigma.max() > max(length, DOUBTFUL):
-            name, axis = start.points.names[row], "xyz"[int(sigma.argmax())]
-            yield (
-                f"point {name}: its {axis} has a standard deviation of {sigma.max():.4g} m, and its nearest "
-                f"sight {length:.4g} m: the observations say next to nothing of it; do not use it, but "
-                "observe it more, or hold that coordinate"
-            )
+    coordinates = start.initial.coordinates
+    return tuple(doubtful_points(start.book, start.points.names, coordinates, rows, sigmas))
 
 
 def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:

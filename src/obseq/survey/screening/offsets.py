@@ -81,7 +81,7 @@ class _Offset:
 def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The offset that explains most, with the network in which it is corrected; None when there is none."""
     offsets = sorted(_offsets(trials.found), key=lambda one: -len(one.suspects))
-    offsets = [found for one in offsets for found in (one, *_mirrored(trials.found, one))]
+    offsets = _once(found for one in offsets for found in _with_equals(trials.found, one))
     explaining: list[tuple[float, _Offset, Estimate]] = []
     for number, one in enumerate(offsets):
         if number == trials.most:
@@ -98,7 +98,24 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         return None
     least = min(left for left, _, _ in explaining)
     equal = [(one, corrected) for left, one, corrected in explaining if left <= least + _EQUAL]
+    equal = [pair for pair in equal if not _is_odd(trials.found, pair[0])] or equal
     return _any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
+
+
+def _once(offsets: Iterator[_Offset]) -> list[_Offset]:
+    return list({(one.what, one.rows.tobytes()): one for one in offsets}.values())
+
+
+def _is_odd(found: Estimate, one: _Offset) -> bool:
+    """Whether it would make a height negative."""
+    if one.what is What.CONSTANT:
+        return False
+    return bool((_heights(found, one.what)[one.rows] + one.size < 0.0).any())
+
+
+def _heights(found: Estimate, what: What) -> FloatArray:
+    observations = found.book.observations
+    return observations.from_heights if what is What.INSTRUMENT else observations.to_heights
 
 
 def _any_of(errors: list[GrossError]) -> GrossError:
@@ -122,6 +139,41 @@ def _offsets(found: Estimate) -> Iterator[_Offset]:
             yield offset
 
 
+def _with_equals(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+    """An offset, and those that would do the same: of the other end, and of the sights the other way."""
+    for same in (one, *_mirrored(found, one)):
+        yield same
+        yield from _of_the_other_end(found, same)
+
+
+def _of_the_other_end(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+    """The height at the other end of sights that have both ends in common, and that no other sights share."""
+    observations = found.book.observations
+    if one.what is What.CONSTANT or not _has_one_way(found, one.rows):
+        return
+    if one.what is What.INSTRUMENT:
+        yield replace(one, what=What.TARGET, size=-one.size)
+        return
+    first = one.rows[0]
+    origin, height = observations.from_points[first], observations.from_heights[first]
+    mine = _height_seeing(found) & (observations.from_points == origin)
+    if np.array_equal(one.rows, _rows(mine & (observations.from_heights == height))):
+        yield replace(one, what=What.INSTRUMENT, size=-one.size)
+
+
+def _has_one_way(found: Estimate, rows: Rows) -> bool:
+    observations = found.book.observations
+    ends = (observations.from_points[rows], observations.to_points[rows])
+    return all(bool((points == points[0]).all()) for points in ends)
+
+
+def _height_seeing(found: Estimate) -> BoolArray:
+    """(k,) the observations that heights of instrument and target change."""
+    observations = found.book.observations
+    is_used = observations.active & np.isfinite(found.misfits)
+    return np.asarray(is_used & np.isin(observations.types, [*_zenith_angles(), *_slopes()]))
+
+
 def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
     """The height of the sights the other way at a point, whose own height would take up the rest."""
     observations = found.book.observations
@@ -130,8 +182,7 @@ def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
     point = mine[one.rows[0]]
     if one.what is What.CONSTANT or (mine[one.rows] != point).any():
         return
-    sees_heights = np.isin(observations.types, [*_zenith_angles(), *_slopes()]) & np.isfinite(found.misfits)
-    rows = _rows(observations.active & sees_heights & (others == point))
+    rows = _rows(_height_seeing(found) & (others == point))
     if len(rows):
         what = What.TARGET if one.what is What.INSTRUMENT else What.INSTRUMENT
         yield replace(one, what=what, rows=rows, size=-one.size)
@@ -292,9 +343,7 @@ def _between(found: Estimate, rows: Rows) -> str:
 
 def _of_height(found: Estimate, one: _Offset) -> tuple[Cause, str]:
     """What the height should have been, and what slip makes the one that is written of it."""
-    observations = found.book.observations
-    heights = observations.from_heights if one.what is What.INSTRUMENT else observations.to_heights
-    written = np.unique(heights[one.rows])
+    written = np.unique(_heights(found, one.what)[one.rows])
     if len(written) > 1:
         return Cause.HEIGHT, f"{one.size:+.4f} m added to each of them fits"
     height = float(written[0])
