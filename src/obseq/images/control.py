@@ -18,8 +18,29 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
 
 
+class GivenComponents:
+    """What covariances of points say of each of their components: a sigma, that it is held, that it is free.
+
+    Attributes:
+        covariances: (n, 3, 3): zero rows where a component is held (exactly known), infinite on the
+            diagonal where it is free.
+    """
+
+    covariances: FloatArray
+
+    @property
+    def is_held(self) -> BoolArray:
+        """(n, 3) components that are known exactly."""
+        return np.asarray(np.diagonal(self.covariances, axis1=1, axis2=2) == 0.0)
+
+    @property
+    def is_free(self) -> BoolArray:
+        """(n, 3) components of which nothing is known but an approximation, if that."""
+        return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+
 @dataclass(frozen=True, eq=False)
-class ControlPoints:
+class ControlPoints(GivenComponents):
     """Points with given coordinates.
 
     Attributes:
@@ -103,16 +124,6 @@ class ControlPoints:
 
     def __len__(self) -> int:
         return len(self.names)
-
-    @property
-    def is_held(self) -> BoolArray:
-        """(n, 3) components that are known exactly."""
-        return np.asarray(np.diagonal(self.covariances, axis1=1, axis2=2) == 0.0)
-
-    @property
-    def is_free(self) -> BoolArray:
-        """(n, 3) components of which nothing is known but an approximation."""
-        return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
 
     @property
     def sigmas(self) -> FloatArray:

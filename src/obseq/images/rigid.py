@@ -252,14 +252,15 @@ def pair_statistics(poses: Poses, exposures: Exposures, first: str, second: str)
         relative.centre,
         relative.rotation,
         mean,
-        _spread(shifts),
-        _spread(turns),
+        _standard_deviation(shifts),
+        _standard_deviation(turns),
         _fitting(relative),
         exposures.missing(int(a), int(b)),
     )
 
 
-def _spread(distances: FloatArray) -> float:
+def _standard_deviation(distances: FloatArray) -> float:
+    """Of what lies at these distances from its mean; NaN of a single one."""
     n = len(distances)
     return float(np.sqrt(np.sum(distances**2) / (n - 1))) if n > 1 else float("nan")
 

@@ -11,6 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.camera import are_in_front
+from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH, misfit, usual_places
 from obseq.images.measures import ImagePoints
@@ -72,7 +73,7 @@ class NumberedSet:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class Start(GivenComponents):
     """A block in numbers.
 
     Attributes:
@@ -98,16 +99,6 @@ class Start:
     left_out: tuple[LeftOut, ...]
     misfit: float = 0.0
     unmeasured: tuple[LeftOut, ...] = ()
-
-    @property
-    def is_held(self) -> BoolArray:
-        """(n, 3) components known exactly."""
-        return np.asarray(np.diagonal(self.covariances, axis1=1, axis2=2) == 0.0)
-
-    @property
-    def is_free(self) -> BoolArray:
-        """(n, 3) components of which nothing is given."""
-        return np.isinf(np.diagonal(self.covariances, axis1=1, axis2=2))
 
 
 def start_of(block: Block) -> Start:

@@ -123,7 +123,7 @@ def intersections(
     shots = site.rows(measured.shots[row] for row in rows)
     pixels = measured.pixels[rows]
     solve = _by_all_rays if all_rays else _by_pairs
-    places, precisions, extra = solve(site, point, shots, pixels, len(names), height_type, sigma)
+    places, precisions, extra = solve(site, _Rays(point, shots, pixels, len(names)), height_type, sigma)
     seen = np.bincount(point, minlength=len(names))
     good = np.isfinite(places).all(axis=1)
     for row in np.flatnonzero(~good):
@@ -223,15 +223,19 @@ def _heights_by_name(
     return {name: tuple(place) for name, place in zip(known.names, places, strict=True)}
 
 
+class _Rays(NamedTuple):
+    """Measures: the numbers of their points and shots (n,), places (n, 2); how many points there are."""
+
+    point: IntArray
+    shots: IntArray
+    pixels: FloatArray
+    count: int
+
+
 def _by_pairs(
-    site: Worksite,
-    point: IntArray,
-    shots: IntArray,
-    pixels: FloatArray,
-    count: int,
-    height_type: HeightType | None,
-    sigma: float,
+    site: Worksite, rays: _Rays, height_type: HeightType | None, sigma: float
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    point, shots, pixels, count = rays
     pairs = most_distant_pairs(site, point, shots, count)
     rows = np.flatnonzero(pairs[:, 0] >= 0)
     chosen = pairs[rows]
@@ -250,14 +254,9 @@ def _by_pairs(
 
 
 def _by_all_rays(
-    site: Worksite,
-    point: IntArray,
-    shots: IntArray,
-    pixels: FloatArray,
-    count: int,
-    height_type: HeightType | None,
-    sigma: float,
+    site: Worksite, rays: _Rays, height_type: HeightType | None, sigma: float
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    point, shots, pixels, count = rays
     found = intersect_rays(site, point, shots, pixels, count, height_type, sigma=sigma)
     squared = np.bincount(point, weights=(found.residuals**2).sum(axis=1), minlength=count)
     rms = np.sqrt(squared / np.maximum(2 * found.n_rays, 1))

@@ -108,13 +108,13 @@ def judged(values: FloatArray, pixels: FloatArray, fits: Sequence[Fit], sigma: f
     if usable:
         field = usable[-1].polynomial(pixels)
         left = values - field
-        own = _terms(usable[-1]) / len(values) * _spread(left) ** 2
+        own = _terms(usable[-1]) / len(values) * _robust_deviation(left) ** 2
         pattern = math.sqrt(max(0.0, float(np.mean(field**2)) - own))
-    expected, noise = sigma / math.sqrt(2.0), _spread(left)
+    expected, noise = sigma / math.sqrt(2.0), _robust_deviation(left)
     order = np.argsort(-np.abs(left), kind="stable")
     gross = tuple(order[np.abs(left[order]) > _BEYOND * max(noise, expected)].tolist())
     degree = usable[-1].polynomial.degree if usable else -1
-    return EpipolarVerdict(len(values), expected, _spread(values), noise, pattern, degree, gross)
+    return EpipolarVerdict(len(values), expected, _robust_deviation(values), noise, pattern, degree, gross)
 
 
 def _terms(fit: Fit) -> int:
@@ -122,6 +122,6 @@ def _terms(fit: Fit) -> int:
     return (degree + 1) * (degree + 2) // 2
 
 
-def _spread(values: FloatArray) -> float:
+def _robust_deviation(values: FloatArray) -> float:
     """Robust standard deviation about zero."""
     return 1.4826 * float(np.median(np.abs(values)))

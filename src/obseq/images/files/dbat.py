@@ -237,7 +237,7 @@ def _images(source: Element, folder: Path) -> dict[str, str]:
     return short if len(set(short.values())) == len(short) else {number: number for number in found}
 
 
-def _spread(element: Element, table: _Rows, *groups: tuple[str, tuple[str, ...]]) -> FloatArray | None:
+def _sigmas_of(element: Element, table: _Rows, *groups: tuple[str, tuple[str, ...]]) -> FloatArray | None:
     """(n, k) sigmas: from columns each, from one column for several, or from attributes."""
     columns: list[FloatArray] = []
     for common, own in groups:
@@ -263,7 +263,7 @@ def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None
     for element, table in _tables(child(source, "ctrl_pts"), folder):
         _require(element, table, "id", "x", "y", "z")
         plan = "sxyz" if "sxyz" in table or "sxyz" in element.attributes else "sxy"
-        sigmas = _spread(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
+        sigmas = _sigmas_of(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
         places = table.numbers("x", "y", "z")
         if sigmas is not None and sigmas.shape != places.shape:
             raise problem(element, "sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
@@ -275,7 +275,7 @@ def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None
 def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
     for element, table in _tables(child(source, "image_pts"), folder):
         _require(element, table, "id", "im", "x", "y")
-        sigmas = _spread(element, table, ("sxy", ("sx", "sy")))
+        sigmas = _sigmas_of(element, table, ("sxy", ("sx", "sy")))
         if sigmas is None:
             raise problem(
                 element, "the measures have no sigma (sxy, or sx and sy, in format or as attribute)"

@@ -103,9 +103,9 @@ class Arrival:
             return False
         resolved = resolution(self._equations.table, weights)
         small = length <= max(NEGLIGIBLE * self.unit(cost, redundancy), FINE / EPS * resolved)
-        return small and self._is_noise(step, length)
+        return small and self._is_within_roughness(step, length)
 
-    def _is_noise(self, step: FloatArray, length: float) -> bool:
+    def _is_within_roughness(self, step: FloatArray, length: float) -> bool:
         """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""
         if length > NOISY * self._rough:
             return False

@@ -314,15 +314,15 @@ class ObservationLines:
             raise line.error(f"{start} is observed from itself; correct one of the names")
         if kind is AZIM:
             station = self._columns.open_station(origin, Orientation.FIX)
-        spread, relative = self._spread(line, kind, sigma)
+        deviation, relative = self._sigma_parts(line, kind, sigma)
         third = self._row(line, backsight) if backsight else -1
         group = self._columns.instrument(line.options.instrument)
         measure = Measure(
-            kind, origin, target, value, spread, sigma.is_active, relative, *heights, station, group, third
+            kind, origin, target, value, deviation, sigma.is_active, relative, *heights, station, group, third
         )
         self._columns.append(measure, self._files[line.file.name], line.index)
 
-    def _spread(self, line: Line, kind: ObservationKind, sigma: Sigma) -> tuple[float, float]:
+    def _sigma_parts(self, line: Line, kind: ObservationKind, sigma: Sigma) -> tuple[float, float]:
         """Standard deviation and its part of the distance."""
         if sigma.value is not None:
             return sigma.value, 0.0

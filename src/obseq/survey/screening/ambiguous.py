@@ -52,7 +52,7 @@ class Ambiguity:
         for row in asked:
             if row not in left:
                 continue
-            covered = {_place(one): self._explained(one, left, choices) for one in choices[row]}
+            covered = {_place(one): self._suspects_explained_by(one, left, choices) for one in choices[row]}
             most = max(map(len, covered.values()), default=0)
             places = [one for one in choices[row] if len(covered[_place(one)]) == most]
             if most > 1 or len(places) > 1:
@@ -61,7 +61,7 @@ class Ambiguity:
                 left = [other for other in left if other not in rows]
         return errors, left
 
-    def _explained(
+    def _suspects_explained_by(
         self, one: Alternative, left: list[int], choices: dict[int, list[Alternative]]
     ) -> list[int]:
         """The suspects that the same error, of the same size, would explain."""

@@ -65,9 +65,10 @@ def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
         if len(rows) < 2 * _LEAST:
             continue
         misfits = _turned(found.misfits[rows])
-        spreads = [_spread(misfits[:k]) + _spread(misfits[k:]) for k in range(_LEAST, len(rows) - _LEAST + 1)]
-        if min(spreads) <= _LEFT * _spread(misfits):
-            yield rows, _LEAST + int(np.argmin(spreads))
+        parts = [(misfits[:k], misfits[k:]) for k in range(_LEAST, len(rows) - _LEAST + 1)]
+        sums = [_sum_of_deviations(before) + _sum_of_deviations(after) for before, after in parts]
+        if min(sums) <= _LEFT * _sum_of_deviations(misfits):
+            yield rows, _LEAST + int(np.argmin(sums))
 
 
 def _turned(angles: FloatArray) -> FloatArray:
@@ -75,7 +76,8 @@ def _turned(angles: FloatArray) -> FloatArray:
     return np.asarray(np.remainder(angles - angles[0] + math.pi, 2.0 * math.pi) - math.pi)
 
 
-def _spread(values: FloatArray) -> float:
+def _sum_of_deviations(values: FloatArray) -> float:
+    """Of values from their median."""
     return float(np.abs(values - np.median(values)).sum())
 
 
