@@ -36,6 +36,20 @@ panel = np.zeros(1)
 factor_panel(panel, 0, 1, 1, np.zeros(1), np.zeros(1), 0, 1e-10, routine_addresses())
 print(panel)
 """
+STEPS = """
+import numpy as np
+from obseq.leastsquares.assembly.small_loops import MatrixRoom, Outcome, find_step
+from obseq.leastsquares.loops.loop_arguments import Present, PriorArrays, UnknownPlaces
+zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
+room = MatrixRoom(zero, np.zeros((0, 4), np.int64), zero, np.zeros(1), np.zeros(1))
+places = UnknownPlaces(zero, one, zero, zero, one, np.array([0, 1]))
+priors = PriorArrays(zero, zero, np.array([3.0]), np.ones(1), zero)
+found = Outcome(np.zeros(1), np.zeros((1, 1)), np.zeros(1), np.zeros(1), np.zeros(2))
+present = Present(np.array([1.0, 0, 0, 0, 0]), np.zeros(4))
+given = *room, *places, *priors, *present, zero, np.array([1e-10]), np.zeros(1)
+find_step.builtin(np.array([4.0]), *given, *found)
+print(found.step)
+"""
 TILES = """
 import numpy as np
 from obseq.kernels.tiles import fill_lanes
@@ -81,6 +95,12 @@ CASES = {
         "HALF_PI_TAIL = 2.57",
     ),
     "kernels": (TILES, "kernels/vector_instructions.py", *TURNED),
+    "leastsquares/assembly": (
+        STEPS,
+        "leastsquares/solvers/dense_loops.py",
+        "x[right, j] = y / panels",
+        "x[right, j] = 2.0 * y / panels",
+    ),
     "leastsquares/loops": (LOOPS, "kernels/vector_instructions.py", *TURNED),
     "leastsquares/solvers": (
         SOLVERS,

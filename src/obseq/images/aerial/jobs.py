@@ -229,7 +229,7 @@ class _Rays(NamedTuple):
     point: IntArray
     shots: IntArray
     pixels: FloatArray
-    count: int
+    n_points: int
 
 
 def _by_pairs(
