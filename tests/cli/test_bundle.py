@@ -223,6 +223,20 @@ def test_a_cause_that_all_residuals_share_is_told_before_single_ones(tables, cap
     assert "look for a cause that all share (units or axes of coordinates" in first
 
 
+def test_lines_counted_upwards_are_the_first_word(tables, capsys):
+    folder, options, poses = tables
+    values = np.hstack([poses.centres, np.degrees(poses.attitudes("opk"))])
+    lines = [f"{image},c,{','.join(map(str, row))}" for image, row in zip(poses.images, values, strict=True)]
+    (folder / "images.csv").write_text("\n".join(["image,camera,x,y,z,omega,phi,kappa", *lines]) + "\n")
+    head, *rows = (folder / "measures.csv").read_text().splitlines()
+    turned = [f"{start},{1500.0 - float(y)}" for start, _, y in (row.rpartition(",") for row in rows)]
+    (folder / "measures.csv").write_text("\n".join([head, *turned]) + "\n")
+    code, first = suspect_of([*options, f"--json={folder / 'b.json'}"], capsys)
+    assert code == 1
+    assert "counted upwards (y goes down here)" in first
+    assert "counted upwards" in json.loads((folder / "b.json").read_text())["cause"]
+
+
 def test_points_measured_once_are_counted_by_their_reason(tables, capsys):
     folder, options, _ = tables
     with (folder / "measures.csv").open("a") as file:

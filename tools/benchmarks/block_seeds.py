@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.geometry import Pose
+from obseq.geometry import RigidMotion
 from obseq.images import Camera, ControlPoints, ImagePoints
 from obseq.images.files.aicon import read_aicon
 from obseq.images.files.bal import read_bal, read_bundler
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 CAMERA = Camera("c", 2000, 1500, 1800.0, distortion={"K1": -0.1, "p1": 1e-3})
 POINTS = ControlPoints.of(["A", "B"], [[0.0, 0, 10], [1, 2, 12]], [[0.1] * 3, [np.inf] * 3])
 MEASURES = ImagePoints.of(["a", "a"], ["A", "B"], [[900.0, 700], [950, 760]], 0.5)
-TURN = Pose(np.array([1.0, 2.0, 3.0]), np.eye(3))
+TURN = RigidMotion(np.array([1.0, 2.0, 3.0]), np.eye(3))
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 <document><chunk label="one">
 <sensors><sensor id="0" label="X" type="frame"><resolution width="2000" height="1500"/>

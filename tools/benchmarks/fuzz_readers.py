@@ -95,9 +95,9 @@ def mutated(text: str, chance: random.Random) -> bytes:
         row = chance.randrange(len(lines))
         lines[row] = " ".join(_mutated_line(lines, row, chance))
     data = bytearray("\n".join(lines).encode())
-    if chance.random() < 0.2:
+    if data and chance.random() < 0.2:
         data[chance.randrange(len(data))] = chance.randrange(256)
-    if chance.random() < 0.02:
+    if data and chance.random() < 0.02:
         del data[chance.randrange(len(data)) :]
     return bytes(data)
 

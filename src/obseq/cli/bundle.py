@@ -107,14 +107,17 @@ def run(arguments: argparse.Namespace) -> int:
     outputs = _outputs(arguments)
     check_writable(outputs.values(), inputs(arguments))
     with Progress("loading") as progress:
+        from obseq.images.adjustment.causes import common_cause
         from obseq.images.output.record import record_of
         from obseq.images.output.summary import summary
 
         progress("reading")
         block, datum = read_block(arguments)
-        solution = _solve(block, datum, arguments, progress)
+        given, options = block.poses, _options(datum, arguments)
+        solution = _solve(block, options, progress)
+        cause = common_cause(block, solution, given, **options)
         progress("writing")
-        record = record_of(solution)
+        record = record_of(solution, cause=cause)
         shown = summary(record, [str(path) for path in outputs.values()])
         texts = {"json": record.to_json, "text": lambda: shown, **_writers(solution, record)}
         files = {path: texts[option]() for option, path in outputs.items()}
@@ -162,15 +165,12 @@ def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dic
     return files
 
 
-def _solve(
-    block: BundleAdjustment,
-    datum: str | tuple[str, ...],
-    arguments: argparse.Namespace,
-    progress: Progress,
-) -> BundleSolution:
+def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the command line says of the solution."""
+    return {"datum": datum, "threads": arguments.threads, "max_iterations": arguments.iterations}
+
+
+def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:
     progress("first values")
-    options: dict[str, Any] = {"datum": datum, "threads": arguments.threads}
-    if arguments.iterations:
-        options["max_iterations"] = arguments.iterations
     block.initialise()
     return block.solve(progress=lambda step: progress(described(step)), **options)

@@ -54,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     reports = [path for path in (arguments.json, arguments.html, arguments.ply) if path]
     check_writable(reports)
     with Progress("reading") as progress:
+        from obseq.images.adjustment.causes import common_cause
         from obseq.images.output.clouds import ply
         from obseq.images.output.page import page
         from obseq.images.output.record import record_of
@@ -66,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
             max_iterations=options.iterations,
             progress=lambda step: progress(f"adjusting: {described(step)}"),
         )
-        record = record_of(solution)
+        cause = common_cause(block, solution, block.poses, max_iterations=options.iterations)
+        record = record_of(solution, cause=cause)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
         files = results.files(solution)
         if arguments.json:

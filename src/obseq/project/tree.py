@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -274,9 +275,14 @@ def _number(word: str, where: str) -> Number:
         value: Number = int(word) if word.lstrip("+-").isdecimal() else float(word)
     except ValueError:
         raise InputError(f"{where}: {word[:40]!r} is not a number (texts stand in quotes)") from None
-    if value != value or value in (float("inf"), float("-inf")):
+    if not _is_finite(value):
         raise InputError(f"{where}: {word[:40]!r} is not a finite number")
     return value
+
+
+def _is_finite(value: Number) -> bool:
+    """Whether a number fits in double precision: whole ones may be of any size."""
+    return abs(value) <= sys.float_info.max
 
 
 def _from_json(path: Path, data: bytes) -> Tree:
@@ -296,16 +302,22 @@ def _plain(value: Any, where: str, depth: int) -> Tree:
         raise InputError(f"{where}: is nested deeper than {DEEPEST} levels")
     if isinstance(value, str):
         return value
-    if isinstance(value, bool | int | float):
-        return (int(value) if isinstance(value, bool) else value,)
+    if isinstance(value, int | float):
+        return (_finite(value, where),)
     if isinstance(value, list):
         if value and all(isinstance(part, int | float) for part in value):
-            return tuple(value)
+            return tuple(_finite(part, where) for part in value)
         return [_plain(part, where, depth + 1) for part in value]
     if isinstance(value, dict):
         items = {key: part for key, part in value.items() if not _COMMENT.fullmatch(key)}
         return {key: _plain_field(key, part, where, depth + 1) for key, part in items.items()}
     raise InputError(f"{where}: a null has no meaning here")
+
+
+def _finite(value: Number, where: str) -> Number:
+    if not _is_finite(value):
+        raise InputError(f"{where}: a number above 1.8e308 is not a finite number here")
+    return int(value) if isinstance(value, bool) else value
 
 
 def _plain_field(name: str, value: object, where: str, depth: int) -> Tree:

@@ -167,6 +167,7 @@ class BundleRecord:
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
+        cause: what is wrong with the whole block, when that was found; else empty.
     """
 
     n_observations: int
@@ -194,13 +195,14 @@ class BundleRecord:
     run: RunRecord
     global_test: GlobalTestRecord | None = None
     unmeasured: tuple[BlockLeftOutRecord, ...] = ()
+    cause: str = ""
     format: str = FORMAT
     version: int = VERSION
 
     @property
     def is_complete(self) -> bool:
-        """Converged, with nothing left out, no point behind a camera, and no gross error suspected."""
-        return self.converged and not self.left_out and not self.behind and not self.suspects
+        """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
+        return self.converged and not (self.left_out or self.behind or self.suspects or self.cause)
 
     @property
     def suspicion(self) -> LargestTestsRecord | None:

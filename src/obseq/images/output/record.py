@@ -36,8 +36,14 @@ WORST = 20
 """Image points with the largest residuals that the record lists by name."""
 
 
-def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord:
-    """The record of a solution; without precisions when its covariances were not asked for."""
+def record_of(solution: BundleSolution, precisions: bool = True, cause: str = "") -> BundleRecord:
+    """The record of a solution.
+
+    Args:
+        solution: of the block.
+        precisions: False when its covariances were not asked for.
+        cause: what is wrong with the whole block (see `common_cause`).
+    """
     result = solution.result
     order = np.argsort(-_normalised(solution))[:WORST]
     return BundleRecord(
@@ -66,6 +72,7 @@ def record_of(solution: BundleSolution, precisions: bool = True) -> BundleRecord
         new_run(),
         _global_test(solution),
         _left_out(solution.start.unmeasured),
+        cause,
     )
 
 

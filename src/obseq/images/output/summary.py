@@ -45,7 +45,9 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
 
 
 def suspected(record: BundleRecord) -> str:
-    """What is suspected to be a gross error, in a line; empty where nothing is."""
+    """What is suspected to be wrong, in a line; empty where nothing is."""
+    if record.cause:
+        return record.cause
     found, tests = record.suspects, record.suspicion
     if tests is None or not found:
         return ""
