@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sketch import Sketch
 
+from obseq.cli.main import main
 from obseq.errors import SingularSystemError
 from obseq.survey import Network
 
@@ -74,7 +75,7 @@ def test_a_gross_error_elsewhere_is_still_named(tmp_path):
 def test_a_strict_adjustment_names_what_is_loose(tmp_path):
     network = read(tmp_path, lines(tmp_path, TIED, LOOSE))
     with pytest.raises(
-        SingularSystemError, match=r"Nothing fixes the position along x, y, z .* of A, B, C, D"
+        SingularSystemError, match=r"nothing fixes the position along x, y, z .* of A, B, C, D"
     ):
         network.adjust(strict=True)
 
@@ -87,3 +88,27 @@ def test_stations_that_see_only_each_other_are_undetermined_together(tmp_path):
     adjustment = read(tmp_path, lines(tmp_path, TIED) + sketch.lines).adjust()
     assert not adjustment.gross_errors
     assert {item.name for item in adjustment.left_out} >= set("ABC")
+
+
+HELD_BY_ONE = {
+    "turn": ("1 A 0 0 0 0.001\n0 B 100 0 0\n0 P 50 60 1\n", "azimuth (Azim, code 8), or another"),
+    "heights": ("3 A 0 0 0 0.001\n0 B 100 0 0\n0 P 50 60 1\n", "Give a known point (flag 1"),
+    "none": (
+        "0 A 0 0 0\n0 B 100 0 0\n0 P 50 60 1\n",
+        "flag 1) with its sigma; or adjust without known points",
+    ),
+}
+OBSERVED = "3 A B 100 0.002\n3 A P 78.109 0.002\n3 B P 78.109 0.002\n4 A B 0 0.002\n4 A P 1 0.002\n"
+
+
+@pytest.mark.parametrize(("points", "remedy"), HELD_BY_ONE.values(), ids=list(HELD_BY_ONE))
+def test_what_moves_is_told_with_what_holds_it_and_no_word_of_the_library(tmp_path, capsys, points, remedy):
+    (tmp_path / "n.cor").write_text(points)
+    (tmp_path / "n.obs").write_text(OBSERVED)
+    for strict in ([], ["--strict"]):
+        paths = ["--obs", str(tmp_path / "n.obs"), "--cor", str(tmp_path / "n.cor")]
+        assert main(["adjust", *paths, *strict]) == 2
+        said = capsys.readouterr().err
+        assert "the rotation about" in said
+        assert remedy in said
+        assert not re.search("unknown|freeze|prior|undetermined together", said)

@@ -13,7 +13,7 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_datum, check_scale, hint
+from obseq.images.adjustment.verdicts import check_datum, check_scale, in_words
 from obseq.images.block import Block
 from obseq.images.initial.growth import place_images
 from obseq.images.measures import ImagePoints
@@ -106,7 +106,7 @@ class BundleAdjustment(Block):
                 )
                 done += result.iterations
         except SingularSystemError as error:
-            raise SingularSystemError(f"{error}\n{hint(self, start)}", error.unknowns) from None
+            raise in_words(self, start, error) from None
         return BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
 
     @property

@@ -15,6 +15,7 @@ from obseq.survey.adjustment.first_places import with_barycentres, with_first_pl
 from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.adjustment.singular_words import free_motions_in_words
 from obseq.survey.initial.initial_values import InitialValues, initial_values
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join
@@ -180,7 +181,9 @@ class Fieldwork:
             try:
                 self._equations(start).system.solve(max_iterations=1)
             except SingularSystemError as free:
-                raise InputError(f"{error}. Rank deficiency {free.defect}: {free}") from error
+                whole = "" if "shape" in str(free) else "; or adjust without known points (--datum inner)"
+                moves = free_motions_in_words(free)
+                raise InputError(f"{error}{whole}. By the observations, {moves}") from error
             raise
 
     def _errors_among_determined(self, start: Determined, computation: Computation) -> tuple[GrossError, ...]:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, SingularSystemError
 from obseq.images.initial.distribution import check_spread
+from obseq.leastsquares.diagnosis.singular import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +20,12 @@ DATUMS = ("control", "centres", "points", "none")
 LEAST_OF_AN_IMAGE = 3
 """Points that determine a pose."""
 HINT = (
-    "A block needs a datum: three control points that are not on a line, observed poses, or datum='centres'."
+    "A block needs a datum: three control points that are not on a line, observed poses, or --datum centres "
+    "(datum='centres')."
+)
+CAMERA_HINT = (
+    "Hold parameters of the camera {} (--freeze '.*', or 'K.|p.|b.'; freeze_parameters), or give more images "
+    "and control points."
 )
 THRESHOLD_HINT = (
     "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
@@ -84,8 +90,20 @@ def check_scale(block: Block, datum: str | Sequence[str]) -> None:
             )
 
 
-def hint(block: Block, start: Start) -> str:
-    """What may be wrong with a block whose measures leave unknowns undetermined."""
+def in_words(block: Block, start: Start, error: SingularSystemError) -> SingularSystemError:
+    """The error of a block whose measures leave unknowns undetermined: which, and what may be wrong."""
+    message = str(error)
+    if error.kernel is not None:
+        names = grouped(error.unknowns)
+        message = f"the observations do not determine {names} (rank deficiency {error.defect})"
+    owners = {name.rpartition(".")[0] for name in error.unknowns}
+    loose = [name for name in block.cameras if name in owners]
+    message = f"{message}\n{_hint(block, start, loose)}"
+    return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
+
+
+def _hint(block: Block, start: Start, cameras: Sequence[str]) -> str:
+    """What may be wrong with such a block, where these cameras have parameters among its unknowns."""
     counts = np.zeros(len(start.poses), dtype=np.int64)
     for part in start.sets:
         counts += np.bincount(part.image[part.rows], minlength=len(counts))
@@ -96,4 +114,6 @@ def hint(block: Block, start: Start) -> str:
             f"takes {LEAST_OF_AN_IMAGE} ({poor.size} images have fewer); measure more, or leave it out."
         )
     thresholds = [part.weighting for part in block.sets if part.weighting is not None]
-    return THRESHOLD_HINT if any(part.threshold for part in thresholds) else HINT
+    if any(part.threshold for part in thresholds):
+        return THRESHOLD_HINT
+    return CAMERA_HINT.format(", ".join(cameras)) if cameras else HINT

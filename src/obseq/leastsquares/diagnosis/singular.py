@@ -10,6 +10,8 @@ from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import IntArray
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -56,6 +58,15 @@ def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:
     (name,) = table.component_names(scalar)
     reason = f"{name} is to be eliminated, and the observations of its block do not determine it"
     return SingularSystemError(f"{reason}: {REMEDY}", (name,))
+
+
+def grouped(unknowns: Sequence[str]) -> str:
+    """Unknowns by what they belong to, for messages: "P (x, y), Q (z)" of "P.x", "P.y" and "Q.z"."""
+    found: dict[str, list[str]] = {}
+    for name in unknowns:
+        owner, _, component = name.rpartition(".")
+        found.setdefault(owner, []).append(component)
+    return _listed(tuple(f"{owner} ({', '.join(parts)})" for owner, parts in found.items()))
 
 
 def _participants(solver: Solver) -> IntArray:

@@ -22,6 +22,7 @@ from obseq.survey.adjustment.loose_parts import singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
+from obseq.survey.adjustment.singular_words import in_words
 from obseq.survey.adjustment.undetermined import free_motions
 from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
@@ -108,7 +109,7 @@ class Computation:
             except SingularSystemError as error:
                 undetermined = singular_parts(start, error)
                 if strict or self._was_determined(start, undetermined):
-                    raise
+                    raise in_words(error) from error
                 start = leave_out(start, undetermined)
 
     def whole(self, start: Determined) -> Determined:

@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import SingularSystemError
 from obseq.survey.adjustment.equations import station_names
+from obseq.survey.adjustment.singular_words import in_words
 from obseq.survey.adjustment.undetermined import directions
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
 from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray
+    from obseq.errors import SingularSystemError
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
@@ -31,24 +32,11 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     free = start.points.is_free.any(axis=1)
     points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
     if points and len(points) == np.count_nonzero(free):
-        raise _all_loose(error)
+        raise in_words(error)
     found = _undetermined(start, points, error) if points else _stations(start, names)
     if not found:
-        raise error
+        raise in_words(error)
     return found
-
-
-def _all_loose(error: SingularSystemError) -> SingularSystemError:
-    """The error of a network whose datum lacks something, in the words of a surveyor."""
-    if not error.movements:
-        return error
-    free = "; nor ".join(dict.fromkeys(error.movements.values()))
-    azimuth = ", such as an azimuth" if "rotation" in free else ""
-    message = (
-        f"nothing fixes {free}. Rank deficiency {error.defect}: make more points known, or add observations "
-        f"that hold it{azimuth}"
-    )
-    return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
 
 
 def _stations(start: Determined, names: set[str]) -> list[Unplaced]:

@@ -125,6 +125,6 @@ def _unclear(count: int, length: int) -> str:
     found = f"{count} number{'s' if count > 1 else ''}{' and a remark' if count < length else ''}"
     return (
         f"{found} after the sigma, where one (relative sigma) or three (relative sigma, height of "
-        "instrument, "
-        f"height of target) may stand; put a * before a remark, or leave them out with --ignore after-sigma"
+        "instrument, height of target) may stand; write names without blanks, put a * before a remark, or "
+        "leave them out with --ignore after-sigma"
     )

@@ -187,7 +187,7 @@ def _flag(file: TextFile, index: int, fields: list[str]) -> int:
 
 
 def _number(file: TextFile, index: int, text: str) -> float:
-    return file.number(index, text, f"{{}} (fields are: {_HELP})")
+    return file.number(index, text, f"{{}} (fields are: {_HELP}; a name has no blanks)")
 
 
 def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Rest:
@@ -197,13 +197,15 @@ def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Res
     if len(numbers) == 2 and not is_known:
         return _Rest((), _deflection(file, index, numbers), info)
     if len(numbers) == 2:
-        raise file.error(index, "two sigmas are given where one (for x, y, z) or three are needed")
+        raise file.error(
+            index, "two sigmas are given where one (for x, y, z) or three are needed; a name has no blanks"
+        )
     if len(numbers) not in (0, 1, 3, 5):
         raise file.error(
             index,
             f"{len(numbers)} numbers after the coordinates, where one or three sigmas may stand, and after "
             "three "
-            "the deflections eta xi; begin a remark with *",
+            "the deflections eta xi; a name has no blanks, and a remark begins with *",
         )
     sigmas = tuple(numbers * 3 if len(numbers) == 1 else numbers[:3])
     if any(0.0 < sigma < LEAST_SIGMA for sigma in sigmas):

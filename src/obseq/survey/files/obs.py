@@ -156,7 +156,9 @@ class _Reader:
         try:
             value, sigma = parse_number(fields[3]), parse_number(fields[4])
         except ValueError as error:
-            raise file.error(index, f"{error} (fields are: code from to value sigma)") from error
+            raise file.error(
+                index, f"{error} (fields are: code from to value sigma; a name has no blanks)"
+            ) from error
         kinds = _LINES[code]
         is_active = sigma >= 0.0 and not is_off
         if is_active:
