@@ -77,9 +77,10 @@ def calls(
     *,
     arity: int = 1,
     written: str = "",
-    c: str | None = "",
+    c: str | None = None,
 ) -> Operator:
-    """An operator that is a call of the kernel function of a name."""
+    """An operator that is a call of the kernel function of a name; what Python's math has, math.h has."""
+    c = "" if c is None and hasattr(math, name) else c
     text = f"{name}({', '.join(['{}'] * arity)})"
     return Operator(text, value, partials, True, name, symbolic, written, c)
 

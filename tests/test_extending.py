@@ -53,7 +53,10 @@ EACH = {
     "A family of formulas": [
         f"tests/formulas/test_registry.py::{test}[PolynomialFit_2]" for test in ABOUT_ONE
     ],
-    "An operator": ["tests/codegen/test_c99.py::test_every_operator_has_a_c_text"],
+    "An operator": [
+        "tests/codegen/test_c99.py::test_every_operator_has_a_c_text",
+        "tests/codegen/test_c99.py::test_the_c_text_of_an_operator_gives_its_value",
+    ],
     "A kind of survey observation": [
         *(f"tests/formulas/test_registry.py::{test}[TopoHDist]" for test in ABOUT_ONE),
         "tests/survey/test_kinds.py",

@@ -4,11 +4,12 @@ import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from obseq.codegen.c99 import header
+from obseq.codegen.c99 import CBody, header, with_helpers
 from obseq.codegen.compiler import derive
 from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS
@@ -110,3 +111,36 @@ def test_an_operator_without_c_text_is_refused(monkeypatch: pytest.MonkeyPatch) 
 
 def test_every_operator_has_a_c_text() -> None:
     assert [name for name, operator in OPERATORS.items() if operator.function and operator.c is None] == []
+
+
+OPERANDS = [(0.3, 0.7), (0.9, 0.2), (0.5, 0.5)]
+"""All functions are defined there; those of one operand are given the first."""
+
+
+@needs_compiler
+def test_the_c_text_of_an_operator_gives_its_value(tmp_path: Path) -> None:
+    written = {name: operator for name, operator in OPERATORS.items() if operator.function and operator.value}
+    calls = {
+        name: f"{name}(a{', b' * (operator.symbol.count('{}') - 1)})" for name, operator in written.items()
+    }
+    lines = [
+        f"double {name}_of(double a, double b) {{ (void)b; return {call}; }}" for name, call in calls.items()
+    ]
+    helpers, functions = with_helpers(CBody(lines, set(written)))
+    (tmp_path / "operators.c").write_text("\n".join(["#include <math.h>", *helpers, *functions, ""]), "utf-8")
+    options = [
+        "-std=c99",
+        "-shared",
+        "-fPIC",
+        str(tmp_path / "operators.c"),
+        "-o",
+        str(tmp_path / "operators.so"),
+    ]
+    subprocess.run([str(COMPILER), *options, "-lm"], check=True)
+    library = ctypes.CDLL(str(tmp_path / "operators.so"))
+    for name, operator in written.items():
+        function = getattr(library, f"{name}_of")
+        function.argtypes, function.restype = [ctypes.c_double] * 2, ctypes.c_double
+        found = [function(*operands) for operands in OPERANDS]
+        expected = [operator.value(*operands[: operator.symbol.count("{}")]) for operands in OPERANDS]
+        assert found == pytest.approx(expected, rel=1e-14), name
