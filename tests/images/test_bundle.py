@@ -113,6 +113,7 @@ def test_the_stored_solutions_have_the_residuals_that_mmvii_reports(shared_data,
     assert norms.mean() == pytest.approx(given["Avg"], abs=1e-9)
     assert np.sqrt(np.mean(norms**2)) == pytest.approx(given["Avg2"], abs=1e-9)
     assert [norms[0], norms[-1]] == pytest.approx([given["Min"], given["Max"]], abs=1e-9)
+    assert norms[len(norms) // 2] == pytest.approx(given["P50"], abs=1e-9)
     assert norms[len(norms) * 75 // 100] == pytest.approx(given["P75"], abs=1e-9)
     assert vectors.mean(axis=0) == pytest.approx([given["mean_dx"], given["mean_dy"]], abs=1e-9)
 

@@ -8,6 +8,7 @@ Here y goes down and z forward: rotation and translation are turned by diag(1, -
 from __future__ import annotations
 
 import bz2
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,13 +18,13 @@ from obseq.errors import InputError
 from obseq.geometry import exponential, logarithm
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
-from obseq.images.files.tables import text_of
+from obseq.images.files.tables import number_in, text_of
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.block import Block
@@ -52,7 +53,27 @@ def read_bal(path: str | Path) -> BundleAdjustment:
     if k and ((index < 0).any() or (index.max(axis=0) >= [n, m]).any()):
         raise InputError(f"{path}: an observation names a camera or a point that is not there")
     points = numbers[3 + 4 * k + 9 * n :].reshape(-1, 3)
-    return _block(exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:])
+    with _named(path):
+        return _block(
+            exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:]
+        )
+
+
+@contextmanager
+def _named(path: str | Path) -> Iterator[None]:
+    """Makes errors inside name the file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _check_words(path: str | Path, text: str) -> None:
+    """Refuses what is no finite number, with its line; lines that begin with # are left aside."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.startswith("#"):
+            for word in line.split():
+                number_in(word, f"{path}:{number}: a number is")
 
 
 def _numbers(path: str | Path) -> FloatArray:
@@ -60,13 +81,17 @@ def _numbers(path: str | Path) -> FloatArray:
         text = (
             bz2.decompress(Path(path).read_bytes()).decode() if str(path).endswith(".bz2") else text_of(path)
         )
-        numbers = np.array(text.split(), dtype=np.float64)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
+    try:
+        numbers = np.array(text.split(), dtype=np.float64)
+    except ValueError as error:
+        _check_words(path, text)
+        raise InputError(f"{path}: {error}") from None
     if not np.isfinite(numbers).all():
-        raise InputError(f"{path}: a number is not finite")
+        _check_words(path, text)
     return numbers
 
 
@@ -166,13 +191,14 @@ def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> Bundl
     try:
         numbers = [np.array(line.split(), dtype=np.float64) for line in text.splitlines()[1:] if line.strip()]
         if not all(np.isfinite(row).all() for row in numbers):
-            raise ValueError("a number is not finite")
+            _check_words(path, text)
         n, m = (int(value) for value in numbers[0])
         cameras = np.concatenate(numbers[1 : 1 + 5 * n]).reshape(n, 15)
         rest = numbers[1 + 5 * n : 1 + 5 * n + 3 * m]
         points = np.array([rest[3 * k] for k in range(m)]).reshape(m, 3)
         views = [rest[3 * k + 2][1:].reshape(int(rest[3 * k + 2][0]), 4) for k in range(m)]
     except (ValueError, IndexError) as error:
+        _check_words(path, text)
         raise InputError(f"{path}: the numbers do not fit the counts ({error})") from None
     used = cameras[:, 0] > 0.0
     names = list(images) if images is not None else [f"image {k}" for k in range(n)]
@@ -184,12 +210,13 @@ def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> Bundl
     if camera.size and not (camera.min() >= 0 and camera.max() < n and used[camera].all()):
         raise InputError(f"{path}: a point is seen by a camera that is not there")
     owner = np.repeat(np.arange(m), [len(view) for view in views])
-    return _block(
-        cameras[used, 3:12].reshape(-1, 3, 3),
-        cameras[used, 12:15],
-        cameras[used, :3],
-        points,
-        np.column_stack([row[camera], owner]),
-        rows[:, 2:],
-        [name for name, there in zip(names, used, strict=True) if there],
-    )
+    with _named(path):
+        return _block(
+            cameras[used, 3:12].reshape(-1, 3, 3),
+            cameras[used, 12:15],
+            cameras[used, :3],
+            points,
+            np.column_stack([row[camera], owner]),
+            rows[:, 2:],
+            [name for name, there in zip(names, used, strict=True) if there],
+        )

@@ -55,6 +55,7 @@ class ColmapImage:
         shift: (3,) world to camera.
         xy: (n, 2) pixels of the features that have a point.
         points: (n,) numbers of those points.
+        where: file, and line where it has lines.
     """
 
     name: str
@@ -63,11 +64,12 @@ class ColmapImage:
     shift: FloatArray
     xy: FloatArray
     points: tuple[int, ...]
+    where: str
 
     def __post_init__(self) -> None:
         largest = float(np.abs(self.quaternion).max(initial=0.0))
         if not 1e-100 < largest < 1e100:
-            raise InputError(f"image {self.name}: {self.quaternion.tolist()} is no rotation")
+            raise InputError(f"{self.where}: image {self.name}: {self.quaternion.tolist()} is no rotation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,8 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
         used = [k for k in range(len(rows)) if second[3 * k + 2] != "-1"]
         points = tuple(_whole(path, below, second[3 * k + 2]) for k in used)
         camera = _whole(path, number, first[8])
-        yield ColmapImage(" ".join(first[9:]), camera, values[:4], values[4:], rows[used, :2], points)
+        where = f"{path}:{number}"
+        yield ColmapImage(" ".join(first[9:]), camera, values[:4], values[4:], rows[used, :2], points, where)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -245,7 +248,8 @@ def _binary_images(file: _Bytes) -> Iterator[ColmapImage]:
         xy = np.column_stack([used["x"], used["y"]])
         if not np.isfinite(xy).all():
             raise InputError(f"{file.path}: image {name}: a pixel is not finite")
-        yield ColmapImage(name, camera, values[:4], values[4:], xy, tuple(used["point"].tolist()))
+        points = tuple(used["point"].tolist())
+        yield ColmapImage(name, camera, values[:4], values[4:], xy, points, str(file.path))
     file.finish()
 
 
