@@ -7,6 +7,7 @@ from typing import Any
 from obseq.dataclass import dataclass
 from obseq.plain import to_plain
 from obseq.record import EllipseRecord, RunRecord
+from obseq.shown_units import METRIC, ShownUnits
 
 FORMAT = "obseq-comparison"
 VERSION = 1
@@ -82,6 +83,7 @@ class ComparisonRecord:
         runs: which runs adjusted the epochs.
         obstacles: why there is no verdict: what the tests say means nothing until these are mended.
         reservations: what weakens the verdict.
+        units: of the summary; what is here is in metres and radians.
     """
 
     level: float
@@ -98,6 +100,7 @@ class ComparisonRecord:
     runs: tuple[RunRecord, RunRecord]
     obstacles: tuple[str, ...] = ()
     reservations: tuple[str, ...] = ()
+    units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
 

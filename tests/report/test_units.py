@@ -105,6 +105,26 @@ def test_a_stored_result_is_shown_in_other_units(feet, tmp_path, capsys) -> None
     assert "--units chain: give one of m, ft, us-ft" in capsys.readouterr().err
 
 
+def test_plans_and_comparisons_are_in_the_units_of_the_files(feet, tmp_path, capsys) -> None:
+    assert main(["plan", str(feet), "--no-gains", "--out", str(tmp_path / "plan")]) == 0
+    shown = capsys.readouterr().out
+    assert "standard deviation (us-ft)" in shown
+    assert "elevation (dms)" in shown
+    (weakest,) = json.loads((tmp_path / "plan" / "plan.json").read_text())["weakest_points"]
+    (row,) = [line.split() for line in shown.splitlines() if line.startswith("  3  ")]
+    assert float(row[1]) == pytest.approx(weakest["sigma"] / FOOT, abs=1e-5)
+    second = tmp_path / "second.dat"
+    second.write_text(SIDES.replace("400.02", "400.22"))
+    main(["compare", str(feet), "--project-2", str(second), "--out", str(tmp_path / "moved")])
+    shown = capsys.readouterr().out
+    assert "second epoch minus first (us-ft)" in shown
+    record = json.loads((tmp_path / "moved" / "comparison.json").read_text())
+    assert record["units"]["length"] == "us-ft"
+    (moved,) = [item for item in record["displacements"] if item["point"] == "3"]
+    (row,) = [line.split() for line in shown.splitlines() if line.startswith("  3  ")]
+    assert float(row[2]) == pytest.approx(moved["north"] / FOOT, abs=1e-5)
+
+
 def test_adjusted_points_come_back_from_a_table_in_feet(feet, tmp_path, capsys) -> None:
     stored, table = tmp_path / "a.json", tmp_path / "p.csv"
     main(["adjust", str(feet), "--json", str(stored)])

@@ -10,7 +10,6 @@ from obseq.report.result_file import text_of
 from obseq.report.rows import Table
 from obseq.report.table import lines_of
 
-SMALL = units.METRIC.small_length
 MOST_POINTS = 20
 MOST_NAMES = 8
 MOST_OBSTACLES = 5
@@ -99,24 +98,19 @@ def _tested(test: TestRecord) -> str:
 
 
 def _table(record: ComparisonRecord, chosen: Sequence[DisplacementRecord]) -> Table:
-    title = f"Displacements, second epoch minus first (mm), tested at {100 * record.level:g} %"
+    small = units.Units(record.units).small_length
+    title = f"Displacements, second epoch minus first ({small.name}), tested at {100 * record.level:g} %"
     header = ("point", "east", "north", "up", "s east", "s north", "s up", "length", "statistic", "limit", "")
-    return Table(title, header, tuple(map(_cells, chosen)))
+    return Table(title, header, tuple(_cells(row, small) for row in chosen))
 
 
-def _cells(row: DisplacementRecord) -> tuple[str, ...]:
+def _cells(row: DisplacementRecord, small: units.Scale) -> tuple[str, ...]:
     numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
     verdict = "moved" if row.is_significant else "reference" if row.is_reference else ""
     if row.test is None:
-        return (
-            row.point,
-            *map(SMALL.number, numbers),
-            units.ABSENT,
-            units.ABSENT,
-            "held",
-        )
+        return (row.point, *map(small.number, numbers), units.ABSENT, units.ABSENT, "held")
     statistic, limit = f"{row.test.statistic:.2f}", f"{row.test.limit:.2f}"
-    return (row.point, *map(units.METRIC.small_length.number, numbers), statistic, limit, verdict)
+    return (row.point, *map(small.number, numbers), statistic, limit, verdict)
 
 
 def _rest(record: ComparisonRecord, most: int | None) -> Iterator[str]:

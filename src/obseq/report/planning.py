@@ -5,14 +5,13 @@ from collections.abc import Iterator, Sequence
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.plan_record import DrawsRecord, GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.printable import printable
-from obseq.report import units
 from obseq.report.result_file import text_of
 from obseq.report.rows import Table
 from obseq.report.summary import left_out, notes, warnings
 from obseq.report.table import lines_of
+from obseq.report.units import Units, units_of
 
 MOST_WARNINGS = 3
-SMALL, TURN = units.METRIC.small_length, units.METRIC.angle
 
 
 @expecting(record=instance(PlanRecord), written=TEXTS)
@@ -23,11 +22,12 @@ def plan_summary(record: PlanRecord, written: Sequence[str] = ()) -> str:
         record: The plan.
         written: Names of the files where the results were written.
     """
+    shown = units_of(record.adjustment)
     sections = (
         _counts(record),
-        lines_of(_weakest(record.weakest_points)),
-        _uncontrolled(record),
-        _gains(record),
+        lines_of(_weakest(record.weakest_points, shown)),
+        _uncontrolled(record, shown),
+        _gains(record, shown),
         _draws(record.draws),
         warnings(record.adjustment, MOST_WARNINGS),
         notes(record.adjustment),
@@ -52,60 +52,62 @@ def _counts(record: PlanRecord) -> Iterator[str]:
     yield f"  redundancy   {planned.redundancy:>8}"
 
 
-def _weakest(points: Sequence[WeakPointRecord]) -> Table:
+def _weakest(points: Sequence[WeakPointRecord], shown: Units) -> Table:
     rows = (
         (
             item.point,
-            SMALL.number(item.sigma),
-            TURN.turned(item.azimuth),
-            TURN.turned(item.elevation),
+            shown.small_length.number(item.sigma),
+            shown.angle.turned(item.azimuth),
+            shown.angle.turned(item.elevation),
         )
         for item in points
     )
     title = (
-        "Weakest points: standard deviation (mm) along the direction in which the point is known worst (the "
-        "longest semi-axis of its ellipsoid), azimuth and elevation (gon) of that direction"
+        f"Weakest points: standard deviation ({shown.small_length.name}) along the direction in which the "
+        "point is known worst (the longest semi-axis of its ellipsoid), azimuth and elevation "
+        f"({shown.angle.name}) of that direction"
     )
     return Table(title, ("point", "sigma", "azimuth", "elevation"), tuple(rows))
 
 
-def _uncontrolled(record: PlanRecord) -> Iterator[str]:
+def _uncontrolled(record: PlanRecord, shown: Units) -> Iterator[str]:
     rows = record.weakest_observations
     if not rows:
         yield "Every observation is well controlled by the others."
         return
     title = "Weakly controlled observations: smallest error that would be noticed, and what it moves (sigmas)"
     header = ("observation", "redundancy", "detectable", "effect")
-    yield from lines_of(Table(title, header, tuple(map(_uncontrolled_cells, rows))))
+    yield from lines_of(Table(title, header, tuple(_uncontrolled_cells(item, shown) for item in rows)))
 
 
-def _uncontrolled_cells(item: WeakObservationRecord) -> tuple[str, ...]:
-    detectable = "none" if item.detectable is None else units.METRIC.small(item.unit, item.detectable)
+def _uncontrolled_cells(item: WeakObservationRecord, shown: Units) -> tuple[str, ...]:
+    detectable = "none" if item.detectable is None else shown.small(item.unit, item.detectable)
     effect = "unlimited" if item.external is None else f"{item.external:.1f}"
     return (item.observation, f"{item.redundancy:.3f}", detectable, effect)
 
 
-def _gains(record: PlanRecord) -> Iterator[str]:
+def _gains(record: PlanRecord, shown: Units) -> Iterator[str]:
     if not record.gains:
         return
-    before = SMALL.number(record.gains[0].before)
+    small = shown.small_length
+    before = small.text(record.gains[0].before)
     title = (
         f"What one more observation would bring (the best of {record.candidates} tried). Network: root mean "
-        f"square of the standard deviations of all coordinates, {before} mm now. Now and then: position in "
-        "space (root of sx^2 + sy^2 + sz^2) of the point that gains most (mm)"
+        f"square of the standard deviations of all coordinates, {before} now. Now and then: position in "
+        f"space (root of sx^2 + sy^2 + sz^2) of the point that gains most ({small.name})"
     )
     header = ("observation", "sigma", "network", "point", "now", "then")
-    yield from lines_of(Table(title, header, tuple(map(_gain_cells, record.gains))))
+    yield from lines_of(Table(title, header, tuple(_gain_cells(item, shown) for item in record.gains)))
 
 
-def _gain_cells(item: GainRecord) -> tuple[str, ...]:
+def _gain_cells(item: GainRecord, shown: Units) -> tuple[str, ...]:
     return (
         f"{item.type} {item.origin} -> {item.target}",
-        units.METRIC.small(item.unit, item.sigma),
-        SMALL.number(item.after),
+        shown.small(item.unit, item.sigma),
+        shown.small_length.number(item.after),
         item.point,
-        SMALL.number(item.point_before),
-        SMALL.number(item.point_after),
+        shown.small_length.number(item.point_before),
+        shown.small_length.number(item.point_after),
     )
 
 

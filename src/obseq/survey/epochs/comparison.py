@@ -14,6 +14,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.record import EllipseRecord
+from obseq.shown_units import METRIC
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
 from obseq.survey.epochs.displacements import Displacements, displacements
@@ -91,6 +92,7 @@ class Comparison:
             runs=runs,
             obstacles=self.obstacles,
             reservations=tuple(reservations(self.epochs, trusted=trusted)),
+            units=self.epochs[0].shown or METRIC,
         )
 
     def _displacements(self) -> Iterator[DisplacementRecord]:
