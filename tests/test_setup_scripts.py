@@ -80,7 +80,7 @@ def test_the_tests_complete_the_environment_and_run_at_the_root(project: Project
     done, asked = project.run("test", "-q")
     assert (done.stdout, asked) == (f"tested in {project.root}\n", "pip pip")
     assert "requirements/test.txt" in project.notes.read_text(encoding="utf-8")
-    assert "-m pytest -n auto -q" in project.notes.read_text(encoding="utf-8")
+    assert "-m pytest -n auto --dist worksteal -q" in project.notes.read_text(encoding="utf-8")
     for script in ("quickstart", "test"):
         assert project.run(script)[1] == ""
 
