@@ -23,12 +23,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.arguments import NOTHING, NUMBER, PATH, PATHS, TEXT, WORDS, expecting, instance
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.once import require_distinct
@@ -65,11 +64,11 @@ _FLAGS = {
 }
 _KNOWN_FLAGS = frozenset(str(flag) for flag in _FLAGS)
 _HELP = "flag name x y z [sx sy sz, or s] [eta xi]"
+_NO_NUMBER = f"{{}} (fields are: {_HELP}; a name has no blanks)"
 _FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 to 9 plane only"
 
 
-@dataclass(frozen=True)
-class _Rest:
+class _Rest(NamedTuple):
     """What follows the coordinates of a line: none or three sigmas, a deflection (rad) or NaN, and text."""
 
     sigmas: tuple[float, ...]
@@ -78,6 +77,8 @@ class _Rest:
 
 
 _NO_DEFLECTION = (math.nan, math.nan)
+_NO_SIGMAS = (0.0, 0.0, 0.0)
+_NO_REST = _Rest((), _NO_DEFLECTION, "")
 
 
 @expecting(paths=PATHS, default_sigma=NUMBER | NOTHING, encoding=TEXT, ignore=WORDS)
@@ -187,13 +188,15 @@ def _flag(file: TextFile, index: int, fields: list[str]) -> int:
 
 
 def _number(file: TextFile, index: int, text: str) -> float:
-    return file.number(index, text, f"{{}} (fields are: {_HELP}; a name has no blanks)")
+    return file.number(index, text, _NO_NUMBER)
 
 
 def _rest(file: TextFile, index: int, fields: list[str], is_known: bool) -> _Rest:
     """The numbers after the coordinates, by how many they are, and the text after them."""
+    if not fields:
+        return _NO_REST
     numbers = leading_numbers(fields, lambda text: _number(file, index, text))
-    info = quoted(" ".join(fields[len(numbers) :]))
+    info = quoted(" ".join(fields[len(numbers) :])) if len(numbers) < len(fields) else ""
     if len(numbers) == 2 and not is_known:
         return _Rest((), _deflection(file, index, numbers), info)
     if len(numbers) == 2:
@@ -238,14 +241,14 @@ def _sigmas(
                 "points (--point-sigma, default_sigma)",
             )
         given = (default_sigma,) * 3
-    return [_sigma(kind, given[k] if given else 0.0) for k, kind in enumerate(kinds)]
+    return [_sigma(*pair) for pair in zip(kinds, given or _NO_SIGMAS, strict=True)]
 
 
 def _sigma(kind: str, given: float) -> float:
     """NaN for free, 0 for held."""
     if kind == _HELD:
         return 0.0
-    return float("nan") if kind == _FREE or given < 0.0 else given
+    return math.nan if kind == _FREE or given < 0.0 else given
 
 
 @expecting(path=PATH, points=instance(Points), header=TEXT)

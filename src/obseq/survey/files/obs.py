@@ -52,13 +52,19 @@ RADIANS_PER_GON = math.pi / 200.0
 _WHITE_SPACE = " \t\r\f\v"
 _OPENS_STATION = 7
 _SLOPE, _CENTRING = 1, 9
-_LINES: dict[int, tuple[ObservationKind, ...]] = {kind.code: (kind,) for kind in KINDS if kind.is_line} | {
-    _OPENS_STATION: (HZ,),
-    _SLOPE: (DIST,),
-    _CENTRING: (DX, DY),
+_LINES: dict[int, ObservationKind] = {kind.code: kind for kind in KINDS if kind.is_line} | {
+    _OPENS_STATION: HZ,
+    _SLOPE: DIST,
+    _CENTRING: DX,
 }
-"""Kinds of the observations that a line of each code makes."""
-_CODES = {str(code): code for code in _LINES}
+"""Kind of the (first) observation that a line of each code makes."""
+_CODES = {str(sign * code): (code, sign < 0) for code in _LINES for sign in (1, -1)}
+"""Codes as lines begin with them: the code, and whether a minus before it switches the line off."""
+_UNITS = {
+    code: (RADIANS_PER_GON if kind.is_angle else 1.0, kind.is_angle or code == _CENTRING)
+    for code, kind in _LINES.items()
+}
+"""Metres or radians in the unit of a line of each code, and whether its relative sigma is a length."""
 _ALONE = (AZIM.code, _CENTRING)
 """Codes whose lines are stations of their own, in the axes of the place."""
 _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
@@ -147,42 +153,33 @@ class _Reader:
 
     def _read_measure(self, file: TextFile, index: int, fields: list[str], rest: AfterSigma) -> None:
         """Adds the observations of one line."""
-        code, is_off = _code(file, index, fields[0])
+        code, is_off = _CODES.get(fields[0]) or _code(file, index, fields[0])
         if len(fields) < 5:
             raise file.error(
                 index,
                 f"{len(fields)} fields where at least 5 are needed: code from to value sigma",
             )
-        try:
-            value, sigma = parse_number(fields[3]), parse_number(fields[4])
-        except ValueError as error:
-            raise file.error(
-                index, f"{error} (fields are: code from to value sigma; a name has no blanks)"
-            ) from error
-        kinds = _LINES[code]
+        value, sigma = _numbers(file, index, fields)
+        kind, (unit, is_length) = _LINES[code], _UNITS[code]
         is_active = sigma >= 0.0 and not is_off
         if is_active:
-            _check_measure(file, index, kinds[0], fields, value, sigma)
-        is_length = kinds[0].is_angle or code == _CENTRING
+            _check_measure(file, index, kind, fields, value * unit, sigma)
         after = rest.read(index, is_length, fields[5:]) if len(fields) > 5 else NOTHING
-        origin, target = (self.columns.point(file, index, name) for name in fields[1:3])
-        station = self._station(code, origin)
+        columns = self.columns
+        origin, target = columns.point(file, index, fields[1]), columns.point(file, index, fields[2])
+        station = self._station(code, origin) if kind.needs_station else -1
         if code == _CENTRING:
-            measures = centring(origin, target, station, sigma, after, not is_off)
-        else:
-            unit = RADIANS_PER_GON if kinds[0].is_angle else 1.0
-            numbers = (value * unit, sigma * unit, is_active, *after)
-            measures = (Measure(kinds[0], origin, target, *numbers, station),)
-        for measure in measures:
-            self.columns.append(measure._replace(group=self.instrument), self.number, index)
+            for measure in centring(origin, target, station, sigma, after, not is_off):
+                columns.append(measure._replace(group=self.instrument), self.number, index)
+            return
+        integers = (kind.code, origin, target, -1, station, self.instrument, self.number, index + 1)
+        columns.add(integers, (value * unit, abs(sigma) * unit, *after), is_active)
 
     def _station(self, code: int, origin: int) -> int:
         """Station of a measure, opened if needed; code 7 hides the open station of its point.
 
         An azimuth or a centring is a station of its own, and leaves the open ones as they are.
         """
-        if not _LINES[code][0].needs_station:
-            return -1
         if code in _ALONE:
             return self.columns.open_station(origin, Orientation.FIX)
         station = self.open_stations.get(origin, -1)
@@ -204,10 +201,7 @@ def centring(
 
 
 def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
-    """Code of a line, and whether a minus before it switches the line off."""
-    code = _CODES.get(text)
-    if code is not None:
-        return code, False
+    """Code of a line that writes it in another way (05, +5), and whether a minus switches the line off."""
     try:
         code = int(text) if text.isascii() and "_" not in text else None
     except ValueError:
@@ -222,15 +216,26 @@ def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
     return abs(code), code < 0
 
 
+def _numbers(file: TextFile, index: int, fields: list[str]) -> tuple[float, float]:
+    """Value and sigma of a line, in its units."""
+    try:
+        return parse_number(fields[3]), parse_number(fields[4])
+    except ValueError as error:
+        raise file.error(
+            index, f"{error} (fields are: code from to value sigma; a name has no blanks)"
+        ) from error
+
+
 def _check_measure(
     file: TextFile, index: int, kind: ObservationKind, fields: list[str], value: float, sigma: float
 ) -> None:
+    """Refuses an infinite weight, a value (m or rad) that its kind cannot have, a point seen from itself."""
     if sigma < LEAST_SIGMA:
         raise file.error(
             index,
             f"the sigma {fields[4]} makes the weight infinite; give the standard deviation of the measure",
         )
-    problem = kind.problem(value * (RADIANS_PER_GON if kind.is_angle else 1.0))
+    problem = kind.problem(value)
     if problem is not None:
         what = f"angle {fields[3]} gon" if kind.is_angle else f"distance {fields[3]}"
         raise file.error(index, f"the {what} {problem}; correct it or switch it off")

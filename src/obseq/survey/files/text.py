@@ -159,17 +159,26 @@ def parse_number(text: str) -> float:
         ValueError: with the reason, to be completed with file and line by the caller.
     """
     try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if abs(value) <= LARGEST_LENGTH and text.isascii() and "_" not in text:
+        return value
+    raise ValueError(_no_number(text))
+
+
+def _no_number(text: str) -> str:
+    """Why a text is no number."""
+    try:
         value = float(text) if text.isascii() and "_" not in text else None
     except ValueError:
         value = None
     if value is None:
         hint = "; the decimal separator is a point" if "," in text else ""
-        raise ValueError(f"{quoted(text)!r} is not a number{hint}")
+        return f"{quoted(text)!r} is not a number{hint}"
     if not math.isfinite(value):
-        raise ValueError(f"{quoted(text)!r} is not a finite number")
-    if abs(value) > LARGEST_LENGTH:
-        raise ValueError(f"{quoted(text)!r} is beyond {LARGEST_LENGTH:g}")
-    return value
+        return f"{quoted(text)!r} is not a finite number"
+    return f"{quoted(text)!r} is beyond {LARGEST_LENGTH:g}"
 
 
 def check_default_sigma(sigma: float, what: str, least: float = 0.0) -> None:
