@@ -222,8 +222,8 @@ def _measure_files(folder: Path, name: str, measures: ImagePoints) -> dict[Path,
     return {place / f"MesIm-{image}.xml": measures_text(image, measures) for image in measures.image_names}
 
 
-def main() -> int:
-    """Write a project; 2 when it cannot be written."""
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -233,7 +233,12 @@ def main() -> int:
     parser.add_argument("--targets", type=int, default=60, help="(%(default)s)")
     parser.add_argument("--blunders", type=int, default=4, help="image measures 40 px off (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Write a project; 2 when it cannot be written."""
+    options = arguments()
     common = {"targets": options.targets, "blunders": options.blunders, "seed": options.seed}
     try:
         if options.example == 4:

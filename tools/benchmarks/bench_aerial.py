@@ -9,15 +9,18 @@ not on the package index. Both get the same points, in turn, and the largest dif
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from command import command_line, write_json
 from pyproj import CRS, Proj, Transformer
 
 from obseq.images.aerial import FrameCamera, HeightType, MapSystem, Shots, Worksite, intersect_pairs
+
+if TYPE_CHECKING:
+    import argparse
 
 CENTRE = np.array([815000.0, 6283000.0])
 FLYING_HEIGHT = 1800.0
@@ -84,23 +87,31 @@ class OneAtATime:
             eyes.append(frame @ (np.array(self.to_geocentric.transform(*place)) - origin))
             rays.append(turn.T @ np.array([pixel[0] - 13210.0, pixel[1] - 8502.0, 30975.0]))
         base = eyes[1] - eyes[0]
-        n1, n2, c = rays[0] @ rays[0], rays[1] @ rays[1], rays[0] @ rays[1]
-        below = c * c - n1 * n2
-        t1 = ((base @ rays[1]) * c - (base @ rays[0]) * n2) / below
-        t2 = ((base @ rays[1]) * n1 - (base @ rays[0]) * c) / below
+        t1, t2 = nearest(base, *rays)
         middle = 0.5 * (eyes[0] + t1 * rays[0] + eyes[1] + t2 * rays[1])
         return np.array(self.to_geocentric.transform(*(frame.T @ middle + origin), direction="INVERSE"))
 
 
-def main() -> None:
-    """Time both, print the rates and their ratio."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def nearest(base: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[float, float]:
+    """How far along two rays, `base` apart, they are nearest to each other; in lengths of their vectors."""
+    n1, n2, c = first @ first, second @ second, first @ second
+    below = c * c - n1 * n2
+    along, across = base @ second, base @ first
+    return (along * c - across * n2) / below, (along * n1 - across * c) / below
+
+
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("--points", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--json", type=Path)
-    chosen = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Time both, print the rates and their ratio."""
+    chosen = arguments()
     site = block()
     pairs, pixels = measures(site, chosen.points)
     rival = OneAtATime(site)
@@ -124,8 +135,7 @@ def main() -> None:
     }
     for key, value in result.items():
         print(f"{key:>24}: {value:.6g}")
-    if chosen.json:
-        chosen.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_json(chosen.json, result)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import json
 import shutil
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from command import write_json
 
 from obseq.geometry import exponential
 from obseq.leastsquares import LeastSquares
@@ -173,31 +173,39 @@ def compare(network: Network, library: ctypes.CDLL | None, rounds: int) -> dict[
     }
 
 
-def main() -> None:
-    """Runs the bench and prints its table."""
+def networks() -> list[Network]:
+    """Those that are timed: few points or many, the rival's matrix dense or sparse."""
+    return [
+        distances(100, 20_000, True),
+        distances(100, 20_000, False),
+        distances(10_000, 60_000, False),
+        directions(100, 20_000, True),
+        directions(100, 20_000, False),
+        directions(10_000, 60_000, False),
+    ]
+
+
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
     parser = argparse.ArgumentParser(description="observations to normal equations, against MMVII's pattern")
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--rounds", type=int, default=11, help="interleaved rounds (default 11)")
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Runs the bench and prints its table."""
+    arguments = asked()
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(Path(folder))
         if library is None:
             print("no g++ here: the rival is not timed")
-        networks = [
-            distances(100, 20_000, True),
-            distances(100, 20_000, False),
-            distances(10_000, 60_000, False),
-            directions(100, 20_000, True),
-            directions(100, 20_000, False),
-            directions(10_000, 60_000, False),
-        ]
-        rows = [compare(network, library, arguments.rounds) for network in networks]
+        rows = [compare(network, library, arguments.rounds) for network in networks()]
     print(f"{'network':44}{'rival matrix':>14}{'ours ns':>10}{'rival ns':>10}{'ratio':>8}")
     for row in rows:
         rival = f"{row['rival_ns']:10.0f}{row['ratio']:8.1f}" if row["ratio"] else f"{'-':>10}{'-':>8}"
         print(f"{row['name']:44}{row['rival']:>14}{row['ours_ns']:10.1f}{rival}")
-    if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write_json(arguments.json, rows)
 
 
 if __name__ == "__main__":

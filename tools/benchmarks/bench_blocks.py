@@ -9,21 +9,23 @@ the processor, on one thread. Without a file: a synthetic block of images on an 
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import time
 import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bal import Problem, read_problem, synthetic_problem
+from command import command_line, write_json
 
 from obseq.geometry import exponential
 from obseq.images import BundleAdjustment, Camera, ImagePoints, Poses
 from obseq.leastsquares import LeastSquares
+
+if TYPE_CHECKING:
+    import argparse
 
 FLIP = np.array([1.0, -1.0, -1.0])
 """From axes that look along -z, y up, to those of `obseq.images`."""
@@ -154,18 +156,21 @@ def memory(data: Given) -> dict[str, float]:
     return {"peak_megabytes": peak / 1e6, "bytes_per_measure": peak / len(data.image)}
 
 
-def main() -> None:
-    """Runs the blocks asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--images", type=int, default=200)
     parser.add_argument("--points", type=int, default=100_000)
     parser.add_argument("--rays", type=int, default=5)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--json", type=Path, help="file to write")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Runs the blocks asked for."""
+    options = arguments()
     problems = {file.name: read_problem(file) for file in options.files}
     if not problems:
         made = synthetic_problem(options.images, options.points, options.rays * options.points)
@@ -177,8 +182,7 @@ def main() -> None:
         print(f"{name}: {len(data.image)} measures")
         for key, value in results[name].items():
             print(f"    {key:20} {value:.9g}")
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

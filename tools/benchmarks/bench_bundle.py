@@ -12,8 +12,6 @@ processor with one thread and of the clock with more; what is done once (structu
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import subprocess
 import tempfile
@@ -25,8 +23,11 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from bal import Problem, bundle, read_problem, synthetic_problem, write_problem
+from command import command_line, write_json
 
 if TYPE_CHECKING:
+    import argparse
+
     from obseq.leastsquares import LeastSquares
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -127,18 +128,21 @@ def summary(runs: list[Run]) -> dict[str, float]:
     return vars(runs[0]) | {"seconds": median(run.seconds for run in runs)}
 
 
-def main() -> None:
-    """Runs the problems asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--synthetic", nargs="+", default=[], metavar="CAMERASxPOINTSxOBSERVATIONS")
     parser.add_argument("--threads", type=int, nargs="+", default=[1])
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", type=Path, help="file to write")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Runs the problems asked for."""
+    options = arguments()
     problems = {file.name: read_problem(file) for file in options.files}
     asked = options.synthetic if options.files or options.synthetic else [SYNTHETIC]
     problems |= {f"synthetic {text}": synthetic_problem(*map(int, text.split("x"))) for text in asked}
@@ -152,8 +156,7 @@ def main() -> None:
                 label = f"{name}, {threads} thread" + "s" * (threads > 1)
                 results[label] = compare(problem, program, options.iterations, options.rounds, threads)
                 show(label, problem, results[label])
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    write_json(options.json, results)
 
 
 def show(name: str, problem: Problem, figures: dict[str, Any]) -> None:

@@ -22,6 +22,7 @@ from typing import Any
 
 import mpmath
 import numpy as np
+from command import command_line
 from numpy.typing import NDArray
 
 from obseq.formulas import REGISTRY, Formula
@@ -129,15 +130,18 @@ def to_json(figures: Iterable[Figures]) -> str:
     return f'{{{head}, "floors": {json.dumps(FLOORS)},\n "formulas": {{\n{lines}\n }}\n}}\n'
 
 
-def main() -> int:
-    """Reads the command line, measures, prints, writes; returns 1 when something failed or got worse."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas (all of them)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     parser.add_argument("--record", action="store_true", help="write them as the new baseline")
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Reads the command line, measures, prints, writes; returns 1 when something failed or got worse."""
+    arguments = asked()
     chosen = [formula for formula in REGISTRY if formula.name in arguments.names or not arguments.names]
     figures = []
     for k, formula in enumerate(chosen):

@@ -13,9 +13,7 @@ the middle formula of every family.
     python tools/benchmarks/bench_evaluation.py Dist3D BlocRigid --rows 1 100 --json evaluation.json
 """
 
-import argparse
 import ctypes
-import json
 import statistics
 import sys
 import tempfile
@@ -26,6 +24,7 @@ from pathlib import Path
 import cpp_contenders
 import numpy as np
 import rival
+from command import command_line, write_json
 from interleaved import Repeat, race, ratio
 
 from obseq.formulas import REGISTRY, Formula
@@ -92,9 +91,7 @@ def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
 
 def main() -> int:
     """Reads the command line, benches, prints and writes the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas (one of each family)")
     parser.add_argument("--rows", type=int, nargs="+", default=ROWS)
     parser.add_argument("--rounds", type=int, default=9)
@@ -110,8 +107,7 @@ def main() -> int:
             rows.append(bench(formula, arguments.rows, arguments.rounds, Path(folder)))
     print("\r\033[K", end="", file=sys.stderr)
     show(rows, arguments.rows)
-    if arguments.json:
-        arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", "utf-8")
+    write_json(arguments.json, [asdict(row) for row in rows])
     return 0
 
 

@@ -10,8 +10,6 @@ Example:
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import tempfile
 import time
@@ -22,12 +20,14 @@ from typing import TYPE_CHECKING
 import make_network as simulated
 import numpy as np
 import numpy.typing as npt
+from command import command_line, write_json
 
 from obseq.errors import ObseqError
 from obseq.survey import Network, make_points, write_cor, write_obs
 from obseq.survey.screening.findings import Cause, GrossError
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable
 
 FRAME, PLANE = simulated.FRAME, simulated.PLANE
@@ -309,6 +309,12 @@ class Count:
     missed: tuple[int, ...] = ()
 
 
+def surveyed(site: Site) -> Network:
+    """The network of a site, by way of its files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return site.read(Path(folder))
+
+
 def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range) -> Count:
     """Plants a mistake (none for an honest network) in each network, and counts what is found."""
     count = Count()
@@ -316,8 +322,7 @@ def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range) -> 
         random = np.random.default_rng(seed)
         site = made_site(random)
         planted = mistake(site, random) if mistake else None
-        with tempfile.TemporaryDirectory() as folder:
-            network = site.read(Path(folder))
+        network = surveyed(site)
         start = time.process_time()
         errors = network.gross_errors()
         count.seconds += time.process_time() - start
@@ -330,15 +335,18 @@ def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range) -> 
     return count
 
 
-def main() -> int:
-    """Runs the bench and prints the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("--networks", type=int, default=100, help="networks for each mistake")
     parser.add_argument("--only", nargs="*", help="names of mistakes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Runs the bench and prints the table."""
+    arguments = asked()
     table = {}
     print(f"{'mistake':28}{'networks':>9}{'announced':>10}{'named':>7}{'first':>7}{'s each':>8}  missed")
     for mistake in (None, *MISTAKES):
@@ -349,8 +357,7 @@ def main() -> int:
         table[name] = vars(count)
         figures = f"{count.tried:9}{count.announced:10}{count.named:7}{count.first:7}"
         print(f"{name:28}{figures}{count.seconds / count.tried:8.3f}  {count.missed[:8]}", flush=True)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(table, indent=1), encoding="utf-8")
+    write_json(arguments.json, table)
     return 0
 
 

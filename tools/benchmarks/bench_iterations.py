@@ -8,7 +8,6 @@ those that arrive at a lower minimum than Gauss-Newton's, the iterations are not
 """
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Callable
 from functools import cache
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from command import command_line, write_json
 
 import obseq
 from obseq.codegen import compile_formula
@@ -229,17 +229,20 @@ def bench(kind: str, problems: int) -> list[dict[str, Any]]:
     ]
 
 
-def main() -> None:
-    """Prints one line per kind and strategy."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument(
         "kinds", nargs="*", default=list(KINDS), help=f"of {', '.join(KINDS)}; all by default"
     )
     parser.add_argument("--problems", type=int, default=2000)
     parser.add_argument("--json", type=Path)
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Prints one line per kind and strategy."""
+    arguments = asked()
     rows: list[dict[str, Any]] = []
     print(
         "kind, strategy: iterations median and most; beyond the natural number by more than 2 (worst); ends"
@@ -252,8 +255,7 @@ def main() -> None:
                 f"{row['beyond']} of {row['compared']} ({row['worst']:+d}); {row['ends']}",
                 flush=True,
             )
-    if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write_json(arguments.json, rows)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import cpp_contenders
 import numpy as np
 import rival
+from command import command_line
 from interleaved import Repeat, race, ratio
 from numpy.typing import NDArray
 
@@ -206,9 +207,7 @@ def available(wanted: Sequence[str]) -> list[str]:
 
 def main() -> int:
     """Reads the command line, benches, prints and writes the table; returns 1 when a target is missed."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas (all of them)")
     parser.add_argument("--against", nargs="+", choices=CONTENDERS, default=["rival", "graph"])
     parser.add_argument("--evaluations", type=int, default=LANES, help="evaluations in a batch")

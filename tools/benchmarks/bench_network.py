@@ -13,7 +13,6 @@ one to compare with one thread.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -27,7 +26,10 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+from command import command_line, write_json
+
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable, Iterator
 
     import numpy as np
@@ -280,8 +282,7 @@ def show(figures: dict[str, Any]) -> None:
     for name, seconds in figures["seconds"].items():
         print(f"    {name:28}{seconds['wall']:9.3f}{seconds['cpu']:9.3f}")
     print(f"    assembly {figures['assembly_ns']:.0f} ns per observation")
-    quotient = figures["standard deviations / factorisation"]
-    print(f"    standard deviations / factorisation {quotient:.2f}")
+    print(f"    standard deviations / factorisation {figures['standard deviations / factorisation']:.2f}")
     for name, value in figures.get("pardiso", {}).items():
         print(f"    against PARDISO, {name:16}{value:9.3f}")
     print(f"    sigma0 {figures['sigma0']}, peak memory {figures['peak_mb']:.0f} MB")
@@ -289,9 +290,7 @@ def show(figures: dict[str, Any]) -> None:
 
 def arguments() -> argparse.Namespace:
     """What the command line asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--problem", choices=PROBLEMS, default="survey")
     parser.add_argument("--points", type=int, nargs="*", help="sizes, each in a process of its own")
     parser.add_argument("--threads", type=int, default=1)
@@ -335,8 +334,7 @@ def main() -> None:
         work = partial(warmed_measure, options.problem, points, options.threads, options.rounds)
         results.append(in_child(work))
         show(results[-1])
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

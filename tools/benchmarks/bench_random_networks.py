@@ -11,8 +11,6 @@ Example:
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import tempfile
 from collections import Counter
@@ -22,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import make_network as simulated
 import numpy as np
+from command import command_line, write_json
 
 from obseq.errors import ObseqError
 from obseq.survey import Network
@@ -163,9 +162,7 @@ def _adjusted(folder: Path, files: Files) -> int | str:
 
 def main() -> int:
     """Runs the bench and prints what became of the networks."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--networks", type=int, default=2000, help="networks of each kind")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     arguments = parser.parse_args()
@@ -178,8 +175,7 @@ def main() -> int:
         for seed, said in list(result.said.items())[:20]:
             print(f"  {seed}: {said[:300]}")
         table[kind] = {"iterations": dict(result.iterations), "said": result.said}
-    if arguments.json:
-        arguments.json.write_text(json.dumps(table, indent=1), encoding="utf-8")
+    write_json(arguments.json, table)
     return 0
 
 

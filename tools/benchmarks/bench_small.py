@@ -9,7 +9,6 @@ NumPy expression, and takes their derivatives by differences, or from a function
 """
 
 import argparse
-import json
 import time
 import timeit
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from command import command_line, write_json
 from interleaved import Repeat, race, ratio
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -110,14 +110,13 @@ def bench(n: int, rounds: int, jacobian: bool) -> Row:
     }
     difference = float(np.abs(problem.solve() - problem.scipy(jacobian)).max())
     timings = race(contenders, rounds)
-    ours, theirs = timings["obseq"], timings["scipy"]
     return Row(
         n,
         3 * n,
         len(problem.pairs),
-        1e3 * ours.median,
-        1e3 * theirs.median,
-        ratio(ours, theirs),
+        1e3 * timings["obseq"].median,
+        1e3 * timings["scipy"].median,
+        ratio(timings["obseq"], timings["scipy"]),
         difference,
     )
 
@@ -147,16 +146,19 @@ def _repeat(work: Callable[[], Array], count: int) -> None:
         work()
 
 
-def main() -> int:
-    """Reads the command line, benches, prints the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("--points", type=int, nargs="+", default=POINTS)
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--jacobian", action="store_true", help="give SciPy the derivatives")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the table as JSON")
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Reads the command line, benches, prints the table."""
+    arguments = asked()
     rows = [bench(n, arguments.rounds, arguments.jacobian) for n in arguments.points]
     titles = ("unknowns", "distances", "obseq ms", "scipy ms", "obseq/scipy", "differ by")
     print("".join(f"{title:>12}" for title in titles))
@@ -166,8 +168,7 @@ def main() -> int:
             f"{row.disagreement:12.1e}"
         )
     print(f"ten calls that build a system: {calls_of_ten(arguments.rounds):.0f} us each")
-    if arguments.json:
-        arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", "utf-8")
+    write_json(arguments.json, [asdict(row) for row in rows])
     return 0
 
 

@@ -7,7 +7,6 @@ a witness where pypardiso is installed; SuperLU, which takes long, runs once and
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import platform
@@ -19,7 +18,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from command import command_line
+
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable
 
     import numpy as np
@@ -232,9 +234,7 @@ def report(name: str, timings: dict[str, Timings]) -> dict[str, Any]:
 
 def arguments() -> argparse.Namespace:
     """What the command line asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("problems", nargs="*", default=["survey-10k"], choices=PROBLEMS, metavar="PROBLEM")
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--threads", type=int, default=1)

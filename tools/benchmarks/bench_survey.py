@@ -8,14 +8,14 @@ Example:
     python tools/benchmarks/bench_survey.py --points 2500 10000 40000 --json survey.json
 """
 
-import argparse
-import json
 import math
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+from command import command_line, write_json
 
 from obseq.compilation import cache
 from obseq.kernels import formula_names, load
@@ -75,9 +75,7 @@ def second_demo() -> float:
 
 def main() -> int:
     """Runs the bench, prints the figures and writes them if asked to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--points", nargs="+", type=int, default=[2500, 10_000, 40_000])
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     arguments = parser.parse_args()
@@ -85,8 +83,7 @@ def main() -> int:
     phases(min(arguments.points))  # compiles
     sizes = {n: phases(n) for n in sorted(arguments.points)}
     show(starting, sizes)
-    if arguments.json:
-        arguments.json.write_text(json.dumps({"start": starting, "sizes": sizes}, indent=1))
+    write_json(arguments.json, {"start": starting, "sizes": sizes})
     return 0
 
 

@@ -198,83 +198,89 @@ def _text(text: str, reader: Callable[[Path], object]) -> Seed:
     return _tree(text, "f.txt", reader)
 
 
+BLOCK = BlockFile("B", "x", "(.*)_(.*)", 1, 2, {"x": TURN}, {})
+RULES = Rules({"Focalmm": (("a.*", "8"),), "ModelCam": ((".*", "X"),)})
+BAL = "2 2 3\n0 0 10 -20\n1 0 -90 -20\n0 1 5 5\n" + 2 * "0 0 0 0 0 0 100 0.1 0\n" + "0.1 -0.2 -1\n0 0 -1\n"
+BUNDLER = "# Bundle file v0.3\n1 1\n100 0.1 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n0.1 -0.2 -1\n9 9 9\n1 0 7 10 -20\n"
+COLMAP = {
+    "cameras.txt": b"# c\n1 OPENCV 2000 1500 1800 1801 1000 750 -0.1 0 0 0\n",
+    "images.txt": b"1 1 0 0 0 0 0 10 1 a.jpg\n1000 700 5 3 3 -1\n",
+    "points3D.txt": b"5 1 2 3 9 9 9 0.5 1 0\n",
+}
+AICON = {
+    "b.ior": b"5 0 -18 0.05 -0.02 -2e-4 0 8\n0\n1e-5 0\n1e-4 0\n20 15 2000 1500\n",
+    "b.eor": b"i 5 0 0 1000 0 0 0 0 1 3\n",
+    "b.obc": b"P 1 2 3 0 0 0 4 1 0 1\nQ 5 2 3 0 0 0 4 1 0 0\n",
+    "b.phc": b"i P 1 2 1 1 0 0 0 1 0\ni Q 1 3 1 1 0 0 0 1 0\n",
+    "b.scl": b'1 "bar" P Q 1234.5 0.01 1\n',
+}
+DBAT_FILES = {
+    "s.xml": DBAT.encode(),
+    "c.txt": b"1, 1, 2, 3\n",
+    "i.txt": b"1, a.jpg\n",
+    "m.txt": b"1,1,900,700\n",
+}
+V1 = {
+    "Ori-X/Orientation-a.jpg.xml": V1_POSE.encode(),
+    "Ori-X/AutoCal.xml": V1_CAMERA.encode(),
+    "p.xml": V1_POINTS.encode(),
+    "m.xml": V1_MEASURES.encode(),
+}
+
+
 def seeds() -> dict[str, Seed]:
     """By kind: the files, and what reads them in a folder."""
-    block = BlockFile("B", "x", "(.*)_(.*)", 1, 2, {"x": TURN}, {})
-    rules = Rules({"Focalmm": (("a.*", "8"),), "ModelCam": ((".*", "X"),)})
-    bal = (
-        "2 2 3\n0 0 10 -20\n1 0 -90 -20\n0 1 5 5\n" + 2 * "0 0 0 0 0 0 100 0.1 0\n" + "0.1 -0.2 -1\n0 0 -1\n"
-    )
-    bundler = (
-        "# Bundle file v0.3\n1 1\n100 0.1 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n0.1 -0.2 -1\n9 9 9\n1 0 7 10 -20\n"
-    )
-    colmap = {
-        "cameras.txt": b"# c\n1 OPENCV 2000 1500 1800 1801 1000 750 -0.1 0 0 0\n",
-        "images.txt": b"1 1 0 0 0 0 0 10 1 a.jpg\n1000 700 5 3 3 -1\n",
-        "points3D.txt": b"5 1 2 3 9 9 9 0.5 1 0\n",
-    }
-    aicon = {
-        "b.ior": b"5 0 -18 0.05 -0.02 -2e-4 0 8\n0\n1e-5 0\n1e-4 0\n20 15 2000 1500\n",
-        "b.eor": b"i 5 0 0 1000 0 0 0 0 1 3\n",
-        "b.obc": b"P 1 2 3 0 0 0 4 1 0 1\nQ 5 2 3 0 0 0 4 1 0 0\n",
-        "b.phc": b"i P 1 2 1 1 0 0 0 1 0\ni Q 1 3 1 1 0 0 0 1 0\n",
-        "b.scl": b'1 "bar" P Q 1234.5 0.01 1\n',
-    }
-    dbat = {
-        "s.xml": DBAT.encode(),
-        "c.txt": b"1, 1, 2, 3\n",
-        "i.txt": b"1, a.jpg\n",
-        "m.txt": b"1,1,900,700\n",
-    }
-    v1 = {
-        "Ori-X/Orientation-a.jpg.xml": V1_POSE.encode(),
-        "Ori-X/AutoCal.xml": V1_CAMERA.encode(),
-        "p.xml": V1_POINTS.encode(),
-        "m.xml": V1_MEASURES.encode(),
-    }
-    found: dict[str, Seed] = {
+    found = exchange_seeds() | project_seeds(as_json=False) | project_seeds(as_json=True)
+    assert json.loads(found["pose json"][0]["p.json"])
+    return found
+
+
+def exchange_seeds() -> dict[str, Seed]:
+    """Of tables, and of the files of other programs."""
+    return {
         "cameras": _text("name,width,height,focal,K1\nc,2000,1500,1800,-0.1\n", read_cameras),
         "images": _text("image camera x y z omega phi kappa\na c 1 2 3 0 0 90\n", read_images),
         "control": _text("point,x,y,z,sx,sy,sz\nA,1,2,3,0,,0.5\n", read_control),
         "measures": _text('image;point;x;y;sigma\na;"P;1";10;20;1\n', read_measures),
         "opk": _text("# x\na 1 2 3 10 20 30\nb 1 2 3 1 2 3\n", read_opk),
-        "bal": _text(bal, read_bal),
-        "bundler": _text(bundler, read_bundler),
-        "colmap": (colmap, read_colmap),
+        "bal": _text(BAL, read_bal),
+        "bundler": _text(BUNDLER, read_bundler),
+        "colmap": (COLMAP, read_colmap),
         "colmap binary": (_binary_colmap(), read_colmap),
         "metashape": _tree(METASHAPE, "f.xml", read_metashape),
-        "dbat": (dbat, lambda folder: read_dbat(folder / "s.xml")),
+        "dbat": (DBAT_FILES, lambda folder: read_dbat(folder / "s.xml")),
         "photomodeler": _text(PHOTOMODELER, read_photomodeler),
-        "aicon": (aicon, lambda folder: read_aicon(folder, 0.1)),
-        "micmac": (v1, lambda folder: read_v1_block(folder / "Ori-X", folder / "m.xml", folder / "p.xml")),
+        "aicon": (AICON, lambda folder: read_aicon(folder, 0.1)),
+        "micmac": (V1, lambda folder: read_v1_block(folder / "Ori-X", folder / "m.xml", folder / "p.xml")),
         "pairs": _text("x1,y1,x2,y2\n1,2,3,4\n", read_pairs),
         "tracks": ({"PMUL-a.csv": b"Pt.x,Pt.y,Id\n1,2,3\n"}, read_tracks),
     }
-    for as_json in (False, True):
-        ending = "json" if as_json else "xml"
-        trees: dict[str, Seed] = {
-            "calibration": _tree(calibration_text(CAMERA, as_json=as_json), f"c.{ending}", read_calibration),
-            "pose": _tree(pose_text("a", "c", TURN, as_json=as_json), f"p.{ending}", read_pose),
-            "rigid block": _tree(block_text(block, as_json=as_json), f"b.{ending}", read_block),
-            "instruments": _tree(
-                data_text(INSTRUMENTS, as_json=as_json), f"FileRB_i.{ending}", read_instrument_block
-            ),
-            "readings": (
-                {f"ClinoMeasures.{ending}": data_text(READINGS, as_json=as_json).encode()},
-                read_clinometer_readings,
-            ),
-            "rules": _tree(rules_text(rules, as_json=as_json), f"r.{ending}", read_rules),
-            "names": _tree(names_text(["a", "b"], as_json=as_json), f"n.{ending}", read_names),
-            "points": (
-                {f"MesGCP-x.{ending}": points_text(POINTS, "x", as_json=as_json).encode()},
-                read_control_points,
-            ),
-            "targets": (
-                {f"MesIm-a.{ending}": measures_text("a", MEASURES, as_json=as_json).encode()},
-                read_image_measures,
-            ),
-            "topo": ({f"t.{ending}": tree_text("TopoData", TOPO, as_json=as_json).encode()}, read_topo),
-        }
-        found |= {f"{name} {ending}": seed for name, seed in trees.items()}
-    assert json.loads(found["pose json"][0]["p.json"])
-    return found
+
+
+def project_seeds(*, as_json: bool) -> dict[str, Seed]:
+    """Of the files of a project, which are trees in XML or in JSON."""
+    ending = "json" if as_json else "xml"
+    trees: dict[str, Seed] = {
+        "calibration": _tree(calibration_text(CAMERA, as_json=as_json), f"c.{ending}", read_calibration),
+        "pose": _tree(pose_text("a", "c", TURN, as_json=as_json), f"p.{ending}", read_pose),
+        "rigid block": _tree(block_text(BLOCK, as_json=as_json), f"b.{ending}", read_block),
+        "instruments": _tree(
+            data_text(INSTRUMENTS, as_json=as_json), f"FileRB_i.{ending}", read_instrument_block
+        ),
+        "readings": (
+            {f"ClinoMeasures.{ending}": data_text(READINGS, as_json=as_json).encode()},
+            read_clinometer_readings,
+        ),
+        "rules": _tree(rules_text(RULES, as_json=as_json), f"r.{ending}", read_rules),
+        "names": _tree(names_text(["a", "b"], as_json=as_json), f"n.{ending}", read_names),
+        "points": (
+            {f"MesGCP-x.{ending}": points_text(POINTS, "x", as_json=as_json).encode()},
+            read_control_points,
+        ),
+        "targets": (
+            {f"MesIm-a.{ending}": measures_text("a", MEASURES, as_json=as_json).encode()},
+            read_image_measures,
+        ),
+        "topo": ({f"t.{ending}": tree_text("TopoData", TOPO, as_json=as_json).encode()}, read_topo),
+    }
+    return {f"{name} {ending}": seed for name, seed in trees.items()}

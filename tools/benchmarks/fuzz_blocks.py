@@ -6,7 +6,6 @@ seconds. Each is printed with its kind and its seed, which makes the same files 
     python tools/benchmarks/fuzz_blocks.py --start 0 --count 20000
 """
 
-import argparse
 import random
 import sys
 import tempfile
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from block_seeds import seeds
+from command import command_line
 from fuzz_readers import check_message, mutated, patience
 
 from obseq.errors import ObseqError
@@ -102,6 +102,13 @@ def failure(folder: Path, kind: str, seed: Any, number: int, counts: Counter[str
     return None
 
 
+def write_whole(files: dict[str, bytes], place: Path) -> None:
+    """Writes the files of a seed as they are."""
+    for name, data in files.items():
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes(data)
+
+
 def run(start: int, count: int) -> tuple[Counter[str], list[str]]:
     """Counts and failures of so many cases, shared by all kinds in turn."""
     kinds = seeds()
@@ -112,9 +119,7 @@ def run(start: int, count: int) -> tuple[Counter[str], list[str]]:
         for kind, seed in kinds.items():
             files, reader = seed
             place = Path(folder) / kind
-            for name, data in files.items():
-                (place / name).parent.mkdir(parents=True, exist_ok=True)
-                (place / name).write_bytes(data)
+            write_whole(files, place)
             reader(place)  # whole, it is read; and what is compiled is compiled
         for number in range(start, start + count):
             kind = list(kinds)[number % len(kinds)]
@@ -125,9 +130,7 @@ def run(start: int, count: int) -> tuple[Counter[str], list[str]]:
 
 def main() -> int:
     """Run the cases, print failures and counts; 1 when something failed."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
     parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
     options = parser.parse_args()

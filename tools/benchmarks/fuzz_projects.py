@@ -6,7 +6,6 @@ As `fuzz_readers.py`, for whatever `obseq adjust FILE` reads. Each case changes 
     python tools/benchmarks/fuzz_projects.py --start 0 --count 20000 --adjust 0.02
 """
 
-import argparse
 import logging
 import random
 import shutil
@@ -17,6 +16,7 @@ from collections import Counter
 from pathlib import Path
 
 import fuzz_readers as readers
+from command import command_line
 
 from obseq.errors import ObseqError
 from obseq.survey import Network
@@ -125,9 +125,7 @@ def failure(found: list[Seed], number: int, adjusts: float, counts: Counter[str]
 
 def main() -> int:
     """Run the cases, print failures and counts; 1 when something failed."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
     parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
     parser.add_argument("--adjust", type=float, default=0.1, help="share of networks to adjust (%(default)s)")

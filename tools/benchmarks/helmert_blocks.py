@@ -5,17 +5,20 @@ python tools/benchmarks/helmert_blocks.py [--points N] [--depth N] [--workers N]
 
 from __future__ import annotations
 
-import argparse
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bench_network import survey
+from command import command_line
 
 from obseq.leastsquares import solve_in_blocks
+
+if TYPE_CHECKING:
+    import argparse
 
 
 class Pools:
@@ -55,16 +58,19 @@ class DaskWorkers:
         self.client.cluster.close()
 
 
-def main() -> None:
-    """Adjusts a survey in blocks, and at once; prints times and differences."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("--points", type=int, default=10_000)
     parser.add_argument("--depth", type=int, default=3, help="2 to this power leaves")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--dask", action="store_true")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Adjusts a survey in blocks, and at once; prints times and differences."""
+    options = arguments()
     whole, blocks = survey(options.points, 1), survey(options.points, 1)
     executor: Any = DaskWorkers(options.workers) if options.dask else Pools(options.workers)
     begin = time.perf_counter()

@@ -20,6 +20,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from command import command_line
+
 FOLDER = Path(__file__).parent
 TRAFALGAR = FOLDER.parents[2] / "shared" / "data" / "bal-trafalgar-21" / "problem-21-11315-pre.txt"
 FEW = ("Dist3D", "TopoHz", "BlocRigid", "EqColinearityCamPPC_Stenope_Dist_Rad3_Dec1_XY1")
@@ -135,24 +137,33 @@ def show(rows: Iterable[Row], before: dict[str, float]) -> None:
         print(f"{row.what:52}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}")
 
 
-def main() -> int:
-    """Reads the command line, runs the benches, prints and writes the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def rows_of(benches: Iterable[Bench], quick: bool) -> list[Row]:
+    """What the benches find, each run in a folder of its own."""
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, bench in enumerate(benches):
+            (place := Path(folder) / str(number)).mkdir()
+            rows += bench.run(quick, place)
+    return rows
+
+
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
     parser.add_argument("--quick", action="store_true", help="few formulas and rounds: some minutes")
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="benches whose file has a word")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the page as JSON")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="the page of an earlier run")
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Reads the command line, runs the benches, prints and writes the page."""
+    arguments = asked()
     former = json.loads(arguments.baseline.read_text("utf-8"))["rows"] if arguments.baseline else []
     before = {row["what"]: row["times_as_fast"] for row in former}
     chosen = [b for b in BENCHES if not arguments.only or any(word in b.file for word in arguments.only)]
-    rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        for number, bench in enumerate(chosen):
-            (place := Path(folder) / str(number)).mkdir()
-            rows += bench.run(arguments.quick, place)
+    rows = rows_of(chosen, arguments.quick)
     show(rows, before)
     if arguments.json:
         content = {"format": "obseq-benches", "version": 1, "rows": [asdict(row) for row in rows]}

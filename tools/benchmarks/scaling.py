@@ -22,6 +22,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from command import command_line
+
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "scaling.md"
 POINTS = (10_000, 30_000, 100_000, 300_000)
@@ -193,9 +195,7 @@ def written(text: str, name: str, table: str) -> str:
 
 def arguments() -> argparse.Namespace:
     """What the command line asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--points", type=int, nargs="+", default=POINTS, help="sizes of the table of growth")
     parser.add_argument("--shared-points", type=int, default=SHARED_POINTS, help="size of that of threads")
     parser.add_argument("--block", default=BLOCK, metavar="CAMERASxPOINTSxOBSERVATIONS")
