@@ -79,10 +79,11 @@ def doubtful_points(
         sigmas: (k, 3) their standard deviations a priori, m.
     """
     lengths = nearest_sights(book, coordinates, rows)
-    worst = np.nanmax(np.where(np.isfinite(sigmas), sigmas, 0.0), axis=1, initial=0.0)
+    known = np.where(np.isfinite(sigmas), sigmas, 0.0)
+    worst = known.max(axis=1, initial=0.0)
     for at in np.flatnonzero(worst > np.maximum(SHARE * lengths, LEAST)).tolist():
         row = int(rows[at])
-        axis = "xyz"[int(sigmas[at].argmax())]
+        axis = "xyz"[int(known[at].argmax())]
         circle = tuple(names[target] for target in _on_circle(book, coordinates, row))
         yield Doubtful(names[row], axis, float(worst[at]), float(lengths[at]), circle)
 
