@@ -5,7 +5,8 @@ import panel
 import pytest
 
 from obseq.errors import InputError
-from obseq.images import ControlPoints, ImagePoints, Poses
+from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses
+from obseq.images.parts import Approximations
 
 
 @pytest.mark.parametrize(("form", "tag"), [("quaternion", "EQ"), ("wpk", "WPK"), ("ypr", "YPR")])
@@ -67,3 +68,32 @@ def test_wrong_control_points_are_refused():
         ControlPoints.of(["A"], [[np.inf, 0.0, 0.0]])
     with pytest.raises(InputError, match="control point A: the covariance"):
         ControlPoints.correlated(["A"], np.zeros((1, 3)), -np.eye(3)[None])
+
+
+def test_the_last_approximation_of_a_point_counts():
+    given = Approximations()
+    given.add(["a", "b"], np.array([[1.0, 2, 3], [4, 5, 6]]))
+    same = given.of(["a", "b"])
+    same[:] = 0.0
+    assert given["b"].tolist() == [4, 5, 6]
+    given.add(["b", "c"], np.array([[7.0, 8, 9], [10, 11, 12]]))
+    assert given.of(["c", "b", "d", "a"]).tolist()[:2] == [[10, 11, 12], [7, 8, 9]]
+    assert np.isnan(given.of(["c", "b", "d", "a"])[2]).all()
+    assert list(given) == ["a", "b", "c"] and len(given) == 3
+
+
+def two_sizes():
+    block = BundleAdjustment()
+    block.add_cameras(Camera("small", 100, 80, focal=90.0), Camera("large", 1000, 800, focal=900.0))
+    block.add_images(["s"], "small")
+    block.add_images(["l"], "large")
+    return block
+
+
+def test_a_measure_is_outside_its_own_image():
+    block = two_sizes()
+    block.add_measures(ImagePoints.of(["s", "l"], ["1", "1"], [[99.0, 79.0], [999.0, 799.0]]))
+    with pytest.raises(InputError, match=r"image s, point 2: \(120, 40\) is outside the image of 100 by 80"):
+        block.add_measures(ImagePoints.of(["l", "s"], ["2", "2"], [[120.0, 40.0], [120.0, 40.0]]))
+    with pytest.raises(InputError, match=r"image l, point 3: .* is outside the image of 1000 by 800"):
+        block.add_measures(ImagePoints.of(["l"], ["3"], [[20.0, -11.0]]))

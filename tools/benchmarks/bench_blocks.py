@@ -3,8 +3,9 @@
     python tools/benchmarks/bench_blocks.py [BAL FILE ...] [--images 200 --points 100000 --rays 5]
 
 Both ways start from the same arrays and names and end with adjusted poses, cameras and points: the objects
-(cameras, poses, measures, `solve`), and the same system written by hand. They are run in turn; seconds are of
-the processor, on one thread. Without a file: a synthetic block of images on an arc about a cloud of points.
+(cameras, poses, measures, `solve`), and the same system written by hand. They are run in turn, each first in
+every other round; seconds are of the processor, on one thread, and the ratio is the median over rounds.
+Without a file: a synthetic block of images on an arc about a cloud of points.
 """
 
 from __future__ import annotations
@@ -128,8 +129,8 @@ def compare(data: Given, rounds: int) -> dict[str, Any]:
         work(data)
     runs: dict[str, list[float]] = {name: [] for name in ways}
     found: dict[str, dict[str, Any]] = {}
-    for _ in range(rounds):
-        for name, work in ways.items():
+    for number in range(rounds):
+        for name, work in sorted(ways.items(), reverse=number % 2 == 1):
             seconds, found[name] = timed(work, data)
             runs[name].append(seconds)
     ratios = [a / b for a, b in zip(runs["objects"], runs["by hand"], strict=True)]

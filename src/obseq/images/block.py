@@ -14,7 +14,7 @@ from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
-from obseq.images.parts import Instruments, Lengths, MeasureSet, PoseObservations, Rule
+from obseq.images.parts import Approximations, Instruments, Lengths, MeasureSet, PoseObservations, Rule
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Block:
     poses: Poses = field(default_factory=lambda: Poses.of([], np.zeros((0, 3)), np.zeros((0, 3, 3))))
     control: ControlPoints = field(default_factory=lambda: ControlPoints.of([], np.zeros((0, 3))))
     sets: list[MeasureSet] = field(default_factory=list)
-    approximations: dict[str, FloatArray] = field(default_factory=dict)
+    approximations: Approximations = field(default_factory=Approximations)
     lengths: Lengths = field(default_factory=Lengths)
     surveys: list[Network] = field(default_factory=list)
     rigid_blocks: list[RigidBlock] = field(default_factory=list)
@@ -146,10 +146,10 @@ class Block:
 
     def add_approximations(self, names: Sequence[str], coordinates: ArrayLike) -> None:
         """Gives free points a start; without one, they start where their rays meet."""
-        array = np.asarray(coordinates, dtype=np.float64)
+        array = np.array(coordinates, dtype=np.float64)
         if array.shape != (len(names), 3) or not np.isfinite(array).all():
             raise InputError(f"approximations of {len(names)} points are a finite ({len(names)}, 3) array")
-        self.approximations.update(zip(names, array, strict=True))
+        self.approximations.add(names, array)
 
     # What was measured
 
@@ -188,6 +188,8 @@ class Block:
         cameras = [self.cameras[self.camera_of[image]] for image in measures.image_names]
         sizes = np.array([(c.width or np.inf, c.height or np.inf) for c in cameras]).reshape(-1, 2)
         lowest = np.array([-MARGIN if c.width else -np.inf for c in cameras])
+        if _are_within(measures.xy, lowest, sizes):
+            return
         size, low = sizes.take(measures.image, axis=0), lowest.take(measures.image)[:, None]
         wrong = np.flatnonzero(((measures.xy < low) | (measures.xy > size + MARGIN)).any(axis=1))
         if wrong.size:
@@ -361,6 +363,15 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+
+
+def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
+    """Whether pixels lie in the smallest of several images, and so in all."""
+    if not len(xy) or (np.isinf(sizes).all() and np.isinf(lowest).all()):
+        return True
+    return bool(
+        (xy.min(axis=0) >= lowest.max()).all() and (xy.max(axis=0) <= sizes.min(axis=0) + MARGIN).all()
+    )
 
 
 def _origin(outside: int, measures: int) -> str:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.model import CameraModel
+    from obseq.images.poses import Poses
     from obseq.kernels import Calculator
     from obseq.kernels.loading import Kernel
 
@@ -333,19 +334,24 @@ def _coefficient_names(model: str) -> tuple[str, ...]:
 
 
 def are_in_front(
-    cameras: Sequence[Camera], image: IntArray, arms: FloatArray, rotations: FloatArray
+    cameras: Sequence[Camera], poses: Poses, image: IntArray, coordinates: FloatArray, point: IntArray
 ) -> BoolArray:
     """(n,) whether points are where the projection of their camera is defined.
 
     Args:
         cameras: camera of each image.
-        image: (n,) image of each point.
-        arms: (n, 3) from the centre of the image to the point, in the world.
-        rotations: (k, 3, 3) of the images.
+        poses: of the images.
+        image: (n,) image of each measure.
+        coordinates: (k, 3) of the points, in the world.
+        point: (n,) point of each measure.
     """
-    seen = np.einsum("ni,ni->n", arms, rotations[:, :, 2].take(image, axis=0)) > 0.0
+    axes = poses.rotations[:, :, 2]
+    depths = np.negative(np.einsum("ki,ki->k", poses.centres, axes)).take(image)
+    for k in range(3):
+        depths += coordinates[:, k].take(point) * axes[:, k].take(image)
+    seen = depths > 0.0
     for row in np.flatnonzero(~seen):  # in front, every projection is defined; behind, some are
-        local = arms[row] @ rotations[image[row]]
+        local = (coordinates[point[row]] - poses.centres[image[row]]) @ poses.rotations[image[row]]
         seen[row] = cameras[image[row]].is_in_front(local[None])[0]
     return np.asarray(seen)
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +93,12 @@ class ImagePoints:
     def _check(self) -> None:
         if not len(self):
             return
-        wrong = np.flatnonzero(~np.isfinite(self.xy).all(axis=1))
-        if wrong.size:
-            raise RowError(
-                f"{self.label(wrong[0])}: the pixel {self.xy[wrong[0]]} is not finite", int(wrong[0])
-            )
-        wrong = np.flatnonzero(~((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all(axis=1))
-        if wrong.size:
-            raise RowError(f"{self.label(wrong[0])}: the sigma must be positive and finite", int(wrong[0]))
+        row = _first_wrong(np.isfinite(self.xy))
+        if row is not None:
+            raise RowError(f"{self.label(row)}: the pixel {self.xy[row]} is not finite", row)
+        row = _first_wrong((self.sigmas > 0.0) & np.isfinite(self.sigmas))
+        if row is not None:
+            raise RowError(f"{self.label(row)}: the sigma must be positive and finite", row)
         keys = self.image * len(self.point_names) + self.point
         if (np.diff(keys) > 0).all():
             return  # by image and, in each, by point: nothing comes twice
@@ -160,3 +158,8 @@ class ImagePoints:
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.sigmas, other.sigmas]),
         )
+
+
+def _first_wrong(is_right: BoolArray) -> int | None:
+    """The first row (n, 2) that is not right in both; None when all are."""
+    return None if is_right.all() else int(is_right.all(axis=1).argmin())

@@ -2,19 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     import re
+    from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray
     from obseq.images.clinometers import Clinometer, Inclinations
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
     from obseq.images.weighting import Weighting
+
+
+class Approximations(Mapping[str, FloatArray]):
+    """Where points are about, by name: kept as the arrays given; of a name, the last one counts."""
+
+    def __init__(self) -> None:
+        self._given: list[tuple[tuple[str, ...], FloatArray]] = []
+        self._rows: dict[str, FloatArray] = {}
+
+    def add(self, names: Sequence[str], coordinates: FloatArray) -> None:
+        """Adds (n, 3) coordinates of n names."""
+        self._given.append((tuple(names), coordinates))
+        self._rows = {}
+
+    def of(self, names: Sequence[str]) -> FloatArray:
+        """(n, 3) coordinates of different names, NaN where there are none; a copy."""
+        if len(self._given) == 1 and self._given[0][0] == tuple(names):
+            return self._given[0][1].copy()
+        unknown = np.full(3, np.nan)
+        return np.array([self._by_name.get(name, unknown) for name in names]).reshape(-1, 3)
+
+    @property
+    def _by_name(self) -> dict[str, FloatArray]:
+        """Rows of the arrays, looked for when a name is asked for."""
+        if not self._rows:
+            for names, coordinates in self._given:
+                self._rows.update(zip(names, coordinates, strict=True))
+        return self._rows
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self._by_name[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_name)
+
+    def __len__(self) -> int:
+        return len(self._by_name)
 
 
 @dataclass(frozen=True, eq=False)

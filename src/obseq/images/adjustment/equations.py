@@ -133,10 +133,10 @@ class Equations:
             ]
             if fixed:
                 system.freeze(ids[fixed])
-        for component in range(3):
-            held = self.points[self.start.is_held[:, component]]
-            if held.size:
-                system.freeze(held, (component,))
+        if self.start.is_control.any():
+            for component, held in enumerate(self.start.is_held.T):
+                if held.any():
+                    system.freeze(self.points[held], (component,))
         for parameters, cameras in block.shared:
             self._share(parameters, cameras)
         for parameters, cameras, value, sigma in block.parameter_priors:
@@ -179,7 +179,9 @@ class Equations:
     def _eliminated(self) -> IntArray:
         """Blocks of the points that only image measures and their own coordinates concern."""
         alone = ~are_among(self.start.points, self.block.joined_points)
-        return self.points[alone & ~self.start.is_held.all(axis=1)]
+        if self.start.is_control.any():
+            alone &= ~self.start.is_held.all(axis=1)
+        return self.points[alone]
 
     # Equations
 
@@ -200,19 +202,20 @@ class Equations:
         ]
 
     def _add_batch(self, formula: str | Kernel, part: NumberedSet, rows: IntArray) -> Batch:
-        image, measures = part.image[rows], part.given.measures
+        measures, weighting = part.given.measures, part.given.weighting
+        chosen = slice(None) if rows is part.rows and part.is_in_order else rows
+        image = part.image[chosen]
         blocks = {
-            "point": self.points[part.point[rows]],
+            "point": self.points[part.point[chosen]],
             "camera.centre": self.centres[image],
             "camera.rotation": self.rotations[image],
             "calibration": self._calibration_of_image[image],
         }
-        weighting = part.given.weighting
         return self.system.add(
             formula,
             blocks,
-            measures.xy.take(rows, axis=0),
-            measures.sigmas.take(rows, axis=0),
+            measures.xy[chosen],
+            measures.sigmas[chosen],
             lambda row: measures.label(int(rows[row])),
             part.given.name,
             loss=None if weighting is None else weighting.loss,

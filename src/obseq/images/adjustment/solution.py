@@ -348,8 +348,7 @@ class BundleSolution:
     def is_behind(self) -> BoolArray:
         """(n,) image points, as in `residuals`, whose point is behind the camera in the solution."""
         found = self.residuals
-        arms = self.coordinates[found.point] - self.poses.centres[found.image]
-        return ~are_in_front(self.start.cameras, found.image, arms, self.poses.rotations)
+        return ~are_in_front(self.start.cameras, self.poses, found.image, self.coordinates, found.point)
 
 
 def _correlations(covariance: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH, misfit, usual_places
 from obseq.images.measures import ImagePoints
-from obseq.images.names import are_among, index_of
+from obseq.images.names import are_among, index_of, numbered
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -62,14 +63,19 @@ class NumberedSet:
     point: IntArray
     is_used: BoolArray
 
-    @property
+    @cached_property
     def rows(self) -> IntArray:
         """Rows of the measures that are used, by image and, in each, by point."""
-        rows, image, point = np.flatnonzero(self.is_used), self.image, self.point
-        if len(rows) < len(image):
-            image, point = image[rows], point[rows]
-        keys = image * (int(self.point.max(initial=0)) + 1) + point
+        keys = self.image * (int(self.point.max(initial=0)) + 1) + self.point
+        rows = np.flatnonzero(self.is_used)
+        if len(rows) < len(keys):
+            keys = keys[rows]
         return rows if (np.diff(keys) > 0).all() else rows[np.argsort(keys, kind="stable")]
+
+    @cached_property
+    def is_in_order(self) -> bool:
+        """Whether `rows` are all measures, as they stand."""
+        return len(self.rows) == len(self.image) and np.array_equal(self.rows, np.arange(len(self.rows)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,15 +123,16 @@ def start_of(block: Block) -> Start:
     names, sets = _numbered(block, images)
     control = are_among(names, block.control.names)
     covariances = _covariances(block, names)
-    known = np.isfinite(np.diagonal(covariances, axis1=1, axis2=2)).any(axis=1)
-    fixed = known | are_among(names, block.joined_points)
+    fixed = are_among(names, block.joined_points)
+    if control.any():
+        fixed |= np.isfinite(np.diagonal(covariances, axis1=1, axis2=2)).any(axis=1)
     counts = _rays(sets, len(names))
     reasons: dict[int, str] = {
         int(k): f"it has {counts[k]} ray; a free point takes {LEAST_RAYS}"
         for k in np.flatnonzero(~fixed & (counts < LEAST_RAYS))
     }
     coordinates = _known_coordinates(block, names)
-    wanted = np.asarray(np.isnan(coordinates).any(axis=1))
+    wanted = ~_have_places(coordinates)
     wanted[list(reasons)] = False
     unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
@@ -133,7 +140,7 @@ def start_of(block: Block) -> Start:
     start = Start(
         poses,
         cameras,
-        tuple(names),
+        names,
         coordinates,
         covariances,
         control,
@@ -168,6 +175,8 @@ def _without(start: Start, reasons: dict[int, str]) -> Start:
 
 def _unmeasured(block: Block, names: Sequence[str]) -> tuple[LeftOut, ...]:
     """Control points that no observation joins to the block."""
+    if not block.control.names:
+        return ()
     met = are_among(block.control.names, {*names, *block.joined_points})
     idle = itertools.compress(block.control.names, ~met)
     return tuple(LeftOut("control point", name, "it is in no image") for name in idle)
@@ -199,28 +208,35 @@ def _images(block: Block) -> tuple[list[str], list[LeftOut]]:
     return images, [LeftOut("image", image, "nothing is measured in it") for image in others]
 
 
-def _numbered(block: Block, images: list[str]) -> tuple[list[str], list[NumberedSet]]:
-    place: dict[str, int] = {}
+def _numbered(block: Block, images: list[str]) -> tuple[tuple[str, ...], list[NumberedSet]]:
+    """The points of the measures and of the lengths, and the measures in their numbers."""
+    lengths = block.lengths
+    lists = [part.measures.point_names for part in block.sets]
+    names, points = _joined([*lists, lengths.first + lengths.second] if lengths.values else lists)
     sets = []
-    for part in block.sets:
+    for part, point in zip(block.sets, points, strict=False):
         measures = part.measures
-        point = _joined(place, measures.point_names)
         image = index_of(images, measures.image_names, "image points: image")
         everything = np.ones(len(measures), dtype=bool)
-        sets.append(NumberedSet(part, image[measures.image], point[measures.point], everything))
-    for name in (*block.lengths.first, *block.lengths.second):
-        place.setdefault(name, len(place))
-    return list(place), sets
+        sets.append(
+            NumberedSet(
+                part, _looked_up(image, measures.image), _looked_up(point, measures.point), everything
+            )
+        )
+    return names, sets
 
 
-def _joined(place: dict[str, int], names: Sequence[str]) -> IntArray:
-    """(n,) numbers of names, those that are new added to the table of numbers."""
-    if not place:
-        place.update(zip(names, range(len(names)), strict=True))
-        if len(place) == len(names):
-            return np.arange(len(names))
-        place.clear()
-    return np.array([place.setdefault(name, len(place)) for name in names], dtype=np.int64)
+def _joined(lists: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], list[IntArray]]:
+    """The different names of lists, and the number of each name of each list."""
+    if len(lists) == 1 and len(set(lists[0])) == len(lists[0]):
+        return lists[0], [np.arange(len(lists[0]))]
+    names, numbers = numbered([name for part in lists for name in part])
+    return names, np.split(numbers, np.cumsum([len(part) for part in lists])[:-1])
+
+
+def _looked_up(numbers: IntArray, column: IntArray) -> IntArray:
+    """(n,) the numbers of what a column says; the column itself where it says these."""
+    return column if np.array_equal(numbers, np.arange(len(numbers))) else numbers[column]
 
 
 def _rays(sets: list[NumberedSet], n: int) -> IntArray:
@@ -230,17 +246,25 @@ def _rays(sets: list[NumberedSet], n: int) -> IntArray:
     return counts
 
 
-def _known_coordinates(block: Block, names: list[str]) -> FloatArray:
+def _known_coordinates(block: Block, names: Sequence[str]) -> FloatArray:
     """(n, 3) of control points, of points of a survey, or approximations; NaN for the others."""
+    found = block.approximations.of(names)
     known = dict(zip(block.control.names, block.control.coordinates, strict=True))
     for network in block.surveys:
         known = dict(zip(network.points.names, network.points.coordinates, strict=True)) | known
-    known = block.approximations | known if known else block.approximations
-    found = map(known.get, names, itertools.repeat(np.full(3, np.nan)))
-    return np.array(list(found), dtype=np.float64).reshape(-1, 3)
+    if known:
+        rows = np.flatnonzero(are_among(names, known))
+        found[rows] = np.array([known[names[row]] for row in rows.tolist()]).reshape(-1, 3)
+    return found
 
 
-def _covariances(block: Block, names: list[str]) -> FloatArray:
+def _have_places(coordinates: FloatArray) -> BoolArray:
+    """(n,) whether points (n, 3) have coordinates."""
+    there = np.isfinite(coordinates)
+    return np.ones(len(coordinates), dtype=bool) if there.all() else np.asarray(there.all(axis=1))
+
+
+def _covariances(block: Block, names: Sequence[str]) -> FloatArray:
     """(n, 3, 3) of control points; infinite on the diagonal for the others."""
     found = np.zeros((len(names), 3, 3))
     found.reshape(-1, 9)[:, ::4] = np.inf
@@ -288,17 +312,20 @@ def put_points(
 
 
 def _require_in_front(
-    poses: Poses, cameras: list[Camera], names: list[str], sets: list[NumberedSet], coordinates: FloatArray
+    poses: Poses,
+    cameras: list[Camera],
+    names: Sequence[str],
+    sets: list[NumberedSet],
+    coordinates: FloatArray,
 ) -> None:
     """Refuses points with given coordinates that are measured from behind."""
-    is_known = np.asarray(np.isfinite(coordinates).all(axis=1))
+    is_known = _have_places(coordinates)
     for part in sets:
         image, point = part.image, part.point
         if not is_known.all():
             rows = np.flatnonzero(is_known[point])
             image, point = image[rows], point[rows]
-        arms = coordinates.take(point, axis=0) - poses.centres.take(image, axis=0)
-        seen = are_in_front(cameras, image, arms, poses.rotations)
+        seen = are_in_front(cameras, poses, image, coordinates, point)
         if not seen.all():
             k = int(np.flatnonzero(~seen)[0])
             raise InputError(

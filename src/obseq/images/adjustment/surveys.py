@@ -52,6 +52,8 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
     Raises:
         InputError: a network cannot be placed, or a point of the block has no coordinates in the end.
     """
+    if not networks and np.isfinite(start.coordinates).all():
+        return start, []
     coordinates = start.coordinates.copy()
     initial = []
     for network in networks:

@@ -168,7 +168,7 @@ def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:
 
 
 def _point_numbers(block: Block, points: Sequence[str]) -> FloatArray:
-    known = block.approximations | dict(zip(block.control.names, block.control.coordinates, strict=True))
+    known = {**block.approximations, **dict(zip(block.control.names, block.control.coordinates, strict=True))}
     missing = [name for name in points if name not in known]
     if missing:
         raise InputError(f"point {missing[0]}: it has no coordinates to write ({len(missing)} have none)")
