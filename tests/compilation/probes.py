@@ -33,6 +33,21 @@ def first_of_pair(pair: Pair) -> float:
     return pair.row[0] + pair.rows[1, 2] + pair.number
 
 
+class Doubling(NamedTuple):
+    """What is doubled, and where to."""
+
+    x: FloatArray
+    doubled: FloatArray
+
+
+@compiled(at_once=True)
+def double_record(record: Doubling) -> int:
+    """Writes twice the entries."""
+    for i in range(len(record.x)):
+        record.doubled[i] = 2.0 * record.x[i]
+    return 0
+
+
 @compiled(at_once=True)
 def double_all(x: FloatArray, doubled: FloatArray) -> int:
     """Writes twice the entries; nothing if the lengths differ."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from probes import double_all
+from probes import Doubling, double_all, double_record
 
 from obseq.compilation import loops
 
@@ -57,6 +57,23 @@ def test_a_wrong_number_of_arguments_is_an_error(double: Any) -> None:
     for arguments in ((), (np.ones(3),), (np.ones(3),) * 3):
         with pytest.raises(SystemError):
             double(*arguments)
+
+
+def test_a_usual_call_works_with_records_too() -> None:
+    record = Doubling(np.arange(5.0), np.zeros(5))
+    assert double_record(record) == 0
+    np.testing.assert_array_equal(record.doubled, 2.0 * record.x)
+
+
+def test_a_usual_call_tells_what_is_wrong() -> None:
+    with pytest.raises(TypeError, match=r"double_all: doubled: float64\[:\] is wanted.*read only"):
+        double_all(np.zeros(3), _read_only())
+    with pytest.raises(TypeError, match=r"record\.doubled.* not ndarray of int64"):
+        double_record(Doubling(np.zeros(3), np.zeros(3, np.int64)))
+    with pytest.raises(TypeError, match="takes 2 arguments"):
+        double_all(np.zeros(3))  # type: ignore[call-arg]
+    with pytest.raises(RuntimeError, match="did nothing"):
+        double_all(np.zeros(3), np.zeros(4))
 
 
 def test_references_are_counted(double: Any) -> None:

@@ -6,18 +6,23 @@ rival is the original's own way through its calculator (`rival.py`, `rival_calcu
 of at most 256 evaluations by virtual functions), the generated loop runs over the buffer, and its lines are
 copied out, all in a loop in C++: only ours pays for a call from Python. A loop without the calculator, which
 no user of the original has, is not the rival; nor are its checked accessors, entry by entry, charged to it.
-CPU time, interleaved rounds; what two threads would share is done by one under `taskset -c 0`. Without names,
-the middle formula of every family.
+Neither pays for fresh pages: both write to memory that they have used before.
+CPU time, interleaved rounds, both on one processor. Where the public call shares its rows among two threads,
+a second figure is what users see: both by the clock, ours on two processors; the rival, as the original, on
+one. Without names, the middle formula of every family.
 
     python tools/benchmarks/bench_evaluation.py
     python tools/benchmarks/bench_evaluation.py Dist3D BlocRigid --rows 1 100 --json evaluation.json
 """
 
 import ctypes
+import os
 import statistics
 import sys
 import tempfile
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -29,17 +34,27 @@ from interleaved import Repeat, race, ratio
 
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives
+from obseq.kernels.calculator import THREADED_ROWS
+from obseq.pools import processors
 
 ROWS = (1, 100, 1_000, 10_000, 100_000)
 
 
 @dataclass(frozen=True)
 class Row:
-    """The result of one formula: nanoseconds of ours per row, and times as long the rival takes, by rows."""
+    """The result of one formula, by rows.
+
+    Attributes:
+        name: Name of the formula.
+        nanoseconds: Ours, per row, on one processor.
+        ratios: Times as long as that the rival takes.
+        shared: The same by the clock, ours with two threads; where rows are shared.
+    """
 
     name: str
     nanoseconds: dict[int, float]
     ratios: dict[int, float]
+    shared: dict[int, float]
 
 
 def one_of_each_family() -> list[Formula]:
@@ -56,12 +71,31 @@ def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> 
     ours = calculator(formula.name)
     text = cpp_contenders.rival_text(rival.build(formula), formula)
     library = cpp_contenders.build(text, folder)
-    nanoseconds, ratios = {}, {}
+    nanoseconds, ratios, shared = {}, {}, {}
     for n in sizes:
-        timings = race(contenders(ours, formula, n, library), rounds)
+        both = contenders(ours, formula, n, library)
+        with one_processor():
+            timings = race(both, rounds)
         nanoseconds[n] = 1e9 * timings["obseq"].median / n
         ratios[n] = ratio(timings["rival"], timings["obseq"])
-    return Row(formula.name, nanoseconds, ratios)
+        if n >= THREADED_ROWS and processors() > 1:
+            timings = race(both, rounds, time.perf_counter)
+            shared[n] = ratio(timings["rival"], timings["obseq"])
+    return Row(formula.name, nanoseconds, ratios, shared)
+
+
+@contextmanager
+def one_processor() -> Iterator[None]:
+    """Inside, this process has one processor, where the system lets it say so: nothing is shared."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    usual = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(usual)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, usual)
 
 
 def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL) -> dict[str, Repeat]:
@@ -78,15 +112,25 @@ def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL)
     return {"obseq": run, "rival": theirs}
 
 
+def columns_of(rows: Sequence[Row], sizes: Sequence[int]) -> list[tuple[str, list[float]]]:
+    """Titles and ratios of the columns: a second one for a size that two threads share."""
+    columns = []
+    for n in sizes:
+        columns.append((f"{n:,}", [row.ratios[n] for row in rows]))
+        if all(n in row.shared for row in rows):
+            columns.append((f"{n:,} shared", [row.shared[n] for row in rows]))
+    return columns
+
+
 def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
-    """The table: nanoseconds of ours per row, and the rival's time in ours; medians and least ones."""
-    width = max(len(row.name) for row in rows)
-    print(f"{'rows':<{width}}" + "".join(f"{n:>18,}" for n in sizes) + "   (ns, times as long)")
-    for row in rows:
-        figures = "".join(f"{row.nanoseconds[n]:11.0f}{row.ratios[n]:7.2f}" for n in sizes)
-        print(f"{row.name:<{width}}{figures}")
+    """The table of the rival's time in ours, with medians and least ones; then ns of ours per row."""
+    width, columns = max(len(row.name) for row in rows), columns_of(rows, sizes)
+    print(f"{'rows':<{width}}" + "".join(f"{title:>15}" for title, _ in columns) + "   (ns of ours per row)")
+    for k, row in enumerate(rows):
+        ratios = "".join(f"{ratios[k]:15.2f}" for _, ratios in columns)
+        print(f"{row.name:<{width}}{ratios}   {' '.join(f'{row.nanoseconds[n]:.0f}' for n in sizes)}")
     for title, summary in (("median", statistics.median), ("least", min)):
-        print(f"{title:<{width}}" + "".join(f"{summary(row.ratios[n] for row in rows):18.2f}" for n in sizes))
+        print(f"{title:<{width}}" + "".join(f"{summary(ratios):15.2f}" for _, ratios in columns))
 
 
 def main() -> int:
@@ -96,15 +140,18 @@ def main() -> int:
     parser.add_argument("--rows", type=int, nargs="+", default=ROWS)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the table as JSON")
+    parser.add_argument("--build", type=Path, metavar="DIR", help="keep compiled C++ in this folder")
     arguments = parser.parse_args()
     chosen = [f for f in REGISTRY if f.name in arguments.names] or one_of_each_family()
     if not cpp_contenders.COMPILER:
         parser.error("the rival needs g++")
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = arguments.build or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
         for formula in chosen:
             print(f"\r\033[K{formula.name}", end="", file=sys.stderr, flush=True)
-            rows.append(bench(formula, arguments.rows, arguments.rounds, Path(folder)))
+            rows.append(bench(formula, arguments.rows, arguments.rounds, folder))
     print("\r\033[K", end="", file=sys.stderr)
     show(rows, arguments.rows)
     write_json(arguments.json, [asdict(row) for row in rows])

@@ -84,6 +84,9 @@ def evaluation(content: Any) -> Iterator[Row]:
     for rows, wanted in (("100", 1.5), ("1000", 2.5), ("10000", 3.0), ("100000", 3.0)):
         ratios = [row["ratios"][rows] for row in content]
         yield Row(f"values_and_jacobian, {rows} rows", rival, statistics.median(ratios), wanted)
+        if shared := [row["shared"][rows] for row in content if rows in row["shared"]]:
+            what = f"values_and_jacobian, {rows} rows, two threads"
+            yield Row(what, rival, statistics.median(shared), wanted)
 
 
 def small(content: Any) -> Iterator[Row]:

@@ -17,6 +17,7 @@ from obseq.compilation.signatures import signature_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from obseq.compilation.signatures import Parameter
 
 F = TypeVar("F", bound="Callable[..., Any]")
 NUMBERS = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_int64}
@@ -109,6 +110,22 @@ class QuickLoop(Loop):
     Python calls its `builtin` as one of its own, and keeps its lock meanwhile.
     """
 
+    def __call__(self, *arguments: object) -> Any:
+        """The result of the function, 0; NamedTuples are taken as they are, and what is wrong is told.
+
+        Raises:
+            TypeError: an argument is not what the annotation of its parameter says.
+            RuntimeError: the function did nothing: it returned another number than 0.
+        """
+        given = self._converted(self._members(arguments))
+        wanted = self.routine.signature.parameters
+        for number, (parameter, value) in enumerate(zip(wanted, given, strict=True), 1):
+            if not _fits(parameter, value):
+                self._refuse(number, given)
+        if self.builtin(*given) is not given[-1]:
+            raise RuntimeError(f"{self.name}: the compiled loop did nothing")
+        return 0
+
     @cached_property
     def routine(self) -> Routine:
         """The machine code."""
@@ -156,10 +173,19 @@ NDARRAY = id(np.ndarray)
 """What machine code compares the type of arrays with: it reads their fields."""
 
 
+def _fits(parameter: Parameter, value: object) -> bool:
+    """Whether a value is the array that a quick loop may change."""
+    if not isinstance(value, np.ndarray) or type(value) is not np.ndarray:
+        return False
+    same = value.dtype == parameter.type and value.ndim == parameter.dimensions
+    return same and value.flags.carray
+
+
 def _described(value: object) -> str:
     if not isinstance(value, np.ndarray):
         return type(value).__name__
     order = "" if value.flags.c_contiguous else ", not contiguous"
+    order += "" if value.flags.writeable else ", read only"
     return f"{type(value).__name__} of {value.dtype} with {value.ndim} dimensions{order}"
 
 

@@ -20,6 +20,7 @@ from numba.core.registry import cpu_target
 
 from obseq.compilation import front_end, host
 from obseq.compilation.digests import Function, Instruction, named_values
+from obseq.compilation.quick_division import has_wide_vectors, quickened
 from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 
 if TYPE_CHECKING:
@@ -91,17 +92,15 @@ def compile_for(
     """Object files of a function for kinds of processors, as LLVM calls them, to be linked in libraries."""
     text, found = str(assembled(function, signature, symbol)), {}
     for processor in processors:
-        machine, module = host.other_machine(processor, signature.wide), llvm.parse_assembly(text)
-        optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
+        machine = host.other_machine(processor, signature.wide)
+        module = optimise(llvm.parse_assembly(text), machine, symbol, signature)
         found[processor] = bytes(machine.emit_object(module))
     return found
 
 
 def optimised(function: Function, signature: Signature, symbol: str, machine: Value) -> Value:
     """LLVM's module of a function for a machine, ready to be written as an object file."""
-    module = assembled(function, signature, symbol)
-    optimise(module, machine, symbol, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
-    return module
+    return optimise(assembled(function, signature, symbol), machine, symbol, signature)
 
 
 def assembled(function: Function, signature: Signature, symbol: str) -> Value:
@@ -118,11 +117,19 @@ def assembled(function: Function, signature: Signature, symbol: str) -> Value:
         return llvm.parse_assembly(str(library.get_llvm_str()))
 
 
-def optimise(module: Value, machine: Value, symbol: str, effort: int) -> None:
-    """Optimises a module as a whole; all but the symbol may vanish in what calls it."""
+def optimise(module: Value, machine: Value, symbol: str, signature: Signature) -> Value:
+    """A module optimised as a whole; all but the symbol may vanish in what calls it."""
     for function in module.functions:
         if not function.is_declaration and function.name != symbol:
             function.linkage = "internal"
+    _run_passes(module, machine, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
+    if signature.wide and has_wide_vectors(machine) and (text := quickened(str(module))):
+        module = llvm.parse_assembly(text)
+        _run_passes(module, machine, KERNEL_EFFORT)
+    return module
+
+
+def _run_passes(module: Value, machine: Value, effort: int) -> None:
     options = llvm.create_pipeline_tuning_options(effort)
     options.loop_vectorization = options.slp_vectorization = True
     builder = llvm.create_pass_builder(machine, options)
