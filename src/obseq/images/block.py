@@ -12,6 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
+from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
 from obseq.images.parts import Approximations, Instruments, Lengths, MeasureSet, PoseObservations, Rule
@@ -22,17 +23,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
     from obseq.images.camera import Camera
     from obseq.images.clinometers import Clinometer
     from obseq.images.rigid import RigidBlock
     from obseq.images.weighting import Weighting
     from obseq.survey import Network
-
-MARGIN = 10.0
-"""Pixels by which a measure may lie outside its image (MMVII's)."""
-MANY = 0.1
-"""Share of the measures outside their images that no single mistakes explain."""
 
 
 @dataclass(eq=False)
@@ -172,43 +167,18 @@ class Block:
             InputError: an image or a point is not known, a point is measured twice in an image, or a measure
                 lies outside its image.
         """
-        _require(list(self.camera_of), measures.image_names, measures.image, "image points: image")
+        check_known(list(self.camera_of), measures.image_names, measures.image, "image points: image")
         if only_known_points:
             known = [*self.control.names, *self.approximations]
-            _require(known, measures.point_names, measures.point, "image points: point")
-        self._check_frames(measures)
-        self._check_pairs(measures)
+            check_known(known, measures.point_names, measures.point, "image points: point")
+        check_frames([self.cameras[self.camera_of[image]] for image in measures.image_names], measures)
+        for other in self.sets:
+            check_pair(other.measures, measures)
         self.sets.append(_weighed(MeasureSet(measures, None, name or "image points"), weighting))
 
     def weigh_measures(self, weighting: Weighting) -> None:
         """Gives all image points that were added one weighting, in place of their own sigmas."""
         self.sets = [_weighed(part, weighting) for part in self.sets]
-
-    def _check_frames(self, measures: ImagePoints) -> None:
-        cameras = [self.cameras[self.camera_of[image]] for image in measures.image_names]
-        sizes = np.array([(c.width or np.inf, c.height or np.inf) for c in cameras]).reshape(-1, 2)
-        lowest = np.array([-MARGIN if c.width else -np.inf for c in cameras])
-        if _are_within(measures.xy, lowest, sizes):
-            return
-        size, low = sizes.take(measures.image, axis=0), lowest.take(measures.image)[:, None]
-        wrong = np.flatnonzero(((measures.xy < low) | (measures.xy > size + MARGIN)).any(axis=1))
-        if wrong.size:
-            row = int(wrong[0])
-            x, y = measures.xy[row]
-            camera = cameras[measures.image[row]]
-            raise RowError(
-                f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
-                f"{camera.height} pixels ({wrong.size} measures are)" + _origin(wrong.size, len(measures)),
-                row,
-            )
-
-    def _check_pairs(self, measures: ImagePoints) -> None:
-        """Refuses a point measured in an image by two sets."""
-        for other in self.sets:
-            images = set(other.measures.image_names) & set(measures.image_names)
-            points = set(other.measures.point_names) & set(measures.point_names)
-            if images and points:
-                _refuse_common(other.measures, measures)
 
     def add_length(self, first: str, second: str, length: float, sigma: float) -> None:
         """Adds a distance between two points of the block, a scale bar for instance."""
@@ -363,41 +333,6 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except re.error as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
-
-
-def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
-    """Whether pixels lie in the smallest of several images, and so in all."""
-    if not len(xy) or (np.isinf(sizes).all() and np.isinf(lowest).all()):
-        return True
-    return bool(
-        (xy.min(axis=0) >= lowest.max()).all() and (xy.max(axis=0) <= sizes.min(axis=0) + MARGIN).all()
-    )
-
-
-def _origin(outside: int, measures: int) -> str:
-    """What many measures outside their images may mean."""
-    if outside < MANY * measures:
-        return ""
-    return (
-        "; pixels are counted from the upper left corner here, x to the right, y down: for an origin in the "
-        "middle of the image add half of its width and height, divide millimetres by the size of a pixel"
-    )
-
-
-def _require(known: Sequence[str], names: Sequence[str], used: IntArray, what: str) -> None:
-    """Refuses measures (rows of `used`) whose name is not known; see `index_of`."""
-    try:
-        index_of(known, names, what)
-    except RowError as error:
-        raise RowError(str(error), int(np.argmax(used == error.row))) from None
-
-
-def _refuse_common(known: ImagePoints, measures: ImagePoints) -> None:
-    """Refuses a point that both measure in one image."""
-    try:
-        known.joined(measures)
-    except RowError as error:
-        raise RowError(str(error), error.row - len(known)) from None
 
 
 def _weighed(part: MeasureSet, weighting: Weighting | None) -> MeasureSet:
