@@ -1,15 +1,17 @@
 """The shape of the project: what imports what, what `import obseq` loads, and what is in the repository."""
 
+import ast
 import importlib.util
 import json
 import subprocess
 import sys
-from functools import cache
+from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from sources import nodes
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -32,9 +34,13 @@ FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "s
 LARGEST_FILE = 1_500_000
 
 
-@cache
-def imports_of(path: Path) -> tuple[tuple[int, str], ...]:
-    return tuple(ARCHITECTURE.imports_of(path))
+def imports_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and full name of everything a module imports, wherever in the module."""
+    for node in nodes(path, ast.Import):
+        yield from ((node.lineno, alias.name) for alias in node.names)
+    for node in nodes(path, ast.ImportFrom):
+        assert not node.level, f"{path}:{node.lineno}: import by the installed name"
+        yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
 def tracked_files() -> list[Path]:

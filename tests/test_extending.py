@@ -4,13 +4,14 @@ What is added touches the files that the page names and no other: a place that t
 one of the checks fail.
 """
 
+import json
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from shutil import copytree, ignore_patterns
+from shutil import copy2, copytree, ignore_patterns
 
 import pytest
 
@@ -19,24 +20,38 @@ PAGE = (ROOT / "docs" / "extend.md").read_text("utf-8")
 FORMULA_PAGE = (ROOT / "docs" / "write-a-formula.md").read_text("utf-8")
 BLOCK = re.compile(r"^```(python|diff) (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ROOMS = ("formulas", "codegen", "generated")
-FAMILIES = sorted(path.name for path in (ROOT / "generated").iterdir() if (path / "__init__.py").is_file())
-OTHERS = [family for family in FAMILIES if family not in ("space", "topography", "special_topography")]
-LEFT_OUT = {"formulas": [], "codegen": [], "generated": OTHERS}
-FEW = f"""
-REGISTRY = tuple(f for f in REGISTRY if not type(f).__module__.endswith({tuple(OTHERS)}))
+ALL = {path.name for path in (ROOT / "generated").iterdir() if (path / "__init__.py").is_file()}
+FEW = """
+REGISTRY = tuple(f for f in REGISTRY if not type(f).__module__.endswith({others}))
 """
 """Keeps the registry of the copy short: generating all of it takes many seconds, and shows nothing more."""
 
-CHECKS = """
-import sys, pytest
-from functools import cache
-from obseq.codegen import files
-from obseq.codegen.main import main
-files.generate = cache(files.generate)
-if main([]) or main(["--check"]):
-    sys.exit("gencode")
-sys.exit(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *sys.argv[1:]]))
+LENDER = """
+import json, os, sys
+import hypothesis, jinja2, llvmlite.binding, numba, numpy, pytest, scipy.sparse.linalg, scipy.special, sympy
+
+def check(folder, output, *arguments):
+    os.chdir(folder)
+    sys.path.insert(0, os.path.join(folder, "src"))
+    file = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+    from functools import cache
+    from obseq.codegen import files
+    from obseq.codegen.main import main
+    files.generate = cache(files.generate)
+    if main([]) or main(["--check"]):
+        return "gencode"
+    loaded = "ignore::pytest.PytestAssertRewriteWarning"
+    return int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-W", loaded, *arguments]))
+
+for line in sys.stdin:
+    child = os.fork()
+    if not child:
+        sys.exit(check(*json.loads(line)))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
+"""A process that has loaded the packages of others, none of ours; it runs each check in a copy of itself."""
 
 REGISTERED = (
     "tests/formulas/test_registry.py::test_generated_modules_are_those_of_the_registry",
@@ -49,6 +64,12 @@ ABOUT_ONE = (
     "test_hashes_are_current",
     "test_every_formula_says_what_it_is",
 )
+FAMILIES = {
+    "A kind of survey observation": ("space", "topography", "special_topography"),
+    "An output format": ("space", "topography", "special_topography"),
+}
+"""Those that the tests of a section need, where the first one is not enough."""
+
 EACH = {
     "A family of formulas": [
         f"tests/formulas/test_registry.py::{test}[PolynomialFit_2]" for test in ABOUT_ONE
@@ -69,17 +90,17 @@ EACH = {
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The project with a short registry, imported from where it is; what Python compiled is as good there."""
+    """The project without what is generated; what Python compiled is as good there."""
     tmp_path = tmp_path_factory.mktemp("copy") / "obseq"
-    ignored = ignore_patterns(*ROOMS, "*.egg-info")
-    copytree(ROOT / "src", tmp_path / "src", ignore=ignored)
+    copytree(ROOT / "src", tmp_path / "src", ignore=ignore_patterns(*ROOMS, "*.egg-info"))
     for room in ROOMS:
-        copytree(ROOT / room, tmp_path / room, ignore=ignore_patterns(*LEFT_OUT[room]))
         (tmp_path / "src" / "obseq" / room).symlink_to(Path("..") / ".." / room)
-    copytree(ROOT / "tests", tmp_path / "tests")
-    (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text("utf-8"), "utf-8")
-    registry = tmp_path / "formulas" / "__init__.py"
-    registry.write_text(registry.read_text("utf-8") + FEW, "utf-8")
+    for room in ("formulas", "codegen", "tests"):
+        copytree(ROOT / room, tmp_path / room)
+    (tmp_path / "generated").mkdir()
+    for path in (ROOT / "generated").glob("*.*"):
+        copy2(path, tmp_path / "generated")
+    copy2(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
 
@@ -94,6 +115,15 @@ def copy(whole: Path) -> Iterator[Path]:
         if not path.exists() or path.stat().st_mtime_ns != changed:
             path.write_bytes(content)
             os.utime(path, ns=(changed, changed))
+
+
+def keep(project: Path, families: tuple[str, ...]) -> None:
+    """Makes the registry of the copy one of a few families, with what is generated for them."""
+    for family in families:
+        copytree(ROOT / "generated" / family, project / "generated" / family, dirs_exist_ok=True)
+    registry = project / "formulas" / "__init__.py"
+    others = tuple(sorted(ALL.difference(families)))
+    registry.write_text(registry.read_text("utf-8") + FEW.format(others=others), "utf-8")
 
 
 def texts(project: Path) -> dict[Path, tuple[int, bytes]]:
@@ -132,13 +162,25 @@ def edit(path: Path, block: str) -> None:
     path.write_text(text.replace(f"\n{before}", f"\n{after}", 1), "utf-8")
 
 
-def check(project: Path, *tests: str) -> str:
+@pytest.fixture(scope="module")
+def lender() -> Iterator[subprocess.Popen[str]]:
+    """Waits for checks to run, one line of arguments each."""
+    with subprocess.Popen(
+        [sys.executable, "-c", LENDER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+
+
+def check(lender: subprocess.Popen[str], project: Path, *tests: str) -> str:
     """Generates what is due, then runs some tests of the copy; what was printed."""
-    command = [sys.executable, "-c", CHECKS, f"--basetemp={project.parent / 'inner'}", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(project / "src")}
-    done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
-    return done.stdout
+    assert lender.stdin is not None and lender.stdout is not None
+    output = project.parent / "output"
+    arguments = [str(project), str(output), f"--basetemp={project.parent / 'inner'}", *tests]
+    print(json.dumps(arguments), file=lender.stdin, flush=True)
+    status = lender.stdout.readline()
+    printed = output.read_text("utf-8")
+    assert status == "0\n", printed[-8000:]
+    return printed
 
 
 def test_every_section_is_followed() -> None:
@@ -147,16 +189,20 @@ def test_every_section_is_followed() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("title", "text"), list(sections()), ids=[title for title, _ in sections()])
-def test_the_page_is_followed_to_the_letter(title: str, text: str, copy: Path) -> None:
+def test_the_page_is_followed_to_the_letter(
+    title: str, text: str, copy: Path, lender: subprocess.Popen[str]
+) -> None:
     """A few seconds each: a process, a short registry generated, the tests of what was added."""
+    keep(copy, FAMILIES.get(title, ("space",)))
     own = follow(text, copy)
     assert own, "each section has a test"
-    check(copy, *own, *REGISTERED, *EACH[title])
+    check(lender, copy, *own, *REGISTERED, *EACH[title])
 
 
 @pytest.mark.slow
-def test_three_edits_enter_a_formula_in_the_library(copy: Path) -> None:
+def test_three_edits_enter_a_formula_in_the_library(copy: Path, lender: subprocess.Popen[str]) -> None:
     """The class, the line in the registry, the test of the page on writing a formula."""
+    keep(copy, ("space",))
     first, *_, test = re.findall(r"^```python\n(.*?)^```$", FORMULA_PAGE, re.MULTILINE | re.DOTALL)
     imports, formula, _ = first.split("\n\n\n")
     kept = [line for line in imports.splitlines() if "blocks" in line or "functions" in line]
@@ -170,7 +216,7 @@ def test_three_edits_enter_a_formula_in_the_library(copy: Path) -> None:
     use = 'import obseq\n\nfit = obseq.calculator("FitCube")\n\n\n'
     (copy / "tests" / "formulas" / "test_curve.py").write_text(use + test, "utf-8")
     about_it = (f"tests/formulas/test_registry.py::{test}[FitCube]" for test in ABOUT_ONE)
-    printed = check(copy, "tests/formulas/test_curve.py", *REGISTERED, *about_it)
+    printed = check(lender, copy, "tests/formulas/test_curve.py", *REGISTERED, *about_it)
     assert "wrote generated/curve/fit_cube.py" in printed and "wrote docs/formulas/curve.md" in printed
     shown = subprocess.run(
         [sys.executable, "-c", "from obseq.cli.main import main; main(['formulas', 'FitCube'])"],

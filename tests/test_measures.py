@@ -3,10 +3,10 @@
 import ast
 import statistics
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import pytest
+from sources import nodes, tree
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("src/obseq", "formulas", "codegen")
@@ -24,6 +24,7 @@ THEIRS = {"_codegen", "_data_layout", "_getvalue"}
 """Of numba, for which there are no other names."""
 
 NAMED_TUPLE = {"_asdict", "_fields", "_make", "_replace"}
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -32,11 +33,6 @@ def files(rooms: tuple[str, ...]) -> list[Path]:
     found = [path for room in rooms for path in sorted((ROOT / room).rglob("*.py"))]
     links = tuple(path for path in (ROOT / "src" / "obseq").iterdir() if path.is_symlink())
     return [path for path in found if not any(path.is_relative_to(link) for link in links)]
-
-
-@cache
-def trees(rooms: tuple[str, ...] = ROOMS) -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text("utf-8")) for path in files(rooms)}
 
 
 def test_files_are_short() -> None:
@@ -52,9 +48,8 @@ def lines_of(path: Path) -> int:
 def test_functions_are_short(rooms: tuple[str, ...]) -> None:
     sizes = {
         f"{path.relative_to(ROOT)}:{node.lineno} {node.name}": length_of(node)
-        for path, tree in trees(rooms).items()
-        for node in ast.walk(tree)
-        if isinstance(node, Function)
+        for path in files(rooms)
+        for node in nodes(path, *FUNCTIONS)
     }
     ordered = sorted(sizes.values())
     assert {name: size for name, size in sizes.items() if size > LONGEST_FUNCTION} == {}
@@ -70,8 +65,8 @@ def length_of(node: Function) -> int:
 
 def test_public_things_say_what_they_are() -> None:
     missing, found = [], 0
-    for path, tree in trees().items():
-        for node in public(tree):
+    for path in files(ROOMS):
+        for node in public(tree(path)):
             found += 1
             if not ast.get_docstring(node):
                 missing.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
@@ -91,8 +86,8 @@ def public(tree: ast.AST) -> Iterator[Function | ast.ClassDef]:
 
 
 def test_types_are_said() -> None:
-    said = sum(isinstance(n, ast.Name) and n.id == "Any" for tree in trees().values() for n in ast.walk(tree))
-    ignored = sum(path.read_text("utf-8").count("type: ignore") for path in trees())
+    said = sum(node.id == "Any" for path in files(ROOMS) for node in nodes(path, ast.Name))
+    ignored = sum(path.read_text("utf-8").count("type: ignore") for path in files(ROOMS))
     assert (said <= MOST_ANY, ignored <= MOST_IGNORED) == (True, True), (said, ignored)
 
 
@@ -100,29 +95,26 @@ def test_types_are_said() -> None:
 def test_no_private_name_is_used_from_another_file(room: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {name}"
-        for path, tree in trees().items()
+        for path in files(ROOMS)
         if path.is_relative_to(ROOT / room)
-        for line, name in foreign(tree)
+        for line, name in foreign(path)
     ]
     assert wrong == []
 
 
-def foreign(tree: ast.AST) -> Iterator[tuple[int, str]]:
+def foreign(path: Path) -> Iterator[tuple[int, str]]:
     """Private names of our own that a file takes from another one; those of other packages' apart."""
-    own = {name for node in ast.walk(tree) for name in defined(node)}
-    imported = {
-        alias.asname or alias.name.partition(".")[0]
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import) or (isinstance(node, ast.ImportFrom) and not is_ours(node))
-        for alias in node.names
-    }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and is_ours(node):
+    own = {*defined(path), *THEIRS}
+    imports = [*nodes(path, ast.Import), *(node for node in nodes(path, ast.ImportFrom) if not is_ours(node))]
+    imported = {alias.asname or alias.name.partition(".")[0] for node in imports for alias in node.names}
+    for node in nodes(path, ast.ImportFrom):
+        if is_ours(node):
             yield from ((node.lineno, alias.name) for alias in node.names if is_private(alias.name))
-        elif isinstance(node, ast.Attribute) and is_private(node.attr):
-            root = ast.unparse(node).partition(".")[0]
-            if node.attr not in own | THEIRS and root not in imported:
-                yield node.lineno, ast.unparse(node)
+    for attribute in nodes(path, ast.Attribute):
+        if is_private(attribute.attr) and attribute.attr not in own:
+            text = ast.unparse(attribute)
+            if text.partition(".")[0] not in imported:
+                yield attribute.lineno, text
 
 
 def is_ours(node: ast.ImportFrom) -> bool:
@@ -133,13 +125,9 @@ def is_private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__") and name not in NAMED_TUPLE
 
 
-def defined(node: ast.AST) -> Iterator[str]:
-    """Names that a node gives a meaning to: definitions, assignments, slots."""
-    if isinstance(node, Function | ast.ClassDef):
-        yield node.name
-    elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-        yield node.id
-    elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-        yield node.attr
-    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-        yield node.value
+def defined(path: Path) -> Iterator[str]:
+    """Names that a file gives a meaning to: definitions, assignments, slots."""
+    yield from (node.name for node in nodes(path, *FUNCTIONS, ast.ClassDef))
+    yield from (node.id for node in nodes(path, ast.Name) if isinstance(node.ctx, ast.Store))
+    yield from (node.attr for node in nodes(path, ast.Attribute) if isinstance(node.ctx, ast.Store))
+    yield from (node.value for node in nodes(path, ast.Constant) if isinstance(node.value, str))

@@ -4,7 +4,6 @@ Run it to write the page anew after a change of the table.
 """
 
 import ast
-from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -125,17 +124,6 @@ def folder_of(room: str) -> Path:
 def modules_of(room: str) -> list[Path]:
     """The Python files of a room."""
     return sorted(folder_of(room).rglob("*.py"))
-
-
-def imports_of(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and full name of everything a module imports, wherever in the module."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                raise ValueError(f"{path}:{node.lineno}: import by the installed name")
-            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
 def purpose(place: Path) -> str:

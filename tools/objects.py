@@ -187,8 +187,8 @@ def needed(library: Path) -> set[str]:
 
 def pure_wheel(folder: Path) -> Path:
     """Builds the wheel without objects."""
-    command = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "-o", str(folder), str(ROOT)]
-    subprocess.run(command, check=True, capture_output=True)
+    options = ["--no-isolation", "--skip-dependency-check", "--wheel", "-o", str(folder), str(ROOT)]
+    subprocess.run([sys.executable, "-m", "build", *options], check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
     return wheel
 

@@ -263,7 +263,8 @@ def test_a_million_and_a_half_observations():
     rng = np.random.default_rng(0)
     side = 160
     x, y = np.meshgrid(np.arange(side), np.arange(side))
-    grid = np.column_stack([x.ravel(), y.ravel(), rng.normal(0, 0.1, side * side)]).astype(float)
+    heights = rng.normal(0, 1.0, side * side)  # as uneven as wide: few iterations
+    grid = np.column_stack([x.ravel(), y.ravel(), heights]).astype(float)
     number = np.arange(side * side).reshape(side, side)
     steps = [(1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2)]
     pairs = [(number[max(0, -b) :, :][: side - abs(b), : side - a], a, b) for a, b in steps]

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sources import nodes
 
 import obseq
 import obseq.survey
@@ -36,25 +37,23 @@ FORMATS = ("survey/kinds", "survey/files", "project/topo.py", "report/rows.py", 
 """Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""
 
 
-def modules() -> Iterator[tuple[str, ast.Module]]:
+def modules() -> Iterator[tuple[str, Path]]:
     """What may know no kind of observation from another."""
     package = Path(obseq.__file__).parent
     for room in ("survey", "report", "images", "project", "cli"):
         for path in sorted((package / room).rglob("*.py")):
             name = path.relative_to(package).as_posix()
             if not name.startswith(FORMATS):
-                yield name, ast.parse(path.read_text("utf-8"))
+                yield name, path
 
 
 def test_nobody_asks_which_kind_it_is() -> None:
     """Initial values, equations, screening and reports ask what the object says of itself."""
     imported = [
         f"{name}:{node.lineno}"
-        for name, tree in modules()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        and (node.module or "").startswith("obseq.survey.kinds.")
-        and node.module not in GENERAL
+        for name, path in modules()
+        for node in nodes(path, ast.ImportFrom)
+        if (node.module or "").startswith("obseq.survey.kinds.") and node.module not in GENERAL
     ]
     assert imported == []
 
@@ -63,10 +62,10 @@ def test_nobody_names_a_kind() -> None:
     names = {kind.name for kind in KINDS}
     named = [
         f"{name}:{node.lineno}: {node.value}"
-        for name, tree in modules()
+        for name, path in modules()
         if name.startswith(("survey", "report"))
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and node.value in names
+        for node in nodes(path, ast.Constant)
+        if node.value in names
     ]
     assert named == []
 

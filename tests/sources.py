@@ -1,0 +1,30 @@
+"""Python files of the project as syntax trees, each read once by the tests of a process, however many ask."""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+Node = TypeVar("Node", bound=ast.AST)
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    """What is written in a file."""
+    return ast.parse(path.read_text("utf-8"))
+
+
+def nodes(path: Path, *kinds: type[Node]) -> Iterator[Node]:
+    """Every node of some kinds, wherever in a file; kind by kind."""
+    found = _by_kind(path)
+    for kind in kinds:
+        yield from found.get(kind, ())  # type: ignore[misc]
+
+
+@cache
+def _by_kind(path: Path) -> dict[type[ast.AST], list[ast.AST]]:
+    found: dict[type[ast.AST], list[ast.AST]] = {}
+    for node in ast.walk(tree(path)):
+        found.setdefault(type(node), []).append(node)
+    return found
