@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.datum import combinations_of, is_held, is_oriented, normal_rows_turn
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
+from obseq.survey.adjustment.labels import Labels, station_names
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
@@ -19,6 +20,8 @@ from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.survey.adjustment.frame import Frame
@@ -34,20 +37,6 @@ SHORTEST_SIGHT = 1e-6
 """Distance (m) that stands for shorter ones where a sigma is divided by it."""
 FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
 """Components of the small rotation (right, front, up) that an orientation keeps."""
-
-
-class Labels(Sequence[str]):
-    """What observations are called in messages, made when somebody asks."""
-
-    def __init__(self, book: FieldBook, rows: IntArray) -> None:
-        self._book = book
-        self._rows = rows
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
-        return self._book.label(int(self._rows[index]))
 
 
 class Equations:
@@ -110,6 +99,27 @@ class Equations:
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system, initial)
+
+    def restart(self, points: Points, book: FieldBook, initial: InitialValues) -> None:
+        """Takes the numbers of another network, which has the same equations otherwise (`kept_equations`).
+
+        Args:
+            points: The same points.
+            book: The same observations; those that are inactive get no weight.
+            initial: Where points and stations start.
+        """
+        self._book, self._plumb = book, Plumb(self._frame, points)
+        self._site = replace(self._site, plumb=self._plumb, book=book)
+        self.system.set_values(self.points, initial.coordinates)
+        self._verticals = self._plumb.axes(self._origins, initial.coordinates)
+        if self.stations.size:
+            self.system.set_values(self.stations, self._plumbed(initial, self._frame.vertical))
+        self.known.restart(self.system, points)
+        for rows, batch in self.batches.values():
+            batch.loss = None
+            batch.active = book.observations.active[rows]
+            batch.observations = self._measured(rows, initial.coordinates)
+            batch.sigmas = self.sigmas(rows, initial.coordinates)
 
     def _blocks_of_points(
         self, points: Points, coordinates: FloatArray, shared: Mapping[str, int]
@@ -364,17 +374,6 @@ def sigmas_of(batch: Batch) -> FloatArray:
     if batch.clusters is not None:
         return np.sqrt(batch.clusters.variances())
     return np.asarray(batch.sigmas[:, 0])
-
-
-def station_names(points: Points, book: FieldBook) -> list[str]:
-    """Names of the stations for messages: their point, numbered when it has several."""
-    seen: dict[str, int] = {}
-    names = []
-    for origin in book.stations.origins:
-        name = points.names[origin]
-        seen[name] = seen.get(name, 0) + 1
-        names.append(f"station {name}" if seen[name] == 1 else f"station {name} ({seen[name]})")
-    return names
 
 
 def _along_grid(verticals: FloatArray) -> FloatArray:

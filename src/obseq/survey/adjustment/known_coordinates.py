@@ -71,10 +71,7 @@ class KnownCoordinates:
         self._points = points
         self._system = point_system
         self._ids = ids
-        self._values = np.full((len(points), 3), np.nan)
-        some = np.flatnonzero(~points.is_free.all(axis=1))
-        names = [points.names[row] for row in some]
-        self._values[some] = point_system.coordinates(points.coordinates[some], names)
+        self._values = _given(points, point_system)
         self._sigmas = points.sigmas
         self._linearised_at = system.values(ids)
         self._correlated = _correlated(points)
@@ -151,7 +148,18 @@ class KnownCoordinates:
         here = system.values(self._ids)
         if self._system.is_along_frame or np.abs(here - self._linearised_at).max(initial=0.0) < SAME_PLACE:
             return
-        self._linearised_at = here
+        self._linearise(system)
+
+    def restart(self, system: LeastSquares, points: Points) -> None:
+        """Takes the coordinates and sigmas of other points, of which the same components are known."""
+        self._points, self._sigmas = points, points.sigmas
+        self._values = _given(points, self._system)
+        if self._soft is not None:
+            self._soft.sigmas = self._sigmas[self._rows, self._components]
+        self._linearise(system)
+
+    def _linearise(self, system: LeastSquares) -> None:
+        self._linearised_at = system.values(self._ids)
         if self._soft is not None:
             self._soft.observations = self._linearised(system, self._rows, self._components)
         if self._together is not None:
@@ -174,6 +182,15 @@ class KnownCoordinates:
             sigmas[len(self._rows) :] = np.sqrt(np.diag(self._points.covariance.matrix))
         values = self._values[rows, components]
         return CoordinateResiduals(rows, components, values, sigmas, gaps[position, components])
+
+
+def _given(points: Points, point_system: PointSystem) -> FloatArray:
+    """(n, 3) coordinates in the system of the points, NaN for those that are unknown."""
+    values = np.full((len(points), 3), np.nan)
+    some = np.flatnonzero(~points.is_free.all(axis=1))
+    names = [points.names[row] for row in some]
+    values[some] = point_system.coordinates(points.coordinates[some], names)
+    return values
 
 
 def _correlated(points: Points) -> tuple[IntArray, IntArray]:

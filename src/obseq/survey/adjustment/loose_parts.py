@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.adjustment.equations import station_names
+from obseq.survey.adjustment.labels import station_names
 from obseq.survey.adjustment.singular_words import in_words
 from obseq.survey.adjustment.undetermined import directions
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced

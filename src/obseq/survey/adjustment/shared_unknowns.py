@@ -34,6 +34,9 @@ class SharedUnknowns:
         self._book = book
         self._blocks: dict[tuple[int, str], int] = {}
 
+    def __len__(self) -> int:
+        return len(self._blocks)
+
     def add(self, site: Site, coordinates: FloatArray) -> None:
         """Adds the unknowns of all groups, starting from coordinates of the points."""
         observations = self._book.observations

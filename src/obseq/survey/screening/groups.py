@@ -69,6 +69,7 @@ class Trials:
     untried: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self.model = self.model.for_trials()
         self.before = self.found.disagreement(GROSS)
         at_start = estimated(self.model, self.found.points, self.found.book, GLANCE)
         self._at_start = math.inf if at_start is None else at_start.disagreement(GROSS)
@@ -81,10 +82,14 @@ class Trials:
 
     def tried(self, points: Points, book: FieldBook) -> Estimate | None:
         """The network with points or observations put right; None when that does not help at first sight."""
-        first = estimated(self.model, points, book, GLANCE)
-        if first is None or first.disagreement(GROSS) > _PROMISING * self._at_start:
+        try:
+            start = self.model.start(points, book)
+            first = estimate(self.model, points, book, GLANCE, start)
+            if first.disagreement(GROSS) > _PROMISING * self._at_start:
+                return None
+            return estimate(self.model, points, book, QUICK, start)
+        except ObseqError:
             return None
-        return estimated(self.model, points, book, QUICK)
 
     def is_decisive(self, left: float) -> bool:
         """Whether hardly any contradiction is left, so that no other cause need be tried."""

@@ -15,6 +15,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.survey.adjustment.equations import sigmas_of
+from obseq.survey.adjustment.kept_equations import KeptEquations
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
@@ -54,6 +55,19 @@ class Model:
 
     initial: Callable[[Points, FieldBook], InitialValues]
     equations: Callable[[Determined], Equations]
+
+    def for_trials(self) -> Model:
+        """The same for networks that differ in little, one at a time: what they have in common is kept."""
+        return Model(self.initial, KeptEquations(self.equations))
+
+    def start(self, points: Points, book: FieldBook) -> Determined:
+        """What can be computed of a network, with its initial values.
+
+        Raises:
+            ObseqError: nothing of the network can be computed.
+        """
+        start = Determined(points, book, self.initial(points, book))
+        return leave_out(start, start.initial.unplaced)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,20 +123,22 @@ class Estimate:
         return float(counts.sum())
 
 
-def estimate(model: Model, points: Points, book: FieldBook, stages: Stages = WHOLE) -> Estimate:
+def estimate(
+    model: Model, points: Points, book: FieldBook, stages: Stages = WHOLE, start: Determined | None = None
+) -> Estimate:
     """The network by the observations that agree with each other.
 
     Args:
         model: how initial values and equations are made.
         points: of the network.
         book: its observations.
-        stages: losses and iterations; `GLANCE` has none, `QUICK` enough to see whether a cause explains much.
+        stages: losses and iterations; `GLANCE` has one, `QUICK` enough to see whether a cause explains much.
+        start: what `model.start` gives of them, where that is known.
 
     Raises:
         ObseqError: nothing of the network can be computed.
     """
-    start = Determined(points, book, model.initial(points, book))
-    start = leave_out(start, start.initial.unplaced)
+    start = start or model.start(points, book)
     equations = model.equations(start)
     _settle(equations, stages)
     return _estimate(points, book, start, equations)
@@ -158,8 +174,9 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))
     for rows, batch in equations.batches.values():
-        misfits[rows] = equations.system.residuals(batch)[:, 0]
-        ratios[rows] = np.abs(misfits[rows]) / sigmas_of(batch)
+        counted = rows[batch.active]
+        misfits[counted] = equations.system.residuals(batch)[batch.active, 0]
+        ratios[counted] = np.abs(misfits[counted]) / sigmas_of(batch)[batch.active]
     return Estimate(
         points,
         book,

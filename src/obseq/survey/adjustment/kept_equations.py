@@ -1,0 +1,81 @@
+"""Equations that are made once for networks that differ in nothing but numbers: those of trials.
+
+What a trial changes (values, sigmas, coordinates, which observations count) changes neither the unknowns nor
+who is in which equation. For a small network these take longer to build and to analyse than an iteration.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import Observations, Points
+
+_OF_EQUATIONS = ("types", "from_points", "to_points", "stations", "groups", "backsights")
+"""Columns of the observations from which it follows who is in which equation."""
+
+
+class KeptEquations:
+    """The equations of networks, one after the other: those of the first, with the numbers of others like it.
+
+    Equations that it has given are not to be used any more once it gives the next ones.
+
+    Args:
+        make: a network with its initial values -> its equations.
+    """
+
+    def __init__(self, make: Callable[[Determined], Equations]) -> None:
+        self._make = make
+        self._first: tuple[Determined, Equations] | None = None
+
+    def __call__(self, start: Determined) -> Equations:
+        """The equations of a network, at its initial values."""
+        if self._first is None:
+            self._first = start, self._make(start)
+            return self._first[1]
+        first, equations = self._first
+        if len(equations.shared) or not _have_same_equations(first, start):
+            return self._make(start)
+        equations.restart(start.points, start.book, start.initial)
+        return equations
+
+
+def _have_same_equations(first: Determined, other: Determined) -> bool:
+    """Whether two networks differ in numbers only, and in observations that do not count in the other."""
+    return (
+        _are_alike(first.points, other.points)
+        and np.array_equal(first.initial.orientations, other.initial.orientations)
+        and np.array_equal(first.book.stations.origins, other.book.stations.origins)
+        and np.array_equal(first.book.stations.orientations, other.book.stations.orientations)
+        and not (first.book.clusters or other.book.clusters)
+        and first.book.groups == other.book.groups
+        and _count_alike(first.book.observations, other.book.observations)
+    )
+
+
+def _are_alike(first: Points, other: Points) -> bool:
+    """Whether the same components of the same points are free, known or held, and nothing else is known."""
+    parts = (first.datum, other.datum, first.covariance, other.covariance)
+    return (
+        all(part is None for part in parts)
+        and first.names == other.names
+        and np.array_equal(first.is_free, other.is_free)
+        and np.array_equal(first.is_held, other.is_held)
+        and np.array_equal(first.deflections, other.deflections, equal_nan=True)
+    )
+
+
+def _count_alike(first: Observations, other: Observations) -> bool:
+    """Whether observations are between the same points, heights in the same places, and none counts more."""
+    heights = ((rows.from_heights != 0.0) | (rows.to_heights != 0.0) for rows in (first, other))
+    return (
+        all(np.array_equal(getattr(first, name), getattr(other, name)) for name in _OF_EQUATIONS)
+        and np.array_equal(*heights)
+        and not (other.active & ~first.active).any()
+    )
