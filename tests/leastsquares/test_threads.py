@@ -7,7 +7,7 @@ from networks import mixed_system
 from obseq.errors import InputError
 from obseq.leastsquares import DivergenceError, LeastSquares
 from obseq.leastsquares.assembly import threads
-from obseq.leastsquares.assembly.evaluation import residuals
+from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.solvers.blas import _thread_functions, one_blas_thread
 
@@ -92,7 +92,7 @@ def test_threads_with_eliminated_blocks(tiny_shares):
 def test_residuals_by_threads_are_identical(tiny_shares):
     system, *_, batches = mixed_system(8)
     for batch in batches:
-        alone, shared = residuals(system.unknowns, batch), residuals(system.unknowns, batch, 3)
+        alone, shared = raw_residuals(system.unknowns, batch), raw_residuals(system.unknowns, batch, 3)
         assert np.array_equal(alone, shared)
 
 

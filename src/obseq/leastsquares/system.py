@@ -297,8 +297,8 @@ class LeastSquares:
         cofactors: Cofactors | None,
     ) -> LeastSquaresResult:
         equations = analysis.equations
-        equations.reweight()
         misfits = {batch: frozen(self.residuals(batch)) for batch in equations.batches}
+        equations.reweight(misfits)
         squares = equations.sums_of_squares(misfits)
         overall, held = sigma0_of(squares, None, redundancy), analysis.substitution
         return LeastSquaresResult(

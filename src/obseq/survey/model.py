@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from obseq.arguments import expecting, instance
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.registry import BY_CODE, KINDS
+from obseq.survey.kinds.registry import BY_CODE, KINDS, among, codes
 from obseq.survey.points import CoordinateCovariance as CoordinateCovariance
 from obseq.survey.points import Points as Points
 from obseq.survey.points import make_points as make_points
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
 
 IntArray = npt.NDArray[np.int32]
+_ORIENTING = codes(*(kind for kind in KINDS if kind.orients > 0))
+_ORIENTING_UNLESS_ZERO = codes(*(kind for kind in KINDS if kind.orients < 0))
 
 
 class Orientation(enum.IntEnum):
@@ -283,10 +285,8 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
         (m,) int8 values of `Orientation`.
     """
     observations = book.observations
-    orienting = np.isin(observations.types, [kind.code for kind in KINDS if kind.orients > 0])
-    orienting |= (observations.values != 0.0) & np.isin(
-        observations.types, [kind.code for kind in KINDS if kind.orients < 0]
-    )
+    orienting = among(observations.types, _ORIENTING)
+    orienting |= (observations.values != 0.0) & among(observations.types, _ORIENTING_UNLESS_ZERO)
     kept = orienting & observations.active & (observations.stations >= 0)
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True

@@ -57,13 +57,8 @@ def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatA
     return np.ascontiguousarray(rows.T)
 
 
-def residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
-    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
-    return whitened(batch, raw_residuals(table, batch, threads))
-
-
 def whitened(batch: Batch, raw: FloatArray) -> FloatArray:
-    """(n, n_residuals) `residuals` from `raw_residuals`."""
+    """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
     if not batch.is_correlated and batch.clusters is None:
         return raw
     return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)

@@ -17,7 +17,6 @@ from obseq.leastsquares.assembly.evaluation import (
     jacobian_rows,
     present_values,
     raw_residuals,
-    residuals,
     used_blocks,
     whitened,
 )
@@ -219,11 +218,16 @@ class NormalEquations:
         else:
             self._store[:] = 0.0
 
-    def reweight(self) -> None:
-        """Gives batches that have a loss the weights of their residuals at the current values."""
+    def reweight(self, raw: Mapping[Batch, FloatArray] | None = None) -> None:
+        """Gives batches that have a loss the weights of their residuals at the current values.
+
+        Args:
+            raw: `raw_residuals` there, where they are known.
+        """
         for batch in self.batches:
             if batch.loss is not None:
-                batch.reweight(residuals(self.table, batch, self._threads))
+                known = raw[batch] if raw else raw_residuals(self.table, batch, self._threads)
+                batch.reweight(whitened(batch, known))
 
     def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
         """(n_scalars,) step of all unknowns from that of the matrix's (n_free,): zero where frozen.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.kinds.kind import FirstPlace
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.kinds.registry import among, codes_placed_by
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -62,8 +62,7 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
 
 
 def _rows_of(observations: Observations, use: FirstPlace) -> IntArray:
-    codes = codes_where(lambda kind: kind.first_place is use)
-    return np.flatnonzero(np.isin(observations.types, codes) & observations.active)
+    return np.flatnonzero(among(observations.types, codes_placed_by(use)) & observations.active)
 
 
 def _triples(observations: Observations, use: FirstPlace) -> tuple[IntArray, FloatArray]:
@@ -73,9 +72,10 @@ def _triples(observations: Observations, use: FirstPlace) -> tuple[IntArray, Flo
         observations: All observations.
         use: What they give; their kinds are three, one for each component, in this order.
     """
-    codes = np.array(codes_where(lambda kind: kind.first_place is use))
-    component = np.searchsorted(codes, observations.types)
     rows = _rows_of(observations, use)
+    if not rows.size:
+        return rows, np.zeros((0, 3))
+    component = np.searchsorted(np.array(codes_placed_by(use)), observations.types)
     ends = np.stack([observations.from_points[rows], observations.to_points[rows]])
     starts = rows[:-2][(rows[2:] == rows[:-2] + 2) & (ends[:, 2:] == ends[:, :-2]).all(axis=0)]
     three = starts[:, None] + np.arange(3)

@@ -80,11 +80,11 @@ class PointSystem:
         if self.turn is not None or not len(points):
             turn = np.eye(3) if self.turn is None else self.turn
             return np.broadcast_to(turn, (len(points), 3, 3)), np.ones((len(points), 3))
-        differences = [
-            self.differences(self.coordinates(points + step), self.coordinates(points - step))
-            for step in STEP * np.eye(3)
-        ]
-        rows = np.stack(differences, axis=2) / (2.0 * STEP)
+        steps = STEP * np.eye(3)
+        beside = np.concatenate([points[:, None] + steps, points[:, None] - steps], axis=1)
+        found = self.coordinates(beside.reshape(-1, 3)).reshape(-1, 2, 3, 3)
+        differences = self.differences(found[:, 0].reshape(-1, 3), found[:, 1].reshape(-1, 3))
+        rows = differences.reshape(-1, 3, 3).transpose(0, 2, 1) / (2.0 * STEP)
         metres = np.empty((len(points), 3))
         metres[:, :2], metres[:, 2] = self.system.plan_unit.factor, self.system.height_unit.factor
         if self.system.plan_unit.is_angle:

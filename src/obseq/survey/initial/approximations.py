@@ -17,7 +17,7 @@ from obseq.record import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import codes_for
+from obseq.survey.kinds.registry import among, codes_for
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class Approximations:
 
 def _gives(kinds: npt.NDArray[np.int16], *uses: Start) -> BoolArray:
     """Of observations of these kinds (codes), whether initial values have these things of them."""
-    return np.isin(kinds, codes_for(*uses))
+    return among(kinds, codes_for(*uses))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from obseq.errors import InputError
 from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import codes_for, codes_where
+from obseq.survey.kinds.registry import among, codes_for, codes_where
 from obseq.survey.model import Orientation, group_by_station
 
 if TYPE_CHECKING:
@@ -124,20 +124,23 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     active = _still_active(given, bad_points, bad_stations)
     count = given.book.counts(active, n)
     free, zeros = given.points.is_free.sum(axis=1), _zeros(given, active)
+    lacking = np.flatnonzero((count < free + zeros) & ~bad_points).tolist()
+    if not lacking:
+        return []
     numbers = np.column_stack((count, free, zeros))
     levelled = np.isin(rows.types, codes_where(lambda kind: kind.is_levelled))
     others = rows.counts(active & ~levelled, n)
     hints = np.where((count > 0) & (others == 0) & (free == 3), _ONLY_LEVELLED, "")
     return [
         Unplaced(f"point {given.points.names[row]}", _too_few(*map(int, numbers[row])) + hints[row], row)
-        for row in np.flatnonzero((count < free + zeros) & ~bad_points).tolist()
+        for row in lacking
     ]
 
 
 def _zeros(given: Determined, active: BoolArray) -> IntArray:
     """(n,) unknown zeros of circles set up on each free point, which its readings have to give as well."""
     rows, points = given.book.observations, given.points
-    readings = active & np.isin(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
+    readings = active & among(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
     stations = np.unique(rows.stations[readings])
     stations = stations[given.initial.orientations[stations] == Orientation.VERT]
     count = np.bincount(given.book.stations.origins[stations], minlength=len(points))[: len(points)]

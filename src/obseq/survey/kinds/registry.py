@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,10 +25,10 @@ from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from obseq.kernels import Kernel
-    from obseq.survey.kinds.kind import ObservationKind, Start
+    from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Start
 
 KINDS: tuple[ObservationKind, ...] = (
     *(DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ),
@@ -80,6 +81,8 @@ def kind_of_formula(formula: str | Kernel) -> FormulaKind:
     BY_CODE[code] = BY_NAME[kind.name] = kind
     FAMILIES[kind.group] = (kind,)
     IS_ANGLE[code] = kind.is_angle
+    codes_for.cache_clear()
+    codes_placed_by.cache_clear()
     return kind
 
 
@@ -101,9 +104,23 @@ def codes_with(unknown: str) -> dict[int, int]:
     return {code: kind.code for (code, names), kind in WITH_UNKNOWNS.items() if names == {unknown}}
 
 
-def codes_for(*uses: Start) -> list[int]:
+@lru_cache
+def codes_for(*uses: Start) -> Sequence[int]:
     """The codes of the kinds that give these things to initial values."""
     return codes_where(lambda kind: kind.start in uses)
+
+
+@lru_cache
+def codes_placed_by(use: FirstPlace) -> Sequence[int]:
+    """The codes of the kinds that give a point a first place in this way."""
+    return codes_where(lambda kind: kind.first_place is use)
+
+
+def among(types: npt.NDArray[np.int16], wanted: Sequence[int]) -> npt.NDArray[np.bool_]:
+    """(n,) whether codes are among some; for short columns much faster than `np.isin`."""
+    is_wanted = np.zeros(len(IS_ANGLE), np.bool_)
+    is_wanted[list(wanted)] = True
+    return is_wanted[types]
 
 
 def codes(*kinds: ObservationKind) -> list[int]:
