@@ -328,9 +328,9 @@ class UnknownTable:
         self.owner.check()
         array, manifold, size = self.uniform(ids, "set_values")
         given = finite(new, (len(array), *manifold.shape(size)), "set_values")
-        names = [self.names[block] for block in array]
+        names = [self.names[block] for block in array.tolist()]
         unknowns, context = manifold.split(manifold.checked(given, names, "set_values"))
-        self.values[self.scalars(array)] = unknowns
+        self.values[self.consecutive(array, size)] = unknowns
         self._context.view[self._context_places(array, manifold)] = context
 
     def _context_places(self, ids: IntArray, manifold: Manifold) -> IntArray:

@@ -20,7 +20,7 @@ from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
@@ -79,14 +79,13 @@ class Equations:
         self._frame = frame
         self._plumb = Plumb(frame, points)
         self._book = book
+        self._followed = initial.coordinates
         self._origins = book.stations.origins.astype(np.int64)
         self._has_grid = bool((book.stations.orientations == Orientation.GRID).any())
         self.system = LeastSquares() if system is None else system
         self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
         self._verticals = self._plumb.axes(self._origins, initial.coordinates)
-        self.stations = self.system.add_rotations(
-            station_names(points, book), self._plumbed(initial, frame.vertical)
-        )
+        self.stations = self.system.add_rotations(station_names(points, book), self._plumbed(initial))
         self.known = KnownCoordinates(self.system, self.points, points, point_system)
         for status, components in FROZEN_TURNS.items():
             ids = self.stations[initial.orientations == status]
@@ -108,18 +107,18 @@ class Equations:
             book: The same observations; those that are inactive get no weight.
             initial: Where points and stations start.
         """
-        self._book, self._plumb = book, Plumb(self._frame, points)
+        self._book, self._plumb, self._followed = book, Plumb(self._frame, points), initial.coordinates
         self._site = replace(self._site, plumb=self._plumb, book=book)
         self.system.set_values(self.points, initial.coordinates)
         self._verticals = self._plumb.axes(self._origins, initial.coordinates)
         if self.stations.size:
-            self.system.set_values(self.stations, self._plumbed(initial, self._frame.vertical))
+            self.system.set_values(self.stations, self._plumbed(initial))
         self.known.restart(self.system, points)
         for rows, batch in self.batches.values():
-            batch.loss = None
-            batch.active = book.observations.active[rows]
+            batch.active[:] = book.observations.active[rows]
             batch.observations = self._measured(rows, initial.coordinates)
             batch.sigmas = self.sigmas(rows, initial.coordinates)
+            batch.loss = None
 
     def _blocks_of_points(
         self, points: Points, coordinates: FloatArray, shared: Mapping[str, int]
@@ -129,10 +128,12 @@ class Equations:
         ids[new] = self.system.add_points([points.names[row] for row in new], coordinates[new])
         return ids
 
-    def _plumbed(self, initial: InitialValues, vertical: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    def _plumbed(self, initial: InitialValues) -> FloatArray:
         """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
-        before = vertical(initial.coordinates[self._origins])
-        rotations = self._verticals.transpose(0, 2, 1) @ before @ initial.rotations
+        rotations = initial.rotations.copy()
+        if self._plumb.is_deflected:
+            before = self._frame.vertical(initial.coordinates[self._origins])
+            rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
         grid = self._book.stations.orientations == Orientation.GRID
         rotations[grid] = _along_grid(self._verticals[grid])
         return np.asarray(rotations)
@@ -317,24 +318,32 @@ class Equations:
             self._grid_scales(rows, coordinates) * (observations.sigmas[rows] + relative * share)
         )
 
-    def follow(self, system: LeastSquares, _: int) -> None:
+    def follow(self, system: LeastSquares, _number: int) -> None:
         """Before an evaluation: turns the stations with their verticals, renews what depends on positions."""
         self.known.follow(system)
         coordinates = system.values(self.points)
+        if not np.array_equal(coordinates, self._followed):
+            self._followed = coordinates
+            self._turn_stations(system, coordinates)
+            for rows, batch in self._measured_batches():
+                self._renew(rows, batch, coordinates)
+        for (_, is_correlated), (rows, batch) in self.batches.items():
+            if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
+                batch.sigmas = self.sigmas(rows, coordinates)
+        self.linearise()
+
+    def _turn_stations(self, system: LeastSquares, coordinates: FloatArray) -> None:
+        """Turns the stations with the verticals at their points."""
         if self._frame.has_vertical and self.stations.size:
             verticals = self._plumb.axes(self._origins, coordinates)
             rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
             system.set_values(self.stations, rotations)
             self._verticals = verticals
-        for (family, is_correlated), (rows, batch) in self.batches.items():
-            if family != GROUP:
-                self._renew(rows, batch, coordinates)
-            if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
-                batch.sigmas = self.sigmas(rows, coordinates)
 
-        for rows, batch in self._shadows:
-            self._renew(rows, batch, coordinates)
-        self.linearise()
+    def _measured_batches(self) -> Iterator[tuple[IntArray, Batch]]:
+        """The batches whose observations are what was measured, and not combinations of equations."""
+        yield from (part for (family, _), part in self.batches.items() if family != GROUP)
+        yield from self._shadows
 
     def linearise(self) -> None:
         """Makes the rows of equations that are correlated with others anew, at the current values."""

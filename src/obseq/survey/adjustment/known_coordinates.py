@@ -152,8 +152,9 @@ class KnownCoordinates:
 
     def restart(self, system: LeastSquares, points: Points) -> None:
         """Takes the coordinates and sigmas of other points, of which the same components are known."""
+        if not np.array_equal(points.coordinates, self._points.coordinates, equal_nan=True):
+            self._values = _given(points, self._system)
         self._points, self._sigmas = points, points.sigmas
-        self._values = _given(points, self._system)
         if self._soft is not None:
             self._soft.sigmas = self._sigmas[self._rows, self._components]
         self._linearise(system)

@@ -171,6 +171,7 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
     coordinates[kept_points] = equations.system.values(equations.points)
     if len(kept_stations):
         rotations[kept_stations] = equations.system.values(equations.stations)
+    redundancy = equations.system.redundancy
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))
     for rows, batch in equations.batches.values():
@@ -184,9 +185,9 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
         rotations,
         misfits,
         ratios,
-        _scale(ratios, equations.system),
+        _scale(ratios, redundancy),
         tuple(equations.shared.of_instruments(equations.system)),
-        equations.system.redundancy / max(int(np.count_nonzero(np.isfinite(misfits))), 1),
+        redundancy / max(int(np.count_nonzero(np.isfinite(misfits))), 1),
     )
 
 
@@ -197,10 +198,10 @@ def _kept_stations(before: FieldBook, after: FieldBook) -> list[int]:
     return [int(number) for number in before.observations.stations[firsts]]
 
 
-def _scale(ratios: FloatArray, system: LeastSquares) -> float:
+def _scale(ratios: FloatArray, redundancy: int) -> float:
     """Size of the ratios of good observations: from their median, and the share that is redundant."""
     seen = ratios[ratios > 0.0]
-    share = system.redundancy / max(len(seen), 1)
+    share = redundancy / max(len(seen), 1)
     if not seen.size or share <= 0.0:
         return 1.0
     size = 1.4826 * float(np.median(seen)) / min(1.0, share) ** 0.5
