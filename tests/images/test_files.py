@@ -9,11 +9,15 @@ import scenes
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment
-from obseq.images.files.bal import read_bal, read_bundler, write_bal
+from obseq.images.files.bal import read_bal, write_bal
 from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
+from obseq.images.files.bundler import read_bundler
 from obseq.images.files.colmap import read_colmap, write_colmap
 from obseq.images.output.clouds import camera_table, ply, pose_table
 from obseq.images.output.record import record_of
+
+HEADER = "# Bundle file v0.3\n"
+CAMERA = "1 1\n9 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n"
 
 
 def _written(tmp_path, name: str, text: str):
@@ -85,7 +89,12 @@ def test_a_backward_camera_stays_one(tmp_path):
         (read_measures, "image,point,x,y,sigma\na,P,1,2,0\n", r"f\.csv:2: image a, point P: the sigma"),
         (read_measures, "image,point,x,x\n", r"f\.csv:1: a column name comes twice"),
         (read_bal, "1 1\n", r"f\.csv: the first line of a BAL file"),
-        (read_bal, "1 1 1\n0 0 1 2\n", "are 19 numbers; the file has 7"),
+        (read_bal, "1 1 1\n0 0 1 2\n", r"f\.csv:1: .* are 19 numbers; the file has 7"),
+        (
+            read_bal,
+            "1 1 1\n\n0 1\n1 2\n" + "0 0 0\n" * 2 + "9 0 0\n" + "0 0 5\n",
+            r"f\.csv:3: an observation names camera 0 and point 1; there are 1 and 1",
+        ),
         (read_bal, "1 0 0\n" + "a " * 9, r"f\.csv:2: a number is 'a', which is no finite number"),
         (read_bal, "1 0 0\n" + "0 " * 6 + "\n-9 0 0\n", r"f\.csv: camera .* focal length must be above zero"),
         (read_bundler, "# Bundle file v0.3\n1 0\n1 0 0\n1 0 nan\n", r"f\.csv:4: a number is 'nan'"),
@@ -95,7 +104,12 @@ def test_a_backward_camera_stays_one(tmp_path):
             r"f\.csv: A matrix is not|f\.csv: Several",
         ),
         (read_bundler, "# v0.2\n", r"not a Bundler file of version 0\.3"),
-        (read_bundler, "# Bundle file v0.3\n1 1\n1 2 3\n", "do not fit the counts"),
+        (read_bundler, HEADER + "1 1\n1 2 3\n", r"f\.csv:2: 1 cameras and 1 points are 8 lines; 1 follow"),
+        (read_bundler, HEADER + "1 x\n", r"f\.csv:2: a number is 'x'"),
+        (read_bundler, HEADER + "1\n", r"f\.csv:2: the line after the first counts"),
+        (read_bundler, HEADER + "1 0\n9 0 0\n\n1 0 0\n0 1\n0 0 1\n0 0 0\n", r"f\.csv:6: 3 numbers"),
+        (read_bundler, HEADER + CAMERA + "0 0 5\n0 0 0\n2 0 1 1 1\n", r"f\.csv:10: 2 views are 8 numbers"),
+        (read_bundler, HEADER + CAMERA + "0 0 5\n0 0 0\n1 1 1 1 1\n", r"f\.csv:10: .* seen by camera 1"),
     ],
 )
 def test_broken_files_are_refused_with_their_place(tmp_path, reader, text, message):
@@ -220,3 +234,12 @@ def test_mutilated_tables_never_end_in_another_error(tmp_path, seed):
             read_cameras(path)
         except InputError as error:
             assert "f.csv" in str(error)
+
+
+def test_what_is_wrong_in_a_block_of_another_program_names_its_file(bal):
+    with pytest.raises(InputError, match=f"^{bal}: the block has no datum"):
+        read_bal(bal).solve()
+    block = read_bal(bal)
+    block.add_approximations(["P0"], [[0.0, 0.0, 50.0]])
+    with pytest.raises(InputError, match=f"^{bal}: image .*, point P0: the point is behind the camera"):
+        block.solve(datum="centres")

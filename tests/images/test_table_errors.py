@@ -54,6 +54,36 @@ def test_a_wrong_row_is_told_with_its_line(tmp_path, table, more, message):
     assert str(error.value).count(f"{table}.csv") == 1
 
 
+def test_control_on_a_line_is_told_with_its_lines(tmp_path):
+    on_a_line = {
+        "control": "point,x,y,z,sigma\nP,0,0,0,0.01\n\nQ,1,0,0,0.01\nR,2,0,0,0.01\n",
+        "measures": TABLES["measures"] + "b,Q,1000,750\na,R,1400,750\nb,R,1200,750\n",
+    }
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path, **on_a_line).solve()
+    path = tmp_path / "control.csv"
+    assert f"3 control points (P ({path}:2), Q ({path}:4), R ({path}:5)) are on a line" in str(error.value)
+
+
+def test_a_block_without_datum_is_told_with_its_files(tmp_path):
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path).solve()
+    assert str(error.value).startswith(f"{tmp_path / 'control.csv'}: the block has no datum: 6 coordinates")
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path, control="point,x,y,z,sigma\n").solve()
+    assert "the block has no datum: 0 coordinates" in str(error.value)
+
+
+def test_a_point_behind_its_camera_is_told_with_its_line(tmp_path):
+    high = "point,x,y,z,sigma\nP,0,0,0,0.01\nQ,1,0,20,0.01\n"
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path, control=high).solve()
+    behind = (
+        f"{tmp_path / 'measures.csv'}:4: image a, point Q: the point is behind the camera (1 measures are)"
+    )
+    assert str(error.value).startswith(behind)
+
+
 def test_a_second_table_of_measures_is_told_with_its_own_line(tmp_path):
     block = _filled(tmp_path)
     again = tmp_path / "again.csv"

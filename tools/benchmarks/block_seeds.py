@@ -11,8 +11,9 @@ import numpy as np
 from obseq.geometry import RigidMotion
 from obseq.images import Camera, ControlPoints, ImagePoints
 from obseq.images.files.aicon import read_aicon
-from obseq.images.files.bal import read_bal, read_bundler
+from obseq.images.files.bal import read_bal
 from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
+from obseq.images.files.bundler import read_bundler
 from obseq.images.files.colmap import read_colmap
 from obseq.images.files.dbat import read_dbat
 from obseq.images.files.metashape import read_metashape

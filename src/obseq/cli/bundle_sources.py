@@ -112,7 +112,8 @@ def _read_other(
 
 
 def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], BundleAdjustment]]:
-    from obseq.images.files.bal import read_bal, read_bundler
+    from obseq.images.files.bal import read_bal
+    from obseq.images.files.bundler import read_bundler
     from obseq.images.files.colmap import read_colmap
     from obseq.images.files.dbat import read_dbat
     from obseq.images.files.metashape import read_metashape

@@ -15,7 +15,15 @@ from obseq.images.control import ControlPoints
 from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
-from obseq.images.parts import Approximations, Instruments, Lengths, MeasureSet, PoseObservations, Rule
+from obseq.images.parts import (
+    Approximations,
+    Instruments,
+    Lengths,
+    MeasureSet,
+    Origin,
+    PoseObservations,
+    Rule,
+)
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -35,7 +43,9 @@ class Block:
     """Cameras, images, points and measures, by name; nothing is computed here.
 
     What is added is checked at once: names, numbers, and that measures lie in their images. `notes` are what
-    a reader of files found there and has no use for; they are in what is printed of a solution.
+    a reader of files found there and has no use for; they are in what is printed of a solution. `origin` is
+    the file of another program that the block was read from, `control_origins` where its control points were:
+    messages name them.
     """
 
     cameras: dict[str, Camera] = field(default_factory=dict)
@@ -56,6 +66,8 @@ class Block:
     fixed_rotations: list[re.Pattern[str]] = field(default_factory=list)
     viscosity: tuple[float | None, float | None] = (None, None)
     notes: list[str] = field(default_factory=list)
+    origin: Origin | None = None
+    control_origins: list[tuple[tuple[str, ...], Origin]] = field(default_factory=list)
 
     # What is known
 
@@ -123,8 +135,8 @@ class Block:
                 f"image {image}: its calibration {camera or '(not named)'} is missing; known: {known}"
             )
 
-    def add_control_points(self, control: ControlPoints) -> None:
-        """Adds known points.
+    def add_control_points(self, control: ControlPoints, origin: Origin | None = None) -> None:
+        """Adds known points, and where they were read.
 
         Raises:
             InputError: a name is there already.
@@ -138,6 +150,26 @@ class Block:
             np.concatenate([self.control.coordinates, control.coordinates]),
             np.concatenate([self.control.covariances, control.covariances]),
         )
+        if origin is not None:
+            self.control_origins.append((control.names, origin))
+
+    def control_places(self, names: Sequence[str]) -> list[str]:
+        """Control points in words: their names, with file and line where these are known."""
+        found = {
+            name: f"{name} ({origin.place(row)})"
+            for known, origin in self.control_origins
+            for row, name in enumerate(known)
+        }
+        return [found.get(name, name) for name in names]
+
+    @property
+    def source(self) -> str:
+        """The files that say where the block is in the world, to begin a message; empty when nobody said."""
+        control = [origin.path for _, origin in self.control_origins]
+        measures = [part.origin.path for part in self.sets if part.origin is not None]
+        whole = [] if self.origin is None else [self.origin.path]
+        files = ", ".join(dict.fromkeys(control or whole or measures))
+        return files and f"{files}: "
 
     def add_approximations(self, names: Sequence[str], coordinates: ArrayLike) -> None:
         """Gives free points a start; without one, they start where their rays meet."""
@@ -154,6 +186,7 @@ class Block:
         weighting: Weighting | None = None,
         name: str = "",
         only_known_points: bool = False,
+        origin: Origin | None = None,
     ) -> None:
         """Adds points measured in images.
 
@@ -162,6 +195,7 @@ class Block:
             weighting: replaces all sigmas by its own, and weakens or leaves out large residuals.
             name: of the set, for sums of squares; `image points` when empty.
             only_known_points: True to refuse points that are neither control points nor approximations.
+            origin: where they were read, for messages.
 
         Raises:
             InputError: an image or a point is not known, a point is measured twice in an image, or a measure
@@ -174,7 +208,7 @@ class Block:
         check_frames([self.cameras[self.camera_of[image]] for image in measures.image_names], measures)
         for other in self.sets:
             check_pair(other.measures, measures)
-        self.sets.append(_weighed(MeasureSet(measures, None, name or "image points"), weighting))
+        self.sets.append(_weighed(MeasureSet(measures, None, name or "image points", origin), weighting))
 
     def weigh_measures(self, weighting: Weighting) -> None:
         """Gives all image points that were added one weighting, in place of their own sigmas."""
@@ -341,4 +375,4 @@ def _weighed(part: MeasureSet, weighting: Weighting | None) -> MeasureSet:
     given = part.measures
     names = given.image_names, given.point_names
     measures = ImagePoints.packed(*names, given.image, given.point, given.xy, weighting.sigma)
-    return MeasureSet(measures, weighting, part.name)
+    return MeasureSet(measures, weighting, part.name, part.origin)

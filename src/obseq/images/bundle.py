@@ -135,6 +135,6 @@ class BundleAdjustment(Block):
         lost = growth.waiting()
         if lost:
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
-            raise InputError(f"{len(lost)} images cannot be placed; {lost[0]}: {reason}")
+            raise InputError(f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}")
         self.add_poses(growth.as_poses().select(waiting))
         return tuple(waiting)

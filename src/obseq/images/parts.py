@@ -58,6 +58,23 @@ class Approximations(Mapping[str, FloatArray]):
         return len(self._by_name)
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where rows were read, for messages.
+
+    Attributes:
+        path: of the file or folder.
+        lines: (n,) line of each row; empty where rows are no lines.
+    """
+
+    path: str
+    lines: Sequence[int] = ()
+
+    def place(self, row: int) -> str:
+        """`file:line` of a row, or the file alone."""
+        return f"{self.path}:{self.lines[row]}" if self.lines else self.path
+
+
 @dataclass(frozen=True, eq=False)
 class MeasureSet:
     """Image points that are weighted alike.
@@ -66,11 +83,13 @@ class MeasureSet:
         measures: the points.
         weighting: robust weights; the sigmas are in the measures.
         name: of the set, for messages and sums of squares.
+        origin: where they were read; None where nobody said.
     """
 
     measures: ImagePoints
     weighting: Weighting | None
     name: str
+    origin: Origin | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighting
 from obseq.images.names import are_among
+from obseq.images.parts import Origin
 from obseq.project.cameras import read_orientation
 from obseq.project.instrument_blocks import FILE, read_instrument_block
 from obseq.project.instrument_joining import ENTRIES, add_instruments
@@ -66,7 +67,7 @@ def assembled(
     _add_points(block, tree, options, control, rays, definition)
     for part, measures in parts:
         weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
-        block.add_measures(_coded(measures, control), weighting, part.folder)
+        block.add_measures(_coded(measures, control), weighting, part.folder, origin=Origin(part.folder))
     _add_rules(block, tree, options)
     if options.rigid is not None:
         _add_rigid(block, tree, options)

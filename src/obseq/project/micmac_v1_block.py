@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
 from obseq.images.files.xml import Element, child, content, problem, read_xml
+from obseq.images.parts import Origin
 from obseq.project.micmac_v1 import read_v1_orientation
 
 if TYPE_CHECKING:
@@ -41,13 +42,13 @@ def read_v1_block(
     block = BundleAdjustment()
     poses = _add_poses(block, Path(orientation))
     if points is not None:
-        block.add_control_points(read_v1_points(points))
+        block.add_control_points(read_v1_points(points), Origin(str(points)))
     if measures is not None:
         found = read_v1_measures(measures, image_sigma)
         lost = [name for name in found.image_names if name not in poses]
         if lost:
             raise InputError(f"{measures}: the image {lost[0]} has no orientation in {orientation}")
-        block.add_measures(found, name=Path(measures).name)
+        block.add_measures(found, name=Path(measures).name, origin=Origin(str(measures)))
     return block
 
 

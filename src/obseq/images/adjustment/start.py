@@ -136,7 +136,6 @@ def start_of(block: Block) -> Start:
     wanted[list(reasons)] = False
     unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
-    _require_in_front(poses, cameras, names, sets, coordinates)
     start = Start(
         poses,
         cameras,
@@ -149,6 +148,7 @@ def start_of(block: Block) -> Start:
         off,
         _unmeasured(block, names),
     )
+    _require_in_front(block, start)
     return _without(start, reasons) if reasons else start
 
 
@@ -311,25 +311,19 @@ def put_points(
     return {int(k): found.reasons[k] for k in np.flatnonzero(lost)}, off
 
 
-def _require_in_front(
-    poses: Poses,
-    cameras: list[Camera],
-    names: Sequence[str],
-    sets: list[NumberedSet],
-    coordinates: FloatArray,
-) -> None:
+def _require_in_front(block: Block, start: Start) -> None:
     """Refuses points with given coordinates that are measured from behind."""
-    is_known = _have_places(coordinates)
-    for part in sets:
-        image, point = part.image, part.point
-        if not is_known.all():
-            rows = np.flatnonzero(is_known[point])
-            image, point = image[rows], point[rows]
-        seen = are_in_front(cameras, poses, image, coordinates, point)
+    is_known = _have_places(start.coordinates)
+    for part in start.sets:
+        rows = slice(None) if is_known.all() else np.flatnonzero(is_known[part.point])
+        image, point = part.image[rows], part.point[rows]
+        seen = are_in_front(start.cameras, start.poses, image, start.coordinates, point)
         if not seen.all():
-            k = int(np.flatnonzero(~seen)[0])
+            row = int(np.arange(len(part.point))[rows][seen.argmin()])
+            origin = part.given.origin or block.origin
             raise InputError(
-                f"image {poses.images[image[k]]}, point {names[point[k]]}: the point is behind the camera "
-                f"({np.count_nonzero(~seen)} measures are); check the coordinates, the name, and the "
-                "convention of the pose: here x = centre + R x_camera, the camera looking along +z"
+                f"{f'{origin.place(row)}: ' if origin else ''}{part.given.measures.label(row)}: the point is "
+                f"behind the camera ({np.count_nonzero(~seen)} measures are); check the coordinates, the "
+                "name, and the convention of the pose: here x = centre + R x_camera, the camera looking "
+                "along +z"
             )

@@ -47,13 +47,15 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
     others = _known_beside_points(block, start)
     if int(known.sum()) + others < 7:
         raise InputError(
-            f"the block has no datum: {int(known.sum()) + others} coordinates of measured points are known, "
-            "and position, orientation and scale take 7; add control points, or ask for a free block, on its "
-            "centres or on its points (datum='centres', datum='points'; --datum centres, --datum points)"
-            + _idle(start)
+            f"{block.source}the block has no datum: {int(known.sum()) + others} coordinates of measured "
+            "points are known, and position, orientation and scale take 7; add control points, or ask for a "
+            "free block, on its centres or on its points (datum='centres', datum='points'; --datum centres, "
+            "--datum points)" + _idle(start)
         )
     if others == len(block.lengths.values) and (known.all(axis=1) == known.any(axis=1)).all():
-        check_spread(start.coordinates[known.all(axis=1)], "the block")
+        rows = np.flatnonzero(known.all(axis=1))
+        places = block.control_places([start.points[row] for row in rows])
+        check_spread(start.coordinates[rows], "the block", places)
 
 
 def _idle(start: Start) -> str:

@@ -18,6 +18,7 @@ from obseq.images.bundle import BundleAdjustment
 from obseq.images.files.fitted import fitted_camera
 from obseq.images.files.tables import text_of
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -187,9 +188,8 @@ def _add_measures(
         points.append(point)
         pixels.append([camera.width / 2.0 + x * scale[0], camera.height / 2.0 - y * scale[1]])
     try:
-        block.add_measures(
-            ImagePoints.of(images, points, np.array(pixels).reshape(-1, 2), sigma), name=path.name
-        )
+        measures = ImagePoints.of(images, points, np.array(pixels).reshape(-1, 2), sigma)
+        block.add_measures(measures, name=path.name, origin=Origin(str(path)))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -1,4 +1,4 @@
-"""Bundle Adjustment in the Large and Bundler: cameras that look along -z, y up, about the image centre.
+"""Bundle Adjustment in the Large: cameras that look along -z, y up, about the image centre.
 
     P = R X + t;  p = -P_xy / P_z;  pixel = f (1 + k1 |p|^2 + k2 |p|^4) p
 
@@ -20,6 +20,7 @@ from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.files.tables import number_in, text_of
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 from obseq.writing import write_text
 
@@ -38,29 +39,36 @@ def read_bal(path: str | Path) -> BundleAdjustment:
     Raises:
         InputError: the file does not hold what its first line says.
     """
-    numbers = _numbers(path)
+    text = _text(path)
+    numbers = _numbers(path, text)
     if len(numbers) < 3 or not (numbers[:3] == np.round(numbers[:3])).all() or (numbers[:3] < 0).any():
         raise InputError(f"{path}: the first line of a BAL file counts cameras, points and observations")
     n, m, k = numbers[:3].astype(np.int64)
     if len(numbers) != 3 + 4 * k + 9 * n + 3 * m:
         raise InputError(
-            f"{path}: {n} cameras, {m} points and {k} observations are "
+            f"{_place(path, text, 0)}: {n} cameras, {m} points and {k} observations are "
             f"{3 + 4 * k + 9 * n + 3 * m} numbers; the file has {len(numbers)}"
         )
     rows = numbers[3 : 3 + 4 * k].reshape(-1, 4)
     cameras = numbers[3 + 4 * k : 3 + 4 * k + 9 * n].reshape(-1, 9)
-    index = rows[:, :2].astype(np.int64)
-    if k and ((index < 0).any() or (index.max(axis=0) >= [n, m]).any()):
-        raise InputError(f"{path}: an observation names a camera or a point that is not there")
+    with np.errstate(invalid="ignore"):  # beyond whole numbers: refused
+        index = rows[:, :2].astype(np.int64)
+    wrong = np.flatnonzero(((index < 0) | (index >= [n, m]) | (index != rows[:, :2])).any(axis=1))
+    if wrong.size:
+        first, second = rows[wrong[0], :2]
+        raise InputError(
+            f"{_place(path, text, 3 + 4 * wrong[0])}: an observation names camera {first:g} and point "
+            f"{second:g}; there are {n} and {m}, counted from 0"
+        )
     points = numbers[3 + 4 * k + 9 * n :].reshape(-1, 3)
-    with _named(path):
-        return _block(
-            exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:]
+    with naming(path):
+        return block_of_cameras(
+            path, exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:]
         )
 
 
 @contextmanager
-def _named(path: str | Path) -> Iterator[None]:
+def naming(path: str | Path) -> Iterator[None]:
     """Makes errors inside name the file."""
     try:
         yield
@@ -76,15 +84,27 @@ def _check_words(path: str | Path, text: str) -> None:
                 number_in(word, f"{path}:{number}: a number is")
 
 
-def _numbers(path: str | Path) -> FloatArray:
+def _place(path: str | Path, text: str, number: int) -> str:
+    """File and line of a number of the file, from 0."""
+    for row, line in enumerate(text.splitlines(), 1):
+        number -= len(line.split())
+        if number < 0:
+            return f"{path}:{row}"
+    return str(path)
+
+
+def _text(path: str | Path) -> str:
+    if not str(path).endswith(".bz2"):
+        return text_of(path)
     try:
-        text = (
-            bz2.decompress(Path(path).read_bytes()).decode() if str(path).endswith(".bz2") else text_of(path)
-        )
+        return bz2.decompress(Path(path).read_bytes()).decode()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _numbers(path: str | Path, text: str) -> FloatArray:
     try:
         numbers = np.array(text.split(), dtype=np.float64)
     except ValueError as error:
@@ -95,7 +115,8 @@ def _numbers(path: str | Path) -> FloatArray:
     return numbers
 
 
-def _block(
+def block_of_cameras(
+    path: str | Path,
     rotations: FloatArray,
     translations: FloatArray,
     interiors: FloatArray,
@@ -104,13 +125,25 @@ def _block(
     pixels: FloatArray,
     images: Sequence[str] | None = None,
 ) -> BundleAdjustment:
-    """A block of cameras in their convention: world to camera, f k1 k2."""
+    """The block of a file of cameras in their convention: world to camera, f k1 k2.
+
+    Args:
+        path: the file.
+        rotations: (n, 3, 3).
+        translations: (n, 3).
+        interiors: (n, 3) f, k1, k2.
+        points: (m, 3).
+        index: (k, 2) camera and point of each measure.
+        pixels: (k, 2).
+        images: (n,) names; numbers when None.
+    """
     names = list(images) if images is not None else [f"image {k}" for k in range(len(rotations))]
     own = [f"camera of {name}" for name in names]
     turned = rotations * FLIP[:, None]
     centres = -(np.swapaxes(turned, 1, 2) @ (translations * FLIP)[:, :, None])[:, :, 0]
     point_names = [f"P{k}" for k in range(len(points))]
     block = BundleAdjustment()
+    block.origin = Origin(str(path))
     block.add_cameras(
         *(
             Camera(name, 0, 0, float(f), np.zeros(2), (2, 0, 0), [k1, k2])
@@ -173,50 +206,3 @@ def _point_numbers(block: Block, points: Sequence[str]) -> FloatArray:
     if missing:
         raise InputError(f"point {missing[0]}: it has no coordinates to write ({len(missing)} have none)")
     return np.array([known[name] for name in points]).ravel()
-
-
-def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> BundleAdjustment:
-    """The block of a Bundler file (`bundle.out`, version 0.3).
-
-    Args:
-        path: the file.
-        images: names of all its cameras in order, as its `list.txt` has them; numbers when None.
-
-    Raises:
-        InputError: the file is not what it says.
-    """
-    text = text_of(path)
-    if not text.startswith("# Bundle file v0.3"):
-        raise InputError(f"{path}: not a Bundler file of version 0.3 (the first line says so)")
-    try:
-        numbers = [np.array(line.split(), dtype=np.float64) for line in text.splitlines()[1:] if line.strip()]
-        if not all(np.isfinite(row).all() for row in numbers):
-            _check_words(path, text)
-        n, m = (int(value) for value in numbers[0])
-        cameras = np.concatenate(numbers[1 : 1 + 5 * n]).reshape(n, 15)
-        rest = numbers[1 + 5 * n : 1 + 5 * n + 3 * m]
-        points = np.array([rest[3 * k] for k in range(m)]).reshape(m, 3)
-        views = [rest[3 * k + 2][1:].reshape(int(rest[3 * k + 2][0]), 4) for k in range(m)]
-    except (ValueError, IndexError) as error:
-        _check_words(path, text)
-        raise InputError(f"{path}: the numbers do not fit the counts ({error})") from None
-    used = cameras[:, 0] > 0.0
-    names = list(images) if images is not None else [f"image {k}" for k in range(n)]
-    if len(names) != n:
-        raise InputError(f"{path}: {len(names)} image names for {n} cameras")
-    row = np.cumsum(used) - 1
-    rows = np.concatenate(views) if views else np.zeros((0, 4))
-    camera = rows[:, 0].astype(np.int64)
-    if camera.size and not (camera.min() >= 0 and camera.max() < n and used[camera].all()):
-        raise InputError(f"{path}: a point is seen by a camera that is not there")
-    owner = np.repeat(np.arange(m), [len(view) for view in views])
-    with _named(path):
-        return _block(
-            cameras[used, 3:12].reshape(-1, 3, 3),
-            cameras[used, 12:15],
-            cameras[used, :3],
-            points,
-            np.column_stack([row[camera], owner]),
-            rows[:, 2:],
-            [name for name, there in zip(names, used, strict=True) if there],
-        )

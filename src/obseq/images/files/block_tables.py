@@ -184,7 +184,7 @@ def add_control(block: Block, path: str | Path, sigma: float | None = None) -> N
     table = Table.read(path)
     control = _control(table, sigma)
     with table.located():
-        block.add_control_points(control)
+        block.add_control_points(control, table.origin)
 
 
 def _control(table: Table, sigma: float | None) -> ControlPoints:
@@ -223,7 +223,7 @@ def add_measures(
     table = Table.read(path)
     measures = _measures(table, sigma)
     with table.located():
-        block.add_measures(measures, weighting, path.name)
+        block.add_measures(measures, weighting, path.name, origin=table.origin)
 
 
 def _measures(table: Table, sigma: float | None) -> ImagePoints:

@@ -19,6 +19,7 @@ from obseq.images.camera import Camera
 from obseq.images.files.colmap_model import read_model
 from obseq.images.files.fitted import fitted_camera
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 from obseq.writing import write_all
 
@@ -52,6 +53,7 @@ def read_colmap(folder: str | Path) -> BundleAdjustment:
     block.add_poses(_poses(place, model.images, cameras))
     _add_points(block, place, model)
     block.notes.extend(_unread(place))
+    block.origin = Origin(str(place))
     return block
 
 

@@ -19,6 +19,7 @@ from obseq.images.control import ControlPoints
 from obseq.images.files.tables import number_in, text_of
 from obseq.images.files.xml import Element, child, content, number, problem, read_xml, text
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -84,6 +85,10 @@ class _Rows:
 
     def __contains__(self, column: str) -> bool:
         return column in self.columns
+
+    @property
+    def origin(self) -> Origin:
+        return Origin(str(self.path), self.lines)
 
     def texts(self, column: str) -> list[str]:
         if column not in self.columns:
@@ -267,9 +272,8 @@ def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None
         places = table.numbers("x", "y", "z")
         if sigmas is not None and sigmas.shape != places.shape:
             raise problem(element, "sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
-        block.add_control_points(
-            ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
-        )
+        control = ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
+        block.add_control_points(control, table.origin)
 
 
 def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
@@ -286,7 +290,7 @@ def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names:
             raise problem(element, f"{table.path}: the image {lost[0]} is not in the list of images")
         images = [names[number] for number in numbers]
         points = ImagePoints.of(images, table.texts("id"), table.numbers("x", "y"), sigmas)
-        block.add_measures(points, name=table.path.name)
+        block.add_measures(points, name=table.path.name, origin=table.origin)
 
 
 def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:

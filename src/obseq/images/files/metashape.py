@@ -31,6 +31,7 @@ from obseq.images.files.metashape_document import (
 )
 from obseq.images.files.xml import child, content, problem, text
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ def read_metashape(
     markers = {item.attributes.get("id", ""): item for item in items(root, "markers", "marker")}
     world = _world(root, list(markers.values()))
     block = BundleAdjustment()
+    block.origin = Origin(str(path))
     sensors = {
         sensor.attributes.get("id", ""): read_sensor(sensor) for sensor in items(root, "sensors", "sensor")
     }
@@ -234,7 +236,7 @@ def _setting(root: Element, name: str) -> float | None:
 def _add_control(
     block: BundleAdjustment, root: Element, markers: list[Element], world: _World, sigma: float | None
 ) -> None:
-    names, places, sigmas = [], [], []
+    names, places, sigmas, lines = [], [], [], []
     default = sigma if sigma is not None else _setting(root, "accuracy_markers")
     for marker in markers:
         place = _reference(marker)
@@ -246,10 +248,12 @@ def _add_control(
         if own is None:
             raise problem(reference, "the accuracy of the marker is not said; give a sigma of control points")
         names.append(label_of(marker))
+        lines.append(reference.line)
         places.append(place)
         sigmas.append(own)
     if names:
-        block.add_control_points(_in_frame(names, np.array(places), np.array(sigmas), world))
+        control = _in_frame(names, np.array(places), np.array(sigmas), world)
+        block.add_control_points(control, Origin(str(root.file.name), lines))
 
 
 def _accuracy(reference: Element, default: float | None) -> list[float] | None:
@@ -280,7 +284,7 @@ def _in_frame(names: list[str], places: FloatArray, sigmas: FloatArray, world: _
 def _add_measures(
     block: BundleAdjustment, root: Element, images: dict[str, str], names: dict[str, str], sigma: float | None
 ) -> None:
-    rows: list[tuple[str, str, float, float]] = []
+    rows: list[tuple[str, str, float, float, int]] = []
     cameras = {item.attributes.get("id", "") for item in items(root, "cameras", "camera")}
     for frame in items(root, "frames", "frame"):
         for marker in items(frame, "markers", "marker"):
@@ -288,7 +292,7 @@ def _add_measures(
             if key not in names:
                 raise problem(marker, f"the marker {key!r} is not in the list of markers")
             rows += [
-                (image, names[key], number_of(place, "x"), number_of(place, "y"))
+                (image, names[key], number_of(place, "x"), number_of(place, "y"), place.line)
                 for place in marker.children
                 if place.name == "location" and _is_measured(place)
                 if (image := _image(place, cameras, images))
@@ -297,9 +301,10 @@ def _add_measures(
     if spread is None:
         raise problem(root, "the accuracy of image measures is not said; give an image sigma")
     if rows:
-        xy = np.array([row[2:] for row in rows], dtype=np.float64)
+        xy = np.array([row[2:4] for row in rows], dtype=np.float64)
         points = ImagePoints.of([row[0] for row in rows], [row[1] for row in rows], xy, spread)
-        block.add_measures(points, name="markers")
+        origin = Origin(str(root.file.name), [row[4] for row in rows])
+        block.add_measures(points, name="markers", origin=origin)
 
 
 def _image(place: Element, cameras: set[str], images: dict[str, str]) -> str:

@@ -19,6 +19,7 @@ from obseq.images.control import ControlPoints
 from obseq.images.files.dbat import BrownCamera
 from obseq.images.files.tables import text_of
 from obseq.images.measures import ImagePoints
+from obseq.images.parts import Origin
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ def read_photomodeler(path: str | Path, size: tuple[int, int] | None = None) -> 
     if min(columns, rows) < 1:
         raise InputError(f"{head[1].where}: the size of the images is missing; give it")
     block = BundleAdjustment()
+    block.origin = Origin(str(path))
     names = _add_photos(block, photos, (columns, rows))
     _add_points(block, control, objects)
     _add_marks(block, marks, names)

@@ -13,6 +13,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
+from obseq.images.parts import Origin
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -157,9 +158,14 @@ class Table:
         except InputError as error:
             raise InputError(f"{self.path}: {error}") from None
 
+    @property
+    def origin(self) -> Origin:
+        """The file, and the line of each row."""
+        return Origin(self.path, self.lines)
+
     def place(self, row: int) -> str:
         """`file:line` of a row."""
-        return f"{self.path}:{self.lines[row]}"
+        return self.origin.place(row)
 
 
 def _fields(line: str) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ from obseq.errors import InputError
 from obseq.images.names import index_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from obseq.arrays import BoolArray, FloatArray
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 COLLINEAR = 1e-4
 """Below this linearity, points are on a line for a resection."""
+NAMED = 5
+"""Names of points in a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +98,17 @@ def spread_indices(points: FloatArray) -> tuple[float, float]:
     return float(l1 / l2 * n / (n - 2)), float(l0 / l2 * n / (n - 3)) if n > 3 else float("nan")
 
 
-def check_spread(points: FloatArray, what: str) -> None:
+def check_spread(points: FloatArray, what: str, names: Sequence[str] = ()) -> None:
     """Refuses points (n, 3) that are on a line, or at one place.
 
     Raises:
-        InputError: the message begins with `what`.
+        InputError: the message begins with `what`, and has the first of their names.
     """
     linearity, _ = spread_indices(points)
     if not linearity > COLLINEAR:
+        first = ", ".join([*names[:NAMED], "..."] if len(names) > NAMED else names)
+        listed = f" ({first})" if names else ""
         raise InputError(
-            f"{what}: its {len(points)} control points are on a line, which leaves the rotation about it "
-            "undetermined; add a point beside the line"
+            f"{what}: its {len(points)} control points{listed} are on a line, which leaves the rotation "
+            "about it undetermined; add a point beside the line"
         )
