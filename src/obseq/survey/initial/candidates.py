@@ -94,7 +94,7 @@ class Surroundings:
 
 def survey_surroundings(known: Known, relations: list[Relation]) -> Surroundings | None:
     """Sorts the relations; None when no neighbour has a position."""
-    located = [c.other for c in relations if known.verticals[c.other] is not None]
+    located = [c.other for c in relations if known.is_settled[c.other]]
     if not located:
         return None
     placed = [other for other in located if known.is_placed(other)]

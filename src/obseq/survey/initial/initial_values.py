@@ -26,12 +26,13 @@ from obseq.crs.normals import Normals
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
+from obseq.survey.initial.graph_building import build_graph
 from obseq.survey.initial.known import Known, Step, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
 from obseq.survey.initial.placement import GOOD, REST, Placement
-from obseq.survey.initial.sights import SightGraph, build_graph
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
+from obseq.survey.initial.ways import PlumbWays
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.sight_graph import SightGraph
 
 _GIVEN = Step("given")
 _MOST_LISTED = 20
@@ -178,8 +180,10 @@ def _computed(
     hints = _take_given(known, points, hidden)
     _take_parts(known, points, hidden)
     known.origins = graph.origins
-    placement = Placement(known, graph, hints)
-    _work(placement, known, graph)
+    ways = PlumbWays(graph)
+    placement = Placement(known, graph, ways, hints)
+    _work(placement, LocalFrames(known, graph, ways))
+    reconcile(known, graph)
     reasons = explain_points(known, graph, placement.best_positions, book) + explain_stations(
         known, graph, book
     )
@@ -238,11 +242,11 @@ def _take(known: Known, row: int, position: Space, point_sigma: float) -> None:
     known.point_sigmas[row] = point_sigma
 
 
-def _work(placement: Placement, known: Known, graph: SightGraph) -> None:
+def _work(placement: Placement, frames: LocalFrames) -> None:
     """Everything that the observations place, then hints where they place nothing, and so on."""
+    known = placement.known
     located = [point for point, position in enumerate(known.positions) if position is not None]
     placement.start(sorted(located, key=lambda point: not known.has_height[point]))
-    frames = LocalFrames(known, graph)
     _place_all(placement, frames)
     left = [p for p in placement.hints if _needs_hint(known, p) and not placement.is_ambiguous(p)]
     if left:
@@ -250,7 +254,6 @@ def _work(placement: Placement, known: Known, graph: SightGraph) -> None:
             _take(known, point, placement.hints[point], _SIGMA_OF_APPROXIMATE)
         placement.start(left)
         _place_all(placement, frames)
-    reconcile(known, graph)
 
 
 def _needs_hint(known: Known, point: int) -> bool:
@@ -272,26 +275,26 @@ def _place_all(placement: Placement, frames: LocalFrames) -> None:
 def _result(
     known: Known, graph: SightGraph, n_stations: int, unplaced: tuple[Unplaced, ...]
 ) -> InitialValues:
-    n, m = len(known.names), n_stations
-    coordinates, rotations, g0 = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan), np.full(m, np.nan)
-    for point in range(n):
-        if known.is_placed(point):
-            coordinates[point] = known.position_of(point)
+    m, is_placed = n_stations, known.are_placed()
+    rotations, g0 = np.full((m, 3, 3), np.nan), np.full(m, np.nan)
     plumb = [s for s in range(m) if known.g0[s] is not None]
     if plumb:
         g0[plumb] = [known.g0[s] for s in plumb]
         vertical = np.array([known.vertical_of(graph.origins[s]) for s in plumb])
         rotations[plumb] = plumb_rotation(vertical, g0[plumb])
     for station, rotation in enumerate(known.rotations[:m]):
-        origin = known.verticals[graph.origins[station]]
-        if rotation is not None and origin is not None:
-            rotations[station], g0[station] = rotation, g0_of(rotation, origin)
+        origin = graph.origins[station]
+        if rotation is not None and known.is_settled[origin]:
+            rotations[station], g0[station] = rotation, g0_of(rotation, known.vertical_of(origin))
     return InitialValues(
-        coordinates,
+        np.where(is_placed[:, None], known.coordinates(), np.nan),
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),
-        tuple(step if known.is_placed(p) else None for p, step in enumerate(known.point_steps)),
+        tuple(
+            step if placed else None
+            for placed, step in zip(is_placed.tolist(), known.point_steps, strict=True)
+        ),
         tuple(known.station_steps[:m]),
         unplaced,
         np.array(known.point_sigmas, np.float64),

@@ -17,6 +17,8 @@ from obseq.survey.initial.closed_forms import Space
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from obseq.arrays import BoolArray
+
 Matrix = tuple[Space, Space, Space]
 """A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""
 
@@ -51,6 +53,12 @@ def transposed_times(matrix: Matrix, v: Space) -> Space:
     return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
+def turned(vector: Space, g0: float) -> Space:
+    """A vector of a plumb instrument in local east, north, up."""
+    (x, y, z), cosine, sine = vector, math.cos(g0), math.sin(g0)
+    return x * cosine + y * sine, y * cosine - x * sine, z
+
+
 def minus(a: Space, b: Space) -> Space:
     """Difference of two points."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
@@ -74,10 +82,12 @@ class Known:
     position relative to the station `parents[p]` that placed it, `azimuth_sigmas[k]` of the zero of a station
     (rad).
 
+    `is_settled[p]` is true once others may use the position of p.
+
     `given_heights[p]` is the height that the file gives of a point without horizontal position.
 
     `positions[p]` is set once the horizontal position is known (on the plumb line of p, at a provisional
-    height while `has_height[p]` is false). `heights[p]` is a height above the reference point, along mean
+    height while `has_height[p]` is false). `height(p)` is a height above the reference point, along mean
     plumb lines: differences of it are differences of ellipsoidal height to about 1e-6.
     """
 
@@ -87,8 +97,9 @@ class Known:
         self.vertical = vertical
         self.positions: list[Space | None] = [None] * n
         self.has_height = bytearray(n)
-        self.heights: list[float | None] = [None] * n
-        self.verticals: list[Matrix | None] = [None] * n
+        self.is_settled = bytearray(n)
+        self._heights: list[float | None] = [None] * n
+        self._verticals: list[Matrix | None] = [None] * n
         self.rotations: list[Matrix | None] = [None] * n_stations
         self.g0: list[float | None] = [None] * n_stations
         self.point_steps: list[Step | None] = [None] * n
@@ -102,8 +113,8 @@ class Known:
         self.given_heights: dict[int, float] = {}
 
     def is_placed(self, point: int) -> bool:
-        """True when the three coordinates are known and its vertical has been computed."""
-        return self.verticals[point] is not None and bool(self.has_height[point])
+        """True when the three coordinates are known, and settled."""
+        return bool(self.is_settled[point] and self.has_height[point])
 
     def vertical_at(self, position: Space) -> Matrix:
         """R_(frame -> vertical) at a position."""
@@ -114,7 +125,9 @@ class Known:
         return as_matrix(self.vertical(np.array([position]))[0])
 
     def settle(self, points: Sequence[int]) -> None:
-        """Computes verticals and heights of points whose position has just been set, all at once.
+        """Makes usable some points whose position has just been set.
+
+        Verticals are computed now where the frame gives them quicker to many points, else when asked for.
 
         Raises:
             InputError: the frame gives no vertical at a point.
@@ -123,17 +136,16 @@ class Known:
             return
         if self.reference is None:
             self.reference = points[0]
-        for point, matrix in zip(points, self._matrices(points), strict=True):
-            self.verticals[point] = matrix
-        for point in points:
+        waits = isinstance(self.vertical, Normals) and len(points) < _FEW
+        matrices = [None] * len(points) if waits else self._matrices(points)
+        for point, matrix in zip(points, matrices, strict=True):
+            self.is_settled[point], self._verticals[point] = 1, matrix
             if self.has_height[point]:
-                self.heights[point] = self.height_of(self.position_of(point), self.vertical_of(point))
+                self._heights[point] = None
 
     def _matrices(self, points: Sequence[int]) -> list[Matrix]:
         if self.vertical is None:
             return [IDENTITY] * len(points)
-        if isinstance(self.vertical, Normals) and len(points) < _FEW:
-            return [self.vertical.at(self.position_of(point)) for point in points]
         rotations = np.asarray(self.vertical(np.array([self.positions[point] for point in points])))
         for point, is_finite in zip(points, np.asarray(np.isfinite(rotations).all(axis=(1, 2))), strict=True):
             if not is_finite:
@@ -143,6 +155,17 @@ class Known:
                 )
         return [as_matrix(rotation) for rotation in rotations]
 
+    def forget_point(self, point: int) -> None:
+        """Nothing is known of a point any more."""
+        self.positions[point] = self._heights[point] = self._verticals[point] = None
+        self.point_steps[point], self.has_height[point], self.is_settled[point] = None, 0, 0
+        self.point_sigmas[point], self.parents[point] = 0.0, None
+
+    def forget_station(self, station: int) -> None:
+        """Nothing is known of the orientation of a station any more."""
+        self.rotations[station] = self.g0[station] = self.station_steps[station] = None
+        self.azimuth_sigmas[station] = 0.0
+
     def position_of(self, point: int) -> Space:
         """Position of a point that has one."""
         position = self.positions[point]
@@ -151,9 +174,34 @@ class Known:
 
     def vertical_of(self, point: int) -> Matrix:
         """R_(frame -> vertical) at a point that has been settled."""
-        matrix = self.verticals[point]
-        assert matrix is not None
+        matrix = self._verticals[point]
+        if matrix is None:
+            assert self.is_settled[point]
+            matrix = self._verticals[point] = self.vertical_at(self.position_of(point))
         return matrix
+
+    def height(self, point: int) -> float | None:
+        """Height of a point that is placed, or has been levelled."""
+        height = self._heights[point]
+        if height is None and self.is_placed(point):
+            height = self.height_of(self.position_of(point), self.vertical_of(point))
+            self._heights[point] = height
+        return height
+
+    def take_height(self, point: int, height: float) -> None:
+        """Takes the height of a point that has been levelled."""
+        self._heights[point] = height
+
+    def coordinates(self) -> FloatArray:
+        """(n, 3) positions; NaN where there is none."""
+        nowhere = (math.nan, math.nan, math.nan)
+        positions = [nowhere if position is None else position for position in self.positions]
+        return np.array(positions, np.float64).reshape(-1, 3)
+
+    def are_placed(self) -> BoolArray:
+        """(n,) whether each point is placed (`is_placed`)."""
+        settled, high = (np.frombuffer(flags, np.bool_) for flags in (self.is_settled, self.has_height))
+        return settled & high
 
     def height_of(self, position: Space, vertical: Matrix) -> float:
         """Height above the reference point along the mean of the two plumb lines."""

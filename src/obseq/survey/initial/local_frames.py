@@ -18,7 +18,9 @@ from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import Sight, SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.sights import Sight
+    from obseq.survey.initial.ways import PlumbWays
 
 _LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
 _FLAT_LEVELS = (Level(math.inf, math.inf, uses_hints=True),)
@@ -56,8 +58,8 @@ class _Tie:
 class LocalFrames:
     """Tries each group of stations once, until something else has been placed."""
 
-    def __init__(self, known: Known, graph: SightGraph) -> None:
-        self.known, self.graph = known, graph
+    def __init__(self, known: Known, graph: SightGraph, ways: PlumbWays) -> None:
+        self.known, self.graph, self.ways = known, graph, ways
         self.scratch = Known(known.names, len(graph.origins), None)
         self.scratch.origins = graph.origins
         self._in_vain: dict[int, tuple[list[int], list[int]]] = {}
@@ -85,12 +87,12 @@ class LocalFrames:
             return False
         if self.graph.orientations[station] != Orientation.FIX:
             return True
-        return all(self.graph.sights[number].reading() is None for number in self.graph.sights_from[station])
+        return all(math.isnan(self.graph.reading_of[number]) for number in self.graph.sights_from[station])
 
     def _is_in_vain(self, station: int, tried: set[int]) -> bool:
         """Whether its group was tried, and nothing that it reaches has been placed since then."""
         reached, oriented = self._in_vain.get(station, ([], []))
-        if not reached or any(self.known.verticals[point] is not None for point in reached):
+        if not reached or any(self.known.is_settled[point] for point in reached):
             return False
         tried.update(oriented)
         return True
@@ -99,8 +101,10 @@ class LocalFrames:
         """A plumb station with at least one complete vector, or one that levelling completes, can begin."""
         if self.graph.orientations[station] != Orientation.VERT:
             return False
-        sights = [self.graph.sights[number] for number in self.graph.sights_from[station]]
-        return any(sight.vector() is not None or self._is_levelled(sight) for sight in sights)
+        return any(
+            not math.isnan(self.graph.length_of[number]) or self._is_levelled(self.graph.sights[number])
+            for number in self.graph.sights_from[station]
+        )
 
     def _is_levelled(self, sight: Sight) -> bool:
         """Whether a reading with a distance has a height difference between its ends."""
@@ -114,13 +118,11 @@ class LocalFrames:
         if graph.orientations[station] != Orientation.VERT:
             return None
         for number in graph.sights_from[station]:
-            sight = graph.sights[number]
-            for other in graph.stations_at[sight.target]:
-                back = graph.sight_of.get((other, sight.origin))
-                there, again = sight.reading(), None if back is None else graph.sights[back].reading()
+            for other in graph.stations_at[graph.target_of[number]]:
+                back = graph.reading_between(other, graph.origins[station])
                 is_plumb = graph.orientations[other] == Orientation.VERT
-                if is_plumb and there is not None and again is not None:
-                    return other, there[0], again[0]
+                if is_plumb and not math.isnan(graph.reading_of[number]) and not math.isnan(back):
+                    return other, graph.reading_of[number], back
         return None
 
     def _groups_with_ties(self, allowed: list[int]) -> set[int]:
@@ -134,19 +136,18 @@ class LocalFrames:
             return point
 
         for station in allowed:
-            for number in self.graph.sights_from[station]:
-                sight = self.graph.sights[number]
-                parent[root(sight.target)] = root(sight.origin)
+            for target in self.graph.targets(station):
+                parent[root(target)] = root(self.graph.origins[station])
         ties: dict[int, int] = {}
         for point in parent:
-            if self.known.verticals[point] is not None:
+            if self.known.is_settled[point]:
                 ties[root(point)] = ties.get(root(point), 0) + 1
         return {s for s in allowed if ties.get(root(self.graph.origins[s]), 0) >= 2}
 
     def _try_from(self, station: int, allowed: frozenset[int], tried: set[int]) -> list[int]:
         """Computes the group of one station in its own frame and moves it to its place."""
         local, origin = self.scratch, self.graph.origins[station]
-        placement = Placement(local, self.graph, {}, allowed)
+        placement = Placement(local, self.graph, self.ways, {}, allowed)
         local.positions[origin], local.has_height[origin] = (0.0, 0.0, 0.0), 1
         local.point_steps[origin] = Step("origin")
         local.g0[station], local.station_steps[station] = 0.0, Step("local frame")
@@ -161,7 +162,7 @@ class LocalFrames:
     ) -> list[int]:
         """Computes a group without lengths from two stations that see each other, in the horizontal."""
         local, ends = self.scratch, [self.graph.origins[k] for k in (station, other)]
-        placement = Placement(local, self.graph, {}, allowed)
+        placement = Placement(local, self.graph, self.ways, {}, allowed)
         places = (0.0, 0.0, 0.0), (_BASE * math.sin(there), _BASE * math.cos(there), 0.0)
         for point, place in zip(ends, places, strict=True):
             local.positions[point], local.point_steps[point] = place, Step("origin")
@@ -177,28 +178,24 @@ class LocalFrames:
     def _tied(self, station: int, placement: Placement, *, is_scaled: bool = False) -> list[int]:
         """Moves what was placed in the scratch to what is known, and empties the scratch."""
         touched = dict.fromkeys(placement.touched_points)
-        located = [point for point in touched if self.scratch.verticals[point] is not None]
+        located = [point for point in touched if self.scratch.is_settled[point]]
         placed = self._tie(station, located, is_scaled=is_scaled)
-        reached = [] if placed or is_scaled else [p for p in located if self.known.verticals[p] is None]
+        reached = [] if placed or is_scaled else [p for p in located if not self.known.is_settled[p]]
         self._in_vain[station] = reached, placement.oriented
         self._forget(placement)
         return placed
 
     def _forget(self, placement: Placement) -> None:
         """Empties the scratch for the next group."""
-        local = self.scratch
         for point in placement.touched_points:
-            local.positions[point] = local.heights[point] = local.verticals[point] = None
-            local.point_steps[point], local.has_height[point] = None, 0
-            local.point_sigmas[point], local.parents[point] = 0.0, None
+            self.scratch.forget_point(point)
         for station in placement.oriented:
-            local.rotations[station] = local.g0[station] = local.station_steps[station] = None
-            local.azimuth_sigmas[station] = 0.0
-        local.reference = None
+            self.scratch.forget_station(station)
+        self.scratch.reference = None
 
     def _tie(self, station: int, located: list[int], *, is_scaled: bool) -> list[int]:
         """Moves the located points of the scratch that are new to what is known."""
-        common = [point for point in located if self.known.verticals[point] is not None]
+        common = [point for point in located if self.known.is_settled[point]]
         tie = self._solve(common, located, is_scaled=is_scaled) if len(common) >= 2 else None
         if tie is None:
             return []
@@ -206,7 +203,7 @@ class LocalFrames:
         anchors = ", ".join(self.known.names[point] for point in common[:3])
         placed = []
         for point in located:
-            if self.known.verticals[point] is None and self.known.positions[point] is None:
+            if not self.known.is_settled[point] and self.known.positions[point] is None:
                 step = self.scratch.point_steps[point] or Step("")
                 method = f"local frame of station {name} tied to {anchors}"
                 self.known.positions[point] = tie.move(self.known, self.scratch.position_of(point))

@@ -16,7 +16,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sights import SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
 
 _SAMPLE = 9
 """Sights of a station that are compared with each other."""
@@ -35,7 +35,7 @@ def orient(known: Known, graph: SightGraph, station: int) -> bool:
         return False
     if orientation == Orientation.BASC:
         return _orient_free(known, graph, station)
-    if known.verticals[origin] is None:
+    if not known.is_settled[origin]:
         return False
     known.g0[station], known.station_steps[station] = 0.0, Step("local axes")
     return True
@@ -55,31 +55,22 @@ def reconcile(known: Known, graph: SightGraph) -> None:
 
 
 def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArray]:
-    """(k,) station and G0 of each sight of oriented plumb stations to placed targets, in their order."""
-    plumb = [
-        k
-        for k, orientation in enumerate(graph.orientations)
-        if orientation == Orientation.VERT and known.station_steps[k] is not None
-    ]
-    rows, readings = [], []
-    for k in plumb:
-        for number in graph.sights_from[k]:
-            sight = graph.sights[number]
-            reading = sight.reading() if known.is_placed(sight.target) else None
-            if reading is not None:
-                rows.append((k, sight.origin, sight.target))
-                readings.append(reading[0])
-    if not rows:
+    """(k,) station and G0 of each sight of oriented plumb stations to placed targets, by station."""
+    sights = graph.sights
+    is_oriented = graph.is_plumb & np.array([step is not None for step in known.station_steps], np.bool_)
+    is_compared = is_oriented[sights.stations] & known.are_placed()[sights.targets]
+    rows = np.flatnonzero(is_compared & np.isfinite(sights.readings))
+    if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0)
-    stations, starts, ends = np.array(rows).T
-    nowhere = (np.nan, np.nan, np.nan)
-    positions = np.array([nowhere if position is None else position for position in known.positions])
-    origins, numbers = np.unique(starts, return_inverse=True)
+    rows = rows[np.argsort(sights.stations[rows], kind="stable")]
+    positions = known.coordinates()
+    offsets = positions[sights.targets[rows]] - positions[sights.origins[rows]]
+    origins, numbers = np.unique(sights.origins[rows], return_inverse=True)
     verticals = np.array([known.vertical_of(origin) for origin in origins.tolist()])
-    east, north, up = np.einsum("nij,nj->in", verticals[numbers], positions[ends] - positions[starts])
+    east, north, up = np.einsum("nij,nj->in", verticals[numbers], offsets)
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
-    angles = np.arctan2(east, north) - np.array(readings)
-    return stations[is_usable], _wrapped(angles[is_usable])
+    angles = np.arctan2(east, north) - sights.readings[rows]
+    return sights.stations[rows[is_usable]], _wrapped(angles[is_usable])
 
 
 def _central_angles(angles: FloatArray, starts: IntArray) -> list[float]:

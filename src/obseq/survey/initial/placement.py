@@ -7,21 +7,15 @@ oriented, are looked at again. The time is therefore nearly proportional to the 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
-from obseq.survey.initial.known import Step, plus
+from obseq.survey.initial.known import Step
 from obseq.survey.initial.orienting import orient
+from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
-from obseq.survey.initial.traverse import (
-    Link,
-    Traverse,
-    in_frame,
-    link_g0,
-    link_rise,
-    vector_sigma,
-)
+from obseq.survey.initial.traverse import FREE_STATION, Link, Traverse, link_g0, link_rise
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -29,12 +23,12 @@ if TYPE_CHECKING:
 
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
-    from obseq.survey.initial.sights import Sight, SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.ways import PlumbWays
 
 SOUND = 0.02
 WEAK = 0.002
 """Least strengths of the geometry (see `relations.Refined`): an intersection at about 2, and at 0.2 gon."""
-_LARGEST_SIGMA = 1e6
 _ALIKE = 2.0
 """Points whose expected errors differ by less than this factor are placed at the same time."""
 
@@ -64,36 +58,34 @@ REST = (
 )
 
 
-class _Polar(NamedTuple):
-    """A vector (instrument) from a station to a point, and its expected errors (m), alone and in all."""
-
-    sight: Sight
-    local: Space
-    rows: tuple[int, ...]
-    relative_sigma: float
-    point_sigma: float
-
-
 class Placement:
     """Works on what is known until nothing more can be placed.
 
     Args:
         known: what is known at the start; it is completed.
         graph: the observations.
+        ways: between its stations.
         hints: approximate positions, used only to decide between two solutions.
         stations: the stations that may be used; all when left out.
     """
 
     def __init__(
-        self, known: Known, graph: SightGraph, hints: dict[int, Space], stations: Iterable[int] | None = None
+        self,
+        known: Known,
+        graph: SightGraph,
+        ways: PlumbWays,
+        hints: dict[int, Space],
+        stations: Iterable[int] | None = None,
     ) -> None:
         self.known, self.graph, self.hints = known, graph, hints
         self.allowed = None if stations is None else frozenset(stations)
-        self.traverse = Traverse(known, graph, self.allowed)
-        self.placed: set[int] = set()
+        self.polar_sights = PolarSights(known, graph, self.allowed)
+        self.traverse = Traverse(known, graph, ways, self.allowed)
         self.dirty_polar: set[int] = set()
         self.dirty_geometry: set[int] = set()
         self.best_positions: dict[int, tuple[tuple[float, bool], BestPosition]] = {}
+        self.seen_anew: set[int] = set()
+        self.located_anew: list[int] = []
         self.touched_points: list[int] = []
         self.oriented: list[int] = []
 
@@ -114,6 +106,7 @@ class Placement:
         """Places what these levels allow, in their order; true when something was placed or oriented."""
         done = False
         for level in levels:
+            self._look_around()
             self.dirty_geometry.update(self.best_positions)
             while self._place_polar() or self._orient_next(level) or self._place_by_geometry(level):
                 done = True
@@ -126,7 +119,7 @@ class Placement:
             return False
         station, link = found
         origin = self.graph.origins[station]
-        if self.known.verticals[origin] is None:
+        if not self.known.is_settled[origin]:
             self._place_by_link(station, origin, link)
         self.known.g0[station] = link_g0(self.known, self.graph, station, link)
         self.known.azimuth_sigmas[station] = link.azimuth_sigma
@@ -148,7 +141,7 @@ class Placement:
                 link.relative_sigma,
             )
         self._settle([origin])
-        if link.method == "free station":
+        if link.method == FREE_STATION:
             up = known.vertical_of(origin)[2]
             rise = link_rise(known, self.graph, station, link)
             x, y, z = known.position_of(origin)
@@ -157,17 +150,13 @@ class Placement:
     def _place_polar(self) -> bool:
         """Places points at the end of complete vectors from oriented stations."""
         candidates, self.dirty_polar = sorted(self.dirty_polar), set()
-        located = []
-        for point in candidates:
-            polar = None if self.known.is_placed(point) else self._best_polar(point)
-            if polar is not None:
-                self._take_polar(point, polar)
-                located.append(point)
+        located = [point for point in candidates if self.polar_sights.place(point)]
         self._settle(located)
         return bool(located)
 
     def _place_by_geometry(self, level: Level) -> bool:
         """Intersection, resection, trilateration...: the surest of the points that can be placed so."""
+        self._look_around()
         candidates, self.dirty_geometry = sorted(self.dirty_geometry), set()
         found: list[tuple[int, Fit, float]] = []
         for point in candidates:
@@ -192,7 +181,7 @@ class Placement:
 
     def _point_sigma_of(self, fit: Fit) -> float:
         base = min(self.known.point_sigmas[relation.other] for relation in fit.candidate.used)
-        return min(math.hypot(base, fit.refined.point_sigma), _LARGEST_SIGMA)
+        return min(math.hypot(base, fit.refined.point_sigma), LARGEST_SIGMA)
 
     def _is_ripe(self, fit: Fit, level: Level) -> bool:
         """A horizontal position alone is taken only when nothing better comes."""
@@ -202,12 +191,22 @@ class Placement:
         """Verticals of new points, then orientations, until no orientation places a further point."""
         while located:
             self.known.settle(located)
-            self.placed.update(filter(self.known.is_placed, located))
             self.touched_points.extend(located)
-            self._touch(set(located).union(*[self.graph.neighbours[point] for point in located]))
-            for point in located:
-                self._spread_height(point)
+            self.located_anew.extend(located)
+            self._look_from(located)
+            if len(self.graph.rises.rows):
+                for point in located:
+                    self._spread_height(point)
             located = self._orient_around(located)
+
+    def _look_from(self, located: list[int]) -> None:
+        """Looks again at new points, and at the targets of oriented stations on them."""
+        self._touch(located)
+        steps = self.known.station_steps
+        for point in located:
+            for station in self.graph.stations_at[point]:
+                if steps[station] is not None:
+                    self._touch(self.graph.targets(station))
 
     def _orient_around(self, located: list[int]) -> list[int]:
         """Orients stations at or towards new points; returns origins that this has placed."""
@@ -233,11 +232,12 @@ class Placement:
 
     def _sights_around(self, located: list[int]) -> dict[int, list[int]]:
         """Stations without orientation at or towards some points, with their sights that concern these."""
-        graph, steps, sights = self.graph, self.known.station_steps, self.graph.sights
+        graph, steps, station_of = self.graph, self.known.station_steps, self.graph.station_of
         found: dict[int, list[int]] = {}
         for point in located:
             for number in graph.sights_to[point]:
-                if steps[station := sights[number].station] is None:
+                station = station_of[number]
+                if steps[station] is None:
                     found.setdefault(station, []).append(number)
         for point in located:
             for station in graph.stations_at[point]:
@@ -247,105 +247,42 @@ class Placement:
             return found
         return {station: numbers for station, numbers in found.items() if station in self.allowed}
 
-    def _may_use(self, station: int) -> bool:
-        return self.allowed is None or station in self.allowed
-
     def _spread_orientation(self, station: int) -> None:
         """Looks again at the targets of a station just oriented, and links its neighbours to it."""
         self.oriented.append(station)
-        self._touch(self.graph.targets[station])
+        self._touch(self.graph.targets(station))
         if self.known.is_placed(self.graph.origins[station]):
             self.traverse.add_neighbours(station)
 
-    def _touch(self, points: set[int]) -> None:
-        """Looks again at points that are not placed; others are passed over when it is their turn."""
-        points = points - self.placed
-        self.dirty_polar |= points
-        self.dirty_geometry |= points
-        for point in self.best_positions.keys() & points:
+    def _touch(self, points: Iterable[int]) -> None:
+        """Looks again at points; those that are placed are passed over when it is their turn."""
+        self.dirty_polar.update(points)
+        self.seen_anew.update(points)
+
+    def _look_around(self) -> None:
+        """Looks again at the geometry of what was touched, and of all neighbours of new points."""
+        self.seen_anew.update(*(self.graph.neighbours[point] for point in self.located_anew))
+        touched = {point for point in self.seen_anew if not self.known.is_placed(point)}
+        self.seen_anew, self.located_anew = set(), []
+        self.dirty_geometry |= touched
+        for point in self.best_positions.keys() & touched:
             del self.best_positions[point]
 
     def _spread_height(self, point: int) -> None:
         """Carries heights along height differences, also to points without horizontal position."""
-        waiting = [point] if self.graph.height_differences[point] else []
+        known, waiting = self.known, [point]
         while waiting:
             start = waiting.pop()
-            height = self.known.heights[start]
+            height = known.height(start)
             if height is None:
                 continue
             for other, above, _ in self.graph.height_differences[start]:
-                self._touch({other})
-                if self.known.heights[other] is None:
-                    self.known.heights[other] = height - above
-                    self.known.point_sigmas[other] = self.known.point_sigmas[start]
+                self._touch((other,))
+                if known.height(other) is None:
+                    known.take_height(other, height - above)
+                    known.point_sigmas[other] = known.point_sigmas[start]
                     self.touched_points.append(other)
                     waiting.append(other)
-
-    def _best_polar(self, point: int) -> _Polar | None:
-        """The complete vector with the least expected error."""
-        best: _Polar | None = None
-        sights, steps, is_placed = self.graph.sights, self.known.station_steps, self.known.is_placed
-        for number in self.graph.sights_to[point]:
-            sight = sights[number]
-            if steps[sight.station] is None:
-                continue
-            if self._may_use(sight.station) and is_placed(sight.origin):
-                polar = self._polar(sight)
-                if polar is not None and (best is None or polar.point_sigma < best.point_sigma):
-                    best = polar
-        return best
-
-    def _polar(self, sight: Sight) -> _Polar | None:
-        """Vector of one sight; a plumb station may borrow the zenith angle of another on the same point."""
-        vector, g0 = sight.vector(), self.known.g0[sight.station]
-        if vector is not None and (g0 is not None or self.known.rotations[sight.station] is not None):
-            return self._expected(sight, vector[0], vector[1], sight.vector_sigma)
-        reading, lengths = sight.reading(), self._lengths(sight)
-        if g0 is None or reading is None or lengths is None:
-            return None
-        (flat, rise), rows = lengths
-        local = flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise
-        every = tuple(dict.fromkeys(reading[1] + rows))
-        return self._expected(sight, local, every, vector_sigma(self.graph, local, every))
-
-    def _expected(self, sight: Sight, local: Space, rows: tuple[int, ...], relative_sigma: float) -> _Polar:
-        """A vector with the expected error that orientation and origin add."""
-        moved = math.hypot(*local) * self.known.azimuth_sigmas[sight.station]
-        point_sigma = math.hypot(self.known.point_sigmas[sight.origin] + moved, relative_sigma)
-        return _Polar(sight, local, rows, relative_sigma, min(point_sigma, _LARGEST_SIGMA))
-
-    def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
-        """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
-        for number in self.graph.sights_to[sight.target]:
-            other = self.graph.sights[number]
-            is_plumb = self.graph.orientations[other.station] != Orientation.BASC
-            if other.origin == sight.origin and is_plumb:
-                lengths = other.lengths()
-                if lengths is not None:
-                    return lengths
-        return self._levelled_lengths(sight)
-
-    def _levelled_lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
-        """Horizontal distance and rise from the slope distance and a levelled height of the target."""
-        start, end = self.known.heights[sight.origin], self.known.heights[sight.target]
-        if sight.distance is None or start is None or end is None or abs(end - start) >= sight.distance[0]:
-            return None
-        (distance, row), rise = sight.distance, end - start
-        levelled = (
-            line
-            for other, _, line in self.graph.height_differences[sight.target]
-            if self.known.heights[other] is not None
-        )
-        return (math.sqrt(distance**2 - rise**2), rise), (row, *list(levelled)[:1])
-
-    def _take_polar(self, point: int, polar: _Polar) -> None:
-        known, sight = self.known, polar.sight
-        offset = in_frame(known, sight, polar.local)
-        known.positions[point] = plus(known.position_of(sight.origin), offset)
-        known.has_height[point] = 1
-        known.point_steps[point] = Step("azimuth and distance", polar.rows)
-        known.parents[point], known.relative_sigmas[point] = sight.station, polar.relative_sigma
-        known.point_sigmas[point] = polar.point_sigma
 
     def _best_position(self, point: int, level: Level) -> BestPosition:
         """What the relations of a point say, computed anew only when something has changed around it."""

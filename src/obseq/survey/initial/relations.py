@@ -15,7 +15,8 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.survey.initial.sights import Sight, SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.sights import Sight
 
 _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a relation speaks against a position."""
@@ -83,27 +84,26 @@ def collect(
     """
     found: list[Relation] = []
     for number in graph.sights_to[point]:
-        sight = graph.sights[number]
-        if known.verticals[sight.origin] is not None and (stations is None or sight.station in stations):
-            _add_sight_to(known, graph, sight, found)
+        is_usable = stations is None or graph.station_of[number] in stations
+        if is_usable and known.is_settled[graph.origin_of[number]]:
+            _add_sight_to(known, graph, graph.sights[number], found)
     for station in graph.stations_at[point]:
         if graph.orientations[station] == Orientation.BASC or (stations and station not in stations):
             continue
         for number in graph.sights_from[station]:
-            sight = graph.sights[number]
-            if known.verticals[sight.target] is not None:
-                _add_sight_at(known, graph, sight, found)
+            if known.is_settled[graph.target_of[number]]:
+                _add_sight_at(known, graph, graph.sights[number], found)
     for other, distance, row in graph.distances[point]:
         if known.is_placed(other):
             found.append(Relation(Measured.DISTANCE, other, distance, (row,)))
-    for other, distance, row in graph.flats[point]:
-        if known.verticals[other] is not None:
+    for other, distance, row in graph.flat_distances[point]:
+        if known.is_settled[other]:
             found.append(Relation(Measured.HORIZONTAL, other, distance, (row,)))
     given = known.given_heights.get(point)
     if given is not None and known.reference is not None:
         found.append(Relation(Measured.LEVEL, known.reference, given - known.reference_height, ()))
     for other, difference, row in graph.height_differences[point]:
-        height = known.heights[other]
+        height = known.height(other)
         if height is not None:
             found.append(Relation(Measured.LEVEL, other, height + difference, (row,)))
     return found
@@ -173,9 +173,8 @@ def _add_free_sight(known: Known, sight: Sight, found: list[Relation]) -> None:
 
 def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] | None:
     """Vector of a sight in the instrument with its rows, and whether its length is real (else 1)."""
-    vector = sight.vector()
-    if vector is not None:
-        return vector, True
+    if sight.vector is not None:
+        return sight.vector, True
     if sight.hz is None or sight.zenith is None:
         return None
     return (direction(sight.hz[0], sight.zenith[0]), (sight.hz[1], sight.zenith[1])), False

@@ -14,19 +14,21 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import Step, minus, plus, times, transposed_times
+from obseq.survey.initial.known import Step, minus, plus, times, transposed_times, turned
+from obseq.survey.initial.ways import PlumbWays, Views, Ways, find_ways
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
-    from obseq.survey.initial.sights import Sight, SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
 
-_MOST_STATIONS = 50
-"""Stations that are linked through one common target."""
+FREE_STATION = "free station"
 _DRIFT = 3.0
 """Spreads of points that were not given are enlarged by this factor: their errors are not independent."""
 
@@ -34,8 +36,8 @@ _DRIFT = 3.0
 class Link(NamedTuple):
     """A way to orient a plumb station.
 
-    `origin` and `targets` are the station and its targets where the oriented station sees them (frame); the
-    origin is None when its known position is used.
+    `origin` is the station where the oriented station sees it (frame), None when its known position is used;
+    `targets` are sights of the station, with their targets where the oriented station sees these.
     """
 
     origin: Space | None
@@ -47,57 +49,22 @@ class Link(NamedTuple):
     rows: tuple[int, ...]
 
 
-class _Shared(NamedTuple):
-    """One target of two stations: seen from the oriented one (local east, north, up), and by the other."""
-
-    point: int
-    seen: Space
-    relative_sigma: float
-    sight: Sight
-
-
-class _Way(NamedTuple):
-    """How an oriented station sees another: where (local east, north, up), and what gives its azimuth."""
-
-    position: Space
-    relative_sigma: float
-    shared: list[_Shared]
-    azimuth_sigma: float
-    method: str
-
-
-def in_frame(known: Known, sight: Sight, local: Space) -> Space:
-    """A vector of an oriented instrument on a located point, in the frame."""
-    rotation = known.rotations[sight.station]
-    if rotation is not None:
-        return times(rotation, local)
-    return transposed_times(known.vertical_of(sight.origin), turned(local, known.g0[sight.station] or 0.0))
-
-
-def turned(vector: Space, g0: float) -> Space:
-    """A vector of a plumb instrument in local east, north, up."""
-    (x, y, z), cosine, sine = vector, math.cos(g0), math.sin(g0)
-    return x * cosine + y * sine, y * cosine - x * sine, z
-
-
-def vector_sigma(graph: SightGraph, vector: Space, rows: tuple[int, ...]) -> float:
-    """Expected error (m) of a vector from the sigmas of its observations."""
-    length = math.hypot(*vector)
-    return math.hypot(*(graph.sigmas[row] * (length if graph.is_angle[row] else 1.0) for row in rows))
-
-
 class Traverse:
     """The queue of links; the surest comes out first.
 
     Args:
         known: what is known; it is not changed here.
         graph: the observations.
+        ways: between its stations.
         stations: the stations that may be used; all when None.
     """
 
-    def __init__(self, known: Known, graph: SightGraph, stations: frozenset[int] | None) -> None:
-        self.known, self.graph = known, graph
+    def __init__(
+        self, known: Known, graph: SightGraph, ways: PlumbWays, stations: frozenset[int] | None
+    ) -> None:
+        self.known, self.graph, self.plumb_ways = known, graph, ways
         self.stations = stations
+        self.open = list(range(len(graph.origins)))
         self.surest: dict[int, float] = {}
         self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
@@ -126,176 +93,108 @@ class Traverse:
         is_plumb = self.graph.orientations[station] == Orientation.VERT
         return is_plumb and (self.stations is None or station in self.stations)
 
-    def add_azimuths(self, station: int, numbers: list[int]) -> None:
+    def add_azimuths(self, station: int, numbers: Iterable[int]) -> None:
         """Links of a station on a located point by the azimuths of some of its sights, to located targets."""
-        origin, verticals, sights = self.graph.origins[station], self.known.verticals, self.graph.sights
-        if verticals[origin] is None or not self._is_open(station):
+        origin, target_of = self.graph.origins[station], self.graph.target_of
+        is_settled = self.known.is_settled
+        if not is_settled[origin] or not self._is_open(station):
             return
         origin_sigma = _honest_sigma(self.known, origin)
         for number in numbers:
-            sight = sights[number]
-            if verticals[sight.target] is not None:
-                self._add_azimuth(sight, origin_sigma)
+            if is_settled[target_of[number]]:
+                self._add_azimuth(station, number, origin_sigma)
 
-    def _add_azimuth(self, sight: Sight, origin_sigma: float) -> None:
-        known, reading = self.known, sight.reading()
-        target = known.position_of(sight.target)
-        distance = _flat_distance(known, sight.origin, target)
-        if reading is None or distance == 0.0:
+    def _add_azimuth(self, station: int, number: int, origin_sigma: float) -> None:
+        known, graph, target = self.known, self.graph, self.graph.target_of[number]
+        position = known.position_of(target)
+        distance = _flat_distance(known, graph.origins[station], position)
+        if math.isnan(graph.reading_of[number]) or distance == 0.0:
             return
-        moved = math.hypot(origin_sigma, _honest_sigma(known, sight.target))
-        azimuth_sigma = min(math.hypot(moved / distance, reading_sigma(self.graph, sight, distance)), math.pi)
-        if self._is_surest(sight.station, azimuth_sigma):
-            link = partial(_azimuth_link, sight.target, target, azimuth_sigma, reading[1])
-            self._push(sight.station, azimuth_sigma, link)
+        moved = math.hypot(origin_sigma, _honest_sigma(known, target))
+        azimuth_sigma = min(math.hypot(moved / distance, graph.reading_sigma(number, distance)), math.pi)
+        if azimuth_sigma < self.surest.get(station, math.inf):
+            self._push(station, azimuth_sigma, partial(self._azimuth_link, number, position, azimuth_sigma))
+
+    def _azimuth_link(self, number: int, position: Space, azimuth_sigma: float) -> Link:
+        rows = self.graph.reading_rows(number)
+        return Link(None, ((number, position),), azimuth_sigma, 0.0, None, "azimuth of a known point", rows)
 
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
-        seen = self._seen_from(station)
-        sights, steps, least = self.graph.sights, self.known.station_steps, self.known.azimuth_sigmas[station]
-        may_link, surest = self._may_link, self.surest.get
-        found: dict[int, list[_Shared]] = {}
-        for point, (vector, relative_sigma) in seen.items():
-            for number in self.graph.sights_to[point][:_MOST_STATIONS]:
-                other = (sight := sights[number]).station
-                is_open = steps[other] is None and other != station and may_link(other)
-                if is_open and least < surest(other, math.inf):
-                    found.setdefault(other, []).append(_Shared(point, vector, relative_sigma, sight))
-        for other, shared in found.items():
-            self._add_link(station, other, seen, shared)
+        if not self._is_one_open():
+            return
+        ways, least = self._ways(station), self.known.azimuth_sigmas[station]
+        mine, steps, surest = ways.of(station), self.known.station_steps, self.surest
+        columns = ways.others[mine].tolist(), ways.azimuth_sigmas[mine].tolist()
+        for way, (other, azimuth_sigma) in enumerate(zip(*columns, strict=True), mine.start):
+            if steps[other] is None and (self.stations is None or other in self.stations):
+                total = math.hypot(least, azimuth_sigma)
+                if total < surest.get(other, math.inf):
+                    self._push(other, total, partial(self._link, station, ways, way, total))
 
-    def _seen_from(self, station: int) -> dict[int, tuple[Space, float]]:
-        """Local east, north, up of the origin and of the targets with a complete vector, with their sigma."""
-        origin, rotation = self.graph.origins[station], self.known.rotations[station]
-        vertical, g0 = self.known.vertical_of(origin), self.known.g0[station] or 0.0
-        seen: dict[int, tuple[Space, float]] = {origin: ((0.0, 0.0, 0.0), 0.0)}
-        for number in self.graph.sights_from[station]:
-            sight = self.graph.sights[number]
-            if (vector := sight.vector()) is not None:
-                local = turned(vector[0], g0)
-                if rotation is not None:
-                    local = times(vertical, times(rotation, vector[0]))
-                seen[sight.target] = local, sight.vector_sigma
-        return seen
+    def _is_one_open(self) -> bool:
+        """Whether there is a station that links may still orient."""
+        while self.open and not self._is_open(self.open[-1]):
+            self.open.pop()
+        return bool(self.open)
 
-    def _add_link(
-        self, station: int, other: int, seen: dict[int, tuple[Space, float]], shared: list[_Shared]
-    ) -> None:
-        origin = self.graph.origins[other]
-        found = self._by_sight(seen[origin], shared) if origin in seen else None
-        found = found or self._by_two_targets(shared)
-        if found is not None:
-            total = math.hypot(self.known.azimuth_sigmas[station], found.azimuth_sigma)
-            if self._is_surest(other, total):
-                self._push(other, total, partial(self._link, station, found, total))
+    def _ways(self, station: int) -> Ways:
+        """Ways from a station; those of a #BASC station once it is turned."""
+        rotation = self.known.rotations[station]
+        if rotation is None:
+            return self.plumb_ways.of(station)
+        vertical = np.array(self.known.vertical_of(self.graph.origins[station]))
+        return find_ways(self.graph, Views.of(self.graph, [station]).turned(vertical @ np.array(rotation)))
 
-    def _by_sight(self, origin: tuple[Space, float], shared: list[_Shared]) -> _Way | None:
-        """The oriented station sees the other; a common target, or the sight back, gives the azimuth."""
-        position, relative_sigma = origin
-        best: tuple[float, _Shared] | None = None
-        for item in shared:
-            distance = math.dist(position[:2], item.seen[:2])
-            if distance > 0.0 and item.sight.reading() is not None:
-                sigma = reading_sigma(self.graph, item.sight, distance)
-                azimuth_sigma = math.hypot(math.hypot(relative_sigma, item.relative_sigma) / distance, sigma)
-                if best is None or azimuth_sigma < best[0]:
-                    best = (azimuth_sigma, item)
-        if best is None:
-            return None
-        return _Way(position, relative_sigma, [best[1]], best[0], "azimuth and distance")
-
-    def _by_two_targets(self, shared: list[_Shared]) -> _Way | None:
-        """Free station on two common targets that are far apart."""
-        complete = [(item, vector[0]) for item in shared if (vector := item.sight.vector()) is not None]
-        if len(complete) < 2:
-            return None
-        b, own_b = _farthest(complete, complete[0][0].seen)
-        a, own_a = _farthest(complete, b.seen)
-        base, own_base = math.dist(a.seen[:2], b.seen[:2]), math.dist(own_a[:2], own_b[:2])
-        relative_sigma = math.hypot(
-            a.relative_sigma, b.relative_sigma, a.sight.vector_sigma, b.sight.vector_sigma
-        )
-        if base <= 0.0 or own_base <= 0.0 or abs(base - own_base) > 0.02 * base + 5.0 * relative_sigma:
-            return None
-        g0 = _azimuth(a.seen, b.seen) - _azimuth(own_a, own_b)
-        ends = minus(a.seen, turned(own_a, g0)), minus(b.seen, turned(own_b, g0))
-        middle = tuple((p + q) / 2.0 for p, q in zip(ends[0], ends[1], strict=True))
-        position = (middle[0], middle[1], middle[2])
-        azimuth_sigma = relative_sigma / base
-        away = math.dist(position[:2], ((a.seen[0] + b.seen[0]) / 2.0, (a.seen[1] + b.seen[1]) / 2.0))
-        return _Way(
-            position,
-            math.hypot(relative_sigma, azimuth_sigma * away),
-            [a, b],
-            azimuth_sigma,
-            "free station",
-        )
-
-    def _link(self, station: int, way: _Way, total: float) -> Link:
-        """A link whose local positions are put in the frame."""
-        start = self.known.position_of(self.graph.origins[station])
-        vertical = self.known.vertical_of(self.graph.origins[station])
-        targets = tuple(
-            (item.point, plus(start, transposed_times(vertical, item.seen))) for item in way.shared
-        )
-        rows: list[int] = []
-        for item in way.shared:
-            both = [item.sight]
-            if (station, item.point) in self.graph.sight_of:
-                both.append(self.graph.sights[self.graph.sight_of[station, item.point]])
-            for sight in both:
-                rows.extend((sight.vector() or sight.reading() or ((), ()))[1])
-        origin = plus(start, transposed_times(vertical, way.position))
+    def _link(self, station: int, ways: Ways, way: int, total: float) -> Link:
+        """A link by a way, in the frame."""
+        numbers = [number for number in ways.sights[way].tolist() if number >= 0]
+        seen = ways.seen[way, : len(numbers)]
+        ends = [self._in_frame(station, vector) for vector in ways.views.vectors[seen].tolist()]
+        sights = zip(numbers, ways.views.numbers[seen].tolist(), strict=True)
+        rows = (row for pair in sights for number in pair if number >= 0 for row in self._rows(number))
         return Link(
-            origin, targets, total, way.relative_sigma, station, way.method, tuple(dict.fromkeys(rows))
+            self._in_frame(station, ways.positions[way].tolist()),
+            tuple(zip(numbers, ends, strict=True)),
+            total,
+            float(ways.relative_sigmas[way]),
+            station,
+            FREE_STATION if len(numbers) > 1 else "azimuth and distance",
+            tuple(dict.fromkeys(rows)),
         )
 
+    def _rows(self, number: int) -> tuple[int, ...]:
+        """The observations of the vector of a sight, of its reading when it is not complete."""
+        return self.graph.vector_rows(number) or self.graph.reading_rows(number)
 
-def _azimuth_link(point: int, position: Space, azimuth_sigma: float, rows: tuple[int, ...]) -> Link:
-    return Link(None, ((point, position),), azimuth_sigma, 0.0, None, "azimuth of a known point", rows)
-
-
-def _farthest(complete: list[tuple[_Shared, Space]], place: Space) -> tuple[_Shared, Space]:
-    """The one of some targets, with their own vectors, that is horizontally farthest from a place."""
-    x, y, _ = place
-    away = [(item.seen[0] - x) ** 2 + (item.seen[1] - y) ** 2 for item, _ in complete]
-    return complete[away.index(max(away))]
+    def _in_frame(self, station: int, vector: Space) -> Space:
+        """Where something is that a station sees in plumb axes."""
+        origin = self.graph.origins[station]
+        local = turned(vector, self.known.g0[station] or 0.0)
+        return plus(self.known.position_of(origin), transposed_times(self.known.vertical_of(origin), local))
 
 
 def link_g0(known: Known, graph: SightGraph, station: int, link: Link) -> float:
     """G0 of a station by a link, once the vertical of its origin is known."""
     origin = graph.origins[station]
+    vertical = known.vertical_of(origin)
     start = known.position_of(origin) if link.origin is None else link.origin
     angles = []
-    for point, position in link.targets:
-        reading = graph.sights[graph.sight_of[station, point]].reading()
-        if reading is not None:
-            east, north, _ = times(known.vertical_of(origin), minus(position, start))
-            angles.append(math.atan2(east, north) - reading[0])
+    for number, position in link.targets:
+        east, north, _ = times(vertical, minus(position, start))
+        angles.append(math.atan2(east, north) - graph.reading_of[number])
     return wrap(angles[0] + sum(wrap(angle - angles[0]) for angle in angles) / len(angles))
 
 
 def link_rise(known: Known, graph: SightGraph, station: int, link: Link) -> float:
     """How much too low a free station is, from its own rises to the common targets and its own vertical."""
     origin = graph.origins[station]
-    rises = []
-    for point, position in link.targets:
-        vector = graph.sights[graph.sight_of[station, point]].vector()
-        if vector is not None:
-            computed = times(known.vertical_of(origin), minus(position, known.position_of(origin)))[2]
-            rises.append(computed - vector[0][2])
+    vertical, start = known.vertical_of(origin), known.position_of(origin)
+    rises = [
+        times(vertical, minus(position, start))[2] - float(graph.sights.vectors[number, 2])
+        for number, position in link.targets
+    ]
     return sum(rises) / len(rises)
-
-
-def reading_sigma(graph: SightGraph, sight: Sight, distance: float) -> float:
-    """Sigma of a reading (rad), also of one made from DX and DY."""
-    if sight.hz is not None:
-        return graph.sigmas[sight.hz[1]]
-    return max((graph.sigmas[m[1]] for m in (sight.dx, sight.dy) if m is not None), default=0.0) / distance
-
-
-def _azimuth(a: Space, b: Space) -> float:
-    return math.atan2(b[0] - a[0], b[1] - a[1])
 
 
 def _flat_distance(known: Known, origin: int, target: Space) -> float:

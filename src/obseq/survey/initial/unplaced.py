@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.dataclass import dataclass
 from obseq.survey.initial.relations import Measured, Relation, collect
 from obseq.survey.model import Orientation
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
     from obseq.survey.initial.best_position import BestPosition
     from obseq.survey.initial.known import Known
-    from obseq.survey.initial.sights import SightGraph
+    from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.model import FieldBook
 
 _WORDS = {
@@ -62,7 +64,7 @@ def explain_points(
     book: FieldBook,
 ) -> list[Unplaced]:
     """The points without position, in the order of the table."""
-    missing = [point for point in range(len(known.names)) if not known.is_placed(point)]
+    missing = np.flatnonzero(~known.are_placed()).tolist()
     if not missing:
         return []
     linked = _linked_to_known(known, graph)
@@ -78,7 +80,7 @@ def explain_points(
 
 def _linked_to_known(known: Known, graph: SightGraph) -> set[int]:
     """Points that a chain of observations links to a located point."""
-    reached = {point for point, vertical in enumerate(known.verticals) if vertical is not None}
+    reached = {point for point, is_settled in enumerate(known.is_settled) if is_settled}
     waiting = deque(reached)
     while waiting:
         for other in _neighbours(graph, waiting.popleft()):
@@ -90,15 +92,14 @@ def _linked_to_known(known: Known, graph: SightGraph) -> set[int]:
 
 def _neighbours(graph: SightGraph, point: int) -> Iterable[int]:
     for station in graph.stations_at[point]:
-        for number in graph.sights_from[station]:
-            yield graph.sights[number].target
+        yield from graph.targets(station)
     for number in graph.sights_to[point]:
-        yield graph.sights[number].origin
+        yield graph.origin_of[number]
     for other, _, _ in graph.distances[point]:
         yield other
     for other, _, _ in graph.height_differences[point]:
         yield other
-    for other, _, _ in graph.flats[point]:
+    for other, _, _ in graph.flat_distances[point]:
         yield other
 
 
@@ -192,8 +193,7 @@ def explain_stations(known: Known, graph: SightGraph, book: FieldBook) -> list[U
 def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
     if graph.orientations[station] == Orientation.BASC:
         return "a #BASC station is oriented by two directions to placed points, or placed by three vectors"
-    targets = [graph.sights[number].target for number in graph.sights_from[station]]
-    placed = [known.names[target] for target in targets if known.is_placed(target)]
+    placed = [known.names[target] for target in graph.targets(station) if known.is_placed(target)]
     if placed:
         return f"the placed points that it sees ({_names(placed)}) are on its vertical, or have no reading"
     return "none of its targets has a position, so nothing gives the azimuth of its zero"

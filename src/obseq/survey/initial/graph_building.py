@@ -1,0 +1,208 @@
+"""Makes the graph of sights from the columns of a field book, kind by kind.
+
+When a quantity was measured several times, the first one is used: initial values need one, and the first is
+the one that a reader of the file finds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.initial.sight_graph import Measured, SightGraph
+from obseq.survey.initial.sights import DISTANCE, HZ, SLOTS, ZENITH, Measures, make_sights
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import IS_ANGLE, KINDS
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    from obseq.arrays import IntArray, IntRows
+    from obseq.survey.kinds.kind import ObservationKind
+    from obseq.survey.model import FieldBook
+
+    Part = tuple[ObservationKind, Measured]
+
+_SLOT_OF: dict[Start, int] = {start: slot for slot, start in enumerate(SLOTS) if start is not Start.DISTANCE}
+_NO_ROWS: IntArray = np.zeros(0, np.int64)
+_NOTHING = Measured(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros(0))
+
+
+def build_graph(
+    book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8], *, is_level: bool = False
+) -> SightGraph:
+    """The graph of a field book whose rows are rows of `n_points` points.
+
+    The angles at a point from one backsight become a plumb station with the reading 0 there; such stations
+    come after those of the field book.
+
+    Args:
+        book: the field book.
+        n_points: number of points.
+        orientations: of its stations.
+        is_level: whether all points have the same height: every sight is level then.
+    """
+    parts = _parts(book)
+    distances, flats = _lengths(parts, n_points, is_level=is_level)
+    ends, measures = _sights(book, [part for part in parts if part[0].start in _SLOT_OF])
+    angles = _AngleStations(book, _of(parts, Start.ANGLE))
+    ends, measures = angles.after(ends, measures)
+    _take_distances(measures, ends[1:], distances, n_points)
+    if is_level:
+        _lay_level(measures)
+    observations = book.observations
+    return SightGraph(
+        orientations.tolist() + [int(Orientation.VERT)] * len(angles.origins),
+        book.stations.origins.tolist() + angles.origins,
+        n_points,
+        observations.sigmas.tolist(),
+        IS_ANGLE[observations.types],
+        make_sights(ends, measures, observations.sigmas),
+        distances,
+        flats,
+        _of(parts, Start.RISE),
+    )
+
+
+def _parts(book: FieldBook) -> list[Part]:
+    """The active observations by kind, with the values that initial values make of theirs."""
+    observations = book.observations
+    usable = np.flatnonzero(observations.active)
+    types = observations.types[usable]
+    counts = np.bincount(types, minlength=len(IS_ANGLE))
+    present = [kind for kind in KINDS if counts[kind.code] and kind.start is not Start.NOTHING]
+    return [(kind, _measured(book, kind, usable[types == kind.code])) for kind in present]
+
+
+def _measured(book: FieldBook, kind: ObservationKind, rows: IntArray) -> Measured:
+    observations = book.observations
+    heights = observations.from_heights[rows], observations.to_heights[rows]
+    values = kind.start_values(observations.values[rows], *heights)
+    ends = observations.from_points[rows], observations.to_points[rows]
+    return Measured(rows, ends[0].astype(np.int64), ends[1].astype(np.int64), values)
+
+
+def _of(parts: Sequence[Part], *starts: Start) -> Measured:
+    """The observations of all kinds that give one of these things."""
+    return _together([measured for kind, measured in parts if kind.start in starts])
+
+
+def _together(chosen: Sequence[Measured]) -> Measured:
+    """Observations one kind after the other."""
+    if len(chosen) < 2:
+        return chosen[0] if chosen else _NOTHING
+    columns = zip(*((part.rows, part.origins, part.targets, part.values) for part in chosen), strict=True)
+    rows, origins, targets, values = (np.concatenate(column) for column in columns)
+    return Measured(rows, origins, targets, values)
+
+
+def _lengths(parts: Sequence[Part], n_points: int, *, is_level: bool) -> tuple[Measured, Measured]:
+    """The first slope distance of each pair of points, and its first horizontal distance of each kind."""
+    if is_level:
+        return _firsts(_of(parts, Start.DISTANCE, Start.FLAT), n_points), _NOTHING
+    flats = [_firsts(measured, n_points) for kind, measured in parts if kind.start is Start.FLAT]
+    return _firsts(_of(parts, Start.DISTANCE), n_points), _together(flats)
+
+
+def _firsts(measured: Measured, n_points: int) -> Measured:
+    """The first observation of each pair of points, whichever of these comes first."""
+    if not len(measured.rows):
+        return measured
+    which = np.unique(_pairs(measured.origins, measured.targets, n_points), return_index=True)[1]
+    return measured.chosen(np.sort(which))
+
+
+def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
+    """(k,) a number for each pair of points."""
+    return np.asarray(np.minimum(first, second) * n_points + np.maximum(first, second))
+
+
+def _sights(book: FieldBook, parts: Sequence[Part]) -> tuple[IntRows, Measures]:
+    """Station, origin and target (3, n) of each sight, in reading order, and its measures."""
+    rows = np.sort(_together([measured for _, measured in parts]).rows)
+    observations = book.observations
+    stations, targets = observations.stations[rows].astype(np.int64), observations.to_points[rows]
+    _, firsts, pairs = np.unique(
+        stations * len(book.point_names) + targets, return_index=True, return_inverse=True
+    )
+    order = np.argsort(firsts)
+    sight_of = np.empty(len(observations), np.int64)
+    sight_of[rows] = np.argsort(order)[pairs]
+    chosen = firsts[order]
+    ends = np.array((stations[chosen], observations.from_points[rows[chosen]], targets[chosen]))
+    return ends, _measures(book, parts, sight_of, len(chosen))
+
+
+def _measures(book: FieldBook, parts: Sequence[Part], sight_of: IntArray, n: int) -> Measures:
+    """The first measure of each sight and slot: what comes later is written first."""
+    measures = Measures.none(n)
+    for kind, measured in reversed(parts):
+        slot, rows = _SLOT_OF[kind.start], measured.rows[::-1]
+        sights = sight_of[rows]
+        measures.rows[slot, sights] = rows
+        measures.values[slot, sights] = measured.values[::-1]
+    rows = measures.rows[ZENITH]
+    heights = book.observations.to_heights[rows] - book.observations.from_heights[rows] if n else 0.0
+    measures.lifts[:] = np.where(rows >= 0, heights, 0.0)
+    return measures
+
+
+class _AngleStations:
+    """Stations of angles from one backsight each, which reads 0; the others read their angles.
+
+    Attributes:
+        origins: point of each station.
+    """
+
+    def __init__(self, book: FieldBook, angles: Measured) -> None:
+        self.origins: list[int] = []
+        self._n_before = len(book.stations)
+        self._stations: dict[tuple[int, int], int] = {}
+        self._readings: dict[tuple[int, int, int], tuple[float, int]] = {}
+        columns = angles.rows, angles.origins, angles.targets, book.observations.backsights[angles.rows]
+        lines = zip(*(column.tolist() for column in (*columns, angles.values)), strict=True)
+        for row, origin, target, backsight, value in lines:
+            station = self._station(origin, backsight, row)
+            self._readings.setdefault((station, origin, target), (value, row))
+
+    def _station(self, origin: int, backsight: int, row: int) -> int:
+        """The station of the angles at a point from a backsight."""
+        number = self._stations.get((origin, backsight))
+        if number is None:
+            number = self._stations[origin, backsight] = self._n_before + len(self.origins)
+            self.origins.append(origin)
+            self._readings[number, origin, backsight] = 0.0, row
+        return number
+
+    def after(self, ends: IntRows, measures: Measures) -> tuple[IntRows, Measures]:
+        """Stations, origins and targets (3, n) of other sights and then of these, and all measures."""
+        if not self._readings:
+            return ends, measures
+        mine = Measures.none(len(self._readings))
+        mine.values[HZ], mine.rows[HZ] = np.array(list(self._readings.values())).T
+        return np.hstack((ends, np.array(list(self._readings)).T)), measures.followed_by(mine)
+
+
+def _take_distances(measures: Measures, ends: IntRows, distances: Measured, n_points: int) -> None:
+    """Gives each sight, by its two points (2, n), the distance between them."""
+    pairs = _pairs(distances.origins, distances.targets, n_points)
+    if not len(pairs):
+        return
+    order = np.argsort(pairs)
+    wanted = _pairs(ends[0], ends[1], n_points)
+    places = order[np.minimum(np.searchsorted(pairs, wanted, sorter=order), len(pairs) - 1)]
+    has_distance = pairs[places] == wanted
+    measures.values[DISTANCE] = np.where(has_distance, distances.values[places], np.nan)
+    measures.rows[DISTANCE] = np.where(has_distance, distances.rows[places], -1)
+
+
+def _lay_level(measures: Measures) -> None:
+    """Sights without zenith angle are level."""
+    is_laid = (measures.rows[ZENITH] < 0) & (measures.rows[HZ] >= 0)
+    measures.values[ZENITH, is_laid] = math.pi / 2.0
+    measures.rows[ZENITH, is_laid] = measures.rows[HZ, is_laid]

@@ -1,0 +1,137 @@
+"""Points at the end of a complete vector from an oriented station: azimuth, zenith angle and distance."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from obseq.survey.initial.known import Step, plus, times, transposed_times, turned
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.known import Known
+    from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.sights import Sight
+
+LARGEST_SIGMA = 1e6
+"""The expected error (m) of what is not known any better."""
+
+
+class _Polar(NamedTuple):
+    """A vector (instrument) from a station to a point, its expected error (m) and its observations."""
+
+    local: Space
+    relative_sigma: float
+    rows: tuple[int, ...]
+
+
+class PolarSights:
+    """Places single points by the surest of the sights to them.
+
+    Args:
+        known: what is known; the points that are placed are added to it, and remain to be settled.
+        graph: the observations.
+        stations: the stations that may be used; all when None.
+    """
+
+    def __init__(self, known: Known, graph: SightGraph, stations: frozenset[int] | None) -> None:
+        self.known, self.graph, self.stations = known, graph, stations
+
+    def place(self, point: int) -> bool:
+        """Places a point by the vector with the least expected error, if it has none yet and there is one."""
+        steps, is_placed = self.known.station_steps, self.known.is_placed
+        station_of, origin_of = self.graph.station_of, self.graph.origin_of
+        best, least = -1, math.inf
+        for number in () if is_placed(point) else self.graph.sights_to[point]:
+            station, origin = station_of[number], origin_of[number]
+            if steps[station] is not None and is_placed(origin) and self._may_use(station):
+                point_sigma = self._point_sigma(number, station, origin)
+                if point_sigma < least:
+                    best, least = number, point_sigma
+        if best >= 0:
+            self._take(point, best, least)
+        return best >= 0
+
+    def _may_use(self, station: int) -> bool:
+        return self.stations is None or station in self.stations
+
+    def _point_sigma(self, number: int, station: int, origin: int) -> float:
+        """Expected error of the end of a sight (m), infinite where nothing gives its vector."""
+        length, relative_sigma = self.graph.length_of[number], self.graph.vector_sigma_of[number]
+        if math.isnan(length):
+            polar = self._borrowed(number, station)
+            if polar is None:
+                return math.inf
+            length, relative_sigma = math.hypot(*polar.local), polar.relative_sigma
+        moved = length * self.known.azimuth_sigmas[station]
+        return min(math.hypot(self.known.point_sigmas[origin] + moved, relative_sigma), LARGEST_SIGMA)
+
+    def _polar(self, number: int, station: int) -> _Polar:
+        """The vector of a sight that has one, perhaps with the help of others."""
+        polar = self._borrowed(number, station) if math.isnan(self.graph.length_of[number]) else None
+        if polar is not None:
+            return polar
+        x, y, z = self.graph.sights.vectors[number].tolist()
+        return _Polar((x, y, z), self.graph.vector_sigma_of[number], self.graph.vector_rows(number))
+
+    def _borrowed(self, number: int, station: int) -> _Polar | None:
+        """Vector of a plumb sight that borrows the zenith angle of another station on the same point."""
+        sight = self.graph.sights[number]
+        reading, lengths = sight.reading(), self._lengths(sight)
+        if self.known.g0[station] is None or reading is None or lengths is None:
+            return None
+        (flat, rise), rows = lengths
+        local = flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise
+        every = tuple(dict.fromkeys(reading[1] + rows))
+        return _Polar(local, vector_sigma(self.graph, local, every), every)
+
+    def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
+        """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
+        graph = self.graph
+        for number in graph.sights_to[sight.target]:
+            is_plumb = graph.orientations[graph.station_of[number]] != Orientation.BASC
+            if is_plumb and graph.origin_of[number] == sight.origin:
+                lengths = graph.sights[number].lengths()
+                if lengths is not None:
+                    return lengths
+        return self._levelled_lengths(sight)
+
+    def _levelled_lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
+        """Horizontal distance and rise from the slope distance and a levelled height of the target."""
+        if sight.distance is None:
+            return None
+        start, end = self.known.height(sight.origin), self.known.height(sight.target)
+        if start is None or end is None or abs(end - start) >= sight.distance[0]:
+            return None
+        (distance, row), rise = sight.distance, end - start
+        levelled = (
+            line
+            for other, _, line in self.graph.height_differences[sight.target]
+            if self.known.height(other) is not None
+        )
+        return (math.sqrt(distance**2 - rise**2), rise), (row, *list(levelled)[:1])
+
+    def _take(self, point: int, number: int, point_sigma: float) -> None:
+        known, station, origin = self.known, self.graph.station_of[number], self.graph.origin_of[number]
+        polar = self._polar(number, station)
+        offset = in_frame(known, station, origin, polar.local)
+        known.positions[point] = plus(known.position_of(origin), offset)
+        known.has_height[point] = 1
+        known.point_steps[point] = Step("azimuth and distance", polar.rows)
+        known.parents[point], known.relative_sigmas[point] = station, polar.relative_sigma
+        known.point_sigmas[point] = point_sigma
+
+
+def in_frame(known: Known, station: int, origin: int, local: Space) -> Space:
+    """A vector of an oriented instrument on a located point, in the frame."""
+    rotation = known.rotations[station]
+    if rotation is not None:
+        return times(rotation, local)
+    return transposed_times(known.vertical_of(origin), turned(local, known.g0[station] or 0.0))
+
+
+def vector_sigma(graph: SightGraph, vector: Space, rows: tuple[int, ...]) -> float:
+    """Expected error (m) of a vector from the sigmas of its observations."""
+    length = math.hypot(*vector)
+    return math.hypot(*(graph.sigmas[row] * (length if graph.is_angle[row] else 1.0) for row in rows))

@@ -1,0 +1,205 @@
+"""Who is linked to whom: the active observations of a field book as a graph of points and stations."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.survey.initial.sights import lengths
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.survey.initial.sights import Sights
+
+Joined = tuple[int, float, int]
+"""What joins a point with another: the other point, the value (m) seen from there, and the row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Observations between two points: (k,) rows, first points, second points, and values (m, rad)."""
+
+    rows: IntArray
+    origins: IntArray
+    targets: IntArray
+    values: FloatArray
+
+    def chosen(self, which: IntArray) -> Measured:
+        """Some of them."""
+        return Measured(self.rows[which], self.origins[which], self.targets[which], self.values[which])
+
+    def ends(self) -> Iterator[tuple[int, int]]:
+        """The two points of each."""
+        return zip(self.origins.tolist(), self.targets.tolist(), strict=True)
+
+    def by_points(self, n_points: int, sign: float = 1.0) -> list[list[Joined]]:
+        """Of each point, those that join it with others; with a sign where they are seen from the first."""
+        found: list[list[Joined]] = [[] for _ in range(n_points)]
+        columns = zip(self.ends(), self.values.tolist(), self.rows.tolist(), strict=True)
+        for (origin, target), value, row in columns:
+            found[origin].append((target, sign * value, row))
+            found[target].append((origin, value, row))
+        return found
+
+
+def _integers(column: IntArray) -> list[int]:
+    plain: list[int] = column.tolist()
+    return plain
+
+
+def _decimals(column: FloatArray) -> list[float]:
+    plain: list[float] = column.tolist()
+    return plain
+
+
+def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
+    """Of each of n groups, the numbers of its members."""
+    found: list[list[int]] = [[] for _ in range(n)]
+    for number, group in enumerate(groups):
+        found[group].append(number)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class SightGraph:
+    """The field book as a graph: for each point and station, its sights, distances and height differences.
+
+    What is looked at one by one is kept as lists of plain numbers too, each made when it is first needed.
+
+    Attributes:
+        orientations: of each station, after the automatic-FIX rule.
+        origins: point of each station.
+        n_points: number of points.
+        sigmas: of each observation (m, rad).
+        is_angle: (k,) of each observation, true for Hz and Zen.
+        sights: all of them.
+        slopes: slope distances, one per pair of points.
+        flats: horizontal distances.
+        rises: height differences.
+    """
+
+    orientations: list[int]
+    origins: list[int]
+    n_points: int
+    sigmas: list[float]
+    is_angle: BoolArray
+    sights: Sights
+    slopes: Measured
+    flats: Measured
+    rises: Measured
+
+    @cached_property
+    def is_plumb(self) -> BoolArray:
+        """Of each station, whether it is plumb with an unknown zero (#VERT)."""
+        return np.asarray(np.array(self.orientations) == Orientation.VERT)
+
+    @cached_property
+    def station_of(self) -> list[int]:
+        """Station of each sight."""
+        return _integers(self.sights.stations)
+
+    @cached_property
+    def origin_of(self) -> list[int]:
+        """Point of the station of each sight."""
+        return _integers(self.sights.origins)
+
+    @cached_property
+    def target_of(self) -> list[int]:
+        """Target of each sight."""
+        return _integers(self.sights.targets)
+
+    @cached_property
+    def length_of(self) -> list[float]:
+        """Length of the vector of each sight (m); NaN where it is not complete."""
+        return _decimals(lengths(self.sights.vectors.T))
+
+    @cached_property
+    def vector_sigma_of(self) -> list[float]:
+        """Expected error of the vector of each sight (m)."""
+        return _decimals(self.sights.vector_sigmas)
+
+    @cached_property
+    def reading_of(self) -> list[float]:
+        """Reading of each sight (rad); NaN where there is none."""
+        return _decimals(self.sights.readings)
+
+    @cached_property
+    def reading_sigma_of(self) -> list[float]:
+        """Sigma of the reading of each sight (rad), 0 where DX and DY stand for it."""
+        return _decimals(self.sights.reading_sigmas)
+
+    @cached_property
+    def shift_sigma_of(self) -> list[float]:
+        """Sigma of the DX and DY that stand for the reading of each sight (m), else 0."""
+        return _decimals(self.sights.shift_sigmas)
+
+    @cached_property
+    def sights_from(self) -> list[list[int]]:
+        """Sights of each station."""
+        return _numbers_by(self.station_of, len(self.origins))
+
+    @cached_property
+    def sights_to(self) -> list[list[int]]:
+        """Sights to each point."""
+        return _numbers_by(self.target_of, self.n_points)
+
+    @cached_property
+    def stations_at(self) -> list[list[int]]:
+        """Stations on each point."""
+        return _numbers_by(self.origins, self.n_points)
+
+    @cached_property
+    def neighbours(self) -> list[list[int]]:
+        """Points that sights or distances join with each point, some of them twice."""
+        found: list[list[int]] = [[] for _ in range(self.n_points)]
+        sighted = zip(self.origin_of, self.target_of, strict=True)
+        for first, second in chain(sighted, self.slopes.ends(), self.flats.ends()):
+            found[first].append(second)
+            found[second].append(first)
+        return found
+
+    @cached_property
+    def distances(self) -> list[list[Joined]]:
+        """Of each point, the slope distances to others."""
+        return self.slopes.by_points(self.n_points)
+
+    @cached_property
+    def flat_distances(self) -> list[list[Joined]]:
+        """Of each point, the horizontal distances to others."""
+        return self.flats.by_points(self.n_points)
+
+    @cached_property
+    def height_differences(self) -> list[list[Joined]]:
+        """Of each point, how much higher it is than others."""
+        return self.rises.by_points(self.n_points, -1.0)
+
+    def targets(self, station: int) -> list[int]:
+        """The points that a station sights."""
+        return [self.target_of[number] for number in self.sights_from[station]]
+
+    def reading_between(self, station: int, target: int) -> float:
+        """Reading of a station to a target (rad); NaN where there is none."""
+        found = (self.reading_of[k] for k in self.sights_from[station] if self.target_of[k] == target)
+        return next(found, math.nan)
+
+    def vector_rows(self, number: int) -> tuple[int, ...]:
+        """The observations of the vector of a sight; none when it is not complete."""
+        is_complete = not math.isnan(self.length_of[number])
+        return tuple(self.sights.vector_rows[number].tolist()) if is_complete else ()
+
+    def reading_rows(self, number: int) -> tuple[int, ...]:
+        """The observations of the reading of a sight; none when it has none."""
+        reading = self.sights[number].reading()
+        return () if reading is None else reading[1]
+
+    def reading_sigma(self, number: int, distance: float) -> float:
+        """Sigma of the reading of a sight (rad), also of one made from DX and DY over a distance (m)."""
+        return self.reading_sigma_of[number] + self.shift_sigma_of[number] / distance
