@@ -57,6 +57,7 @@ def test_results_are_written_and_summarised(site: Path, capsys) -> None:
     assert (record["n_observations"] + record["n_constraints"], record["n_unknowns"]) == (18, 14)
     assert record["iterations"][0]["sigma0"] == pytest.approx(5443.87, abs=0.01)
     assert record["sigma0"] == pytest.approx(1.7655, abs=5e-4)
+    assert record["global_test"]["passed"] is False  # and nothing single is suspected: the exit code is 0
     found = {point["name"]: (point["crs_x"], point["crs_y"], point["crs_z"]) for point in record["points"]}
     assert found["PtC"] == pytest.approx((657711.001208, 6860710.002857, 10.000024), abs=1e-5)
     assert [phase["name"] for phase in record["phases"]][:2] == ["load", "read"]

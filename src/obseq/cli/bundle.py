@@ -36,7 +36,8 @@ columns (commas or blanks, any order; # begins a comment):
   control   point x y z [sigma, or sx sy sz]       0: held; empty: free
   measures  image point x y [sigma, or sx sy]      pixels
 
-exit code: 0 adjusted; 1 not converged, something left out, or a gross error suspected; 2 could not run"""
+exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
+the JSON); 1 not converged, something left out, or a gross error suspected; 2 could not run"""
 
 FILES = {
     "json": ("bundle.json", "every result at full precision"),
