@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
+from obseq.images.adjustment import causes
 from obseq.images.adjustment.causes import common_cause
 
 
@@ -49,3 +50,24 @@ def test_a_good_block_and_a_single_gross_error_have_no_common_cause():
     part.measures.xy[7] += 300.0
     assert block.solve().sigma0 > 5.0
     assert _cause(block) == ""
+
+
+def _steps(block):
+    """How often it is told what is being tried: lines counted upwards, another focal length."""
+    said = []
+    assert common_cause(block, block.solve(), block.poses, said.append) == ""
+    tried = [f"the block does not fit: trying {what}" for what in ("lines counted upwards", "another focal")]
+    steps = [sum(line.startswith(what) for line in said) for what in tried]
+    assert len(said) == sum(steps)
+    return steps
+
+
+def test_what_is_tried_is_told_and_a_hopeless_trial_is_given_up(monkeypatch):
+    block = _block()
+    (part,) = block.sets
+    part.measures.xy[7] += 300.0
+    long = _steps(block)
+    monkeypatch.setattr(causes, "FEW", 1)
+    monkeypatch.setattr(causes, "TIMES", 0)
+    short = _steps(block)
+    assert all(1 < few < many for few, many in zip(short, long, strict=True))

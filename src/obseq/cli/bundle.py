@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
         solution = _solve(block, options, progress)
-        cause = common_cause(block, solution, given, **options)
+        cause = common_cause(block, solution, given, progress, **options)
         progress("writing")
         record = record_of(solution, cause=cause)
         shown = summary(record, [str(path) for path in outputs.values()])

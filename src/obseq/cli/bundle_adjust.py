@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
             max_iterations=options.iterations,
             progress=lambda step: progress(f"adjusting: {described(step)}"),
         )
-        cause = common_cause(block, solution, block.poses, max_iterations=options.iterations)
+        cause = common_cause(block, solution, block.poses, progress, max_iterations=options.iterations)
         record = record_of(solution, cause=cause)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
         files = results.files(solution)
