@@ -59,12 +59,23 @@ def suspected(record: BundleRecord) -> str:
             "share (units or axes of coordinates and pixels, focal length, poses, sigmas) before single "
             f"observations; the largest test is that of {found[0].text}"
         )
+    if tests.n_suspects == 1 and tests.alike:
+        return _one_of(tests)
     if tests.n_suspects == 1:
-        others = f" (or one of {tests.alike} others, whose tests are the same)" if tests.alike else ""
-        return f"a gross error is suspected: {found[0].text}{others}"
+        return f"a gross error is suspected: {found[0].text}"
     more = tests.n_suspects - len(found[:FIRST])
     listed = "; ".join(item.text for item in found[:FIRST])
     return f"{tests.n_suspects} gross errors are suspected: {listed}" + (f"; and {more} more" if more else "")
+
+
+def _one_of(tests: LargestTestsRecord) -> str:
+    """The observations one of which is suspected."""
+    listed = "; ".join(item.text for item in tests.largest[: min(FIRST, 1 + tests.alike)])
+    more = f"; and {1 + tests.alike - FIRST} more" if tests.alike >= FIRST else ""
+    return (
+        f"one of {1 + tests.alike} observations is suspected to be a gross error, and the redundancy does "
+        f"not tell which (or whether they share a cause): {listed}{more}"
+    )
 
 
 def _verdict(record: BundleRecord) -> str:

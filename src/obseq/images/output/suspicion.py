@@ -29,8 +29,11 @@ LISTED, MOST = 20, 1000
 """Equations that are listed by name; more where more are suspected."""
 LEVEL = 0.001
 """Probability that anything is suspected where nothing is wrong."""
-SAME = 1e-3
-"""Relative difference of two tests that tell nothing apart."""
+APART = 2.0 * np.log(1.0 / LEVEL)
+"""Difference of the squares of two tests from which one explains the residuals so much better than the other.
+
+Half of it is the logarithm of the ratio of their likelihoods.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +80,8 @@ class LargestTestsRecord:
         tested: equations, which share that level.
         limit: of the scaled test of each.
         largest: the largest tests of all kinds of observation.
-        alike: of all the others, those whose test is as large as the first.
+        alike: where the first is suspected, how many others explain the residuals about as well: chance, at
+            this level, may make one larger than the other.
         robust: whether robust weights were used.
         beyond: equations whose scaled test is beyond the limit.
         spread: standard deviation of most of the tests, 1 when the sigmas are right; None in
@@ -133,7 +137,7 @@ def largest_tests(solution: BundleSolution, whole: Reliability) -> LargestTestsR
         whole.n_tests,
         limit,
         tuple(tests.record(*_place(whole, int(row)), float(w[row]), float(scaled[row])) for row in listed),
-        int(np.count_nonzero(w >= (1.0 - SAME) * w.max(initial=0.0))) - 1,
+        _alike(w, scaled) if beyond else 0,
         robust,
         beyond,
         spread,
@@ -155,6 +159,15 @@ def _held_down(whole: Reliability, weights: FloatArray) -> FloatArray:
             spread = own / np.square(part.w)
         parts.append(np.sqrt(np.nan_to_num(own / (1.0 + share * (spread - 1.0)))).ravel())
     return np.concatenate(parts)
+
+
+def _alike(w: FloatArray, scaled: FloatArray) -> int:
+    """Tests that the redundancy does not tell apart from the largest, in the scale of that."""
+    if not w.size:
+        return 0
+    first = int(np.argmax(w))
+    squares = np.square(w * scaled[first] / max(w[first], 1e-300))
+    return int(np.count_nonzero(squares > squares[first] - APART)) - 1
 
 
 def _largest(w: FloatArray, count: int) -> IntArray:
