@@ -8,10 +8,13 @@ from obseq.arrays import FloatArray, IntArray
 
 def inverse3(matrices: npt.ArrayLike) -> FloatArray:
     """Inverses (..., 3, 3) by cofactors: not finite, instead of an error, where a matrix is singular."""
-    a, b, c = np.moveaxis(np.asarray(matrices, dtype=np.float64), -1, 0)
-    rows = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+    m = np.moveaxis(np.asarray(matrices, dtype=np.float64), (-1, -2), (0, 1))
+    inverses = np.empty((*m.shape[2:], 3, 3))
+    for i, j in np.ndindex(3, 3):  # i - 2 is the axis after i, i - 1 the one before it
+        inverses[..., i, j] = m[i - 2, j - 2] * m[i - 1, j - 1] - m[i - 2, j - 1] * m[i - 1, j - 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(rows / np.sum(a * rows[..., 0, :], axis=-1)[..., None, None])
+        inverses /= sum(m[0, j] * inverses[..., 0, j] for j in range(3))[..., None, None]
+    return inverses
 
 
 def sums_by_owner(parts: FloatArray, owner: IntArray, n: int) -> FloatArray:

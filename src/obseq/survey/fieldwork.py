@@ -156,10 +156,12 @@ class Fieldwork:
                 check_counts(self.points, self.book)
             replaced = replaced_coordinates(self.points, self.point_system, given.initial)
             given = leave_out(given, given.initial.unplaced)
-        check_scales(given, self._equations, computation.whole)
-        errors = self._announced(given, computation, strict=strict)
+        with computation.watch.phase("equations"):
+            equations = self._equations(given)
+        check_scales(given, equations, self._equations, computation.whole)
+        errors = self._announced(given, equations, computation, strict=strict)
         try:
-            adjustment = computation.determined(given, strict=strict)
+            adjustment = computation.determined(given, equations, strict=strict)
         except ObseqError as error:
             blame(error, errors or self._errors_among_determined(given, computation))
         if not errors:
@@ -193,7 +195,7 @@ class Fieldwork:
         return replace(self, book=self.book.without(lost)).gross_errors()
 
     def _announced(
-        self, start: Determined, computation: Computation, *, strict: bool
+        self, start: Determined, equations: Equations, computation: Computation, *, strict: bool
     ) -> tuple[GrossError, ...]:
         """The gross errors, looked for where some observation does not fit the initial values."""
         from obseq.survey.screening.search import is_doubtful, refuse
@@ -201,7 +203,7 @@ class Fieldwork:
         check_sights(start.book, start.initial)
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
         with computation.watch.phase("gross errors"):
-            doubtful = is_doubtful(start, self._equations(start))
+            doubtful = is_doubtful(start, equations)
             errors = self._errors_among_determined(start, computation) if doubtful else ()
         for error in errors:
             _LOG.info("%s", error.sentence())

@@ -297,9 +297,9 @@ class Batch:
 
         Each is divided by its factor `sigmas`, and by the root of its robust weight.
         """
-        from scipy.sparse import csr_array, diags_array
-
-        return csr_array(diags_array(self.weights[:, : self.n].T.ravel()) @ self._whitening)
+        weights, scaled = self.weights[:, : self.n].T.ravel(), self._whitening.copy()
+        scaled.data *= np.repeat(weights, np.diff(scaled.indptr))
+        return scaled
 
     def cluster_roots(self, members: IntArray) -> FloatArray:
         """(k, m, m) parts of the whitening matrix that belong to the residuals (k, m) of clusters."""

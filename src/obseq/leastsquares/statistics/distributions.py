@@ -12,6 +12,7 @@ Transactions on Mathematical Software 5 (1979) 466; Abramowitz and Stegun 26.5.8
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,7 @@ def normal_outside(x: ArrayLike) -> FloatArray:
     return np.fromiter(map(math.erfc, array.ravel()), np.float64, array.size).reshape(array.shape)
 
 
+@lru_cache
 def normal_limit(above: float) -> float:
     """What a standard normal variable exceeds with this probability, strictly between 0 and 1.
 
@@ -81,6 +83,7 @@ def chi_square_tails(statistic: float, freedom: float) -> tuple[float, float]:
     return 1.0 - above, above
 
 
+@lru_cache
 def chi_square_limit(freedom: float, below: float | None = None, above: float | None = None) -> float:
     """The value that a chi-square variable is below, or above, with a probability: give one of the two.
 

@@ -6,6 +6,7 @@ that of finding what is there (beta).
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -128,6 +129,7 @@ def tau_p_values(tau: ArrayLike, redundancy: int) -> FloatArray:
     return np.asarray(betainc((redundancy - 1) / 2.0, 0.5, share))
 
 
+@lru_cache
 def tau_critical(level: float, redundancy: int) -> float:
     """Limit that |tau| exceeds with probability `level`; infinite with redundancy 1."""
     checked_probability(level, "level")
@@ -203,6 +205,7 @@ def overall_level(single: ArrayLike, n_tests: int) -> FloatArray:
         return np.asarray(-np.expm1(n_tests * np.log1p(-np.asarray(single, dtype=np.float64))))
 
 
+@lru_cache
 def non_centrality(level: float, power: float) -> float:
     """Shift of a standard normal variable that a two-sided test of that level finds with that power.
 

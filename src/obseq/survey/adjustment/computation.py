@@ -96,8 +96,15 @@ class Computation:
         """The coordinates of points in the system of the results."""
         return PointSystem(self.frame.system, self.points_crs)
 
-    def determined(self, start: Determined, *, strict: bool) -> Adjustment:
+    def determined(
+        self, start: Determined, equations: Equations | None = None, *, strict: bool
+    ) -> Adjustment:
         """Adjusts, without what turns out to be undetermined.
+
+        Args:
+            start: The network.
+            equations: Its equations at its initial values, where they have been made.
+            strict: Refuse what would have to be left out.
 
         Raises:
             SingularSystemError: the observations do not determine some unknowns, and `strict`; or they did
@@ -105,12 +112,12 @@ class Computation:
         """
         while True:
             try:
-                return self._adjusted(start)
+                return self._adjusted(start, equations)
             except SingularSystemError as error:
                 undetermined = singular_parts(start, error)
                 if strict or self._was_determined(start, undetermined):
                     raise in_words(error) from error
-                start = leave_out(start, undetermined)
+                start, equations = leave_out(start, undetermined), None
 
     def whole(self, start: Determined) -> Determined:
         """A network without what its observations leave undetermined where the iterations start.
@@ -141,10 +148,10 @@ class Computation:
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations | None) -> Adjustment:
         """Adjusts what is determined."""
         with self.watch.phase("equations"):
-            equations = self._equations(start)
+            equations = equations or self._equations(start)
         with self.watch.phase("iterations and covariances"):
             found = examine(equations, start.book, self.quality, self._solving(equations))
         if not found.solution.converged:

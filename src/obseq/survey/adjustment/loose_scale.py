@@ -18,22 +18,26 @@ LARGEST = 0.01
 
 
 def check_scales(
-    start: Determined, equations_of: Callable[[Determined], Equations], whole: Callable[..., Determined]
+    start: Determined,
+    equations: Equations,
+    equations_of: Callable[[Determined], Equations],
+    whole: Callable[..., Determined],
 ) -> None:
     """Refuses to estimate a scale that the observations and the datum do not determine.
 
     Args:
         start: The network.
+        equations: Its equations.
         equations_of: A network -> its equations.
         whole: A network -> what of it is determined.
 
     Raises:
         InputError: naming the scales.
     """
-    equations = equations_of(start)
     scales = equations.shared.scales()
     if not scales:
         return
+    equations = equations_of(start)
     before = _defect(equations.system)
     equations.system.freeze(list(scales.values()))
     if before > _defect(equations.system):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares import LeastSquares
+    from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.leastsquares.problem.losses import Loss
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.initial_values import InitialValues
@@ -140,12 +140,12 @@ def estimate(
     """
     start = start or model.start(points, book)
     equations = model.equations(start)
-    _settle(equations, stages)
-    return _estimate(points, book, start, equations)
+    return _estimate(points, book, start, equations, _settled(equations, stages))
 
 
-def _settle(equations: Equations, stages: Stages) -> None:
-    """Moves the unknowns to the robust solution, as far as the iterations go."""
+def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquaresResult:
+    """Moves the unknowns to the robust solution, as far as the iterations go; what tells its residuals."""
+    found: LeastSquares | LeastSquaresResult = equations.system
     batches = [batch for _, batch in equations.batches.values()]
 
     def before(system: LeastSquares, iteration: int) -> None:
@@ -158,12 +158,19 @@ def _settle(equations: Equations, stages: Stages) -> None:
         for batch in batches:
             batch.loss = loss
         try:
-            equations.system.solve(max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
+            found = equations.system.solve(max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
         except ObseqError:
-            break  # what has been found so far is what there is
+            return equations.system  # what has been found so far is what there is
+    return found
 
 
-def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equations) -> Estimate:
+def _estimate(
+    points: Points,
+    book: FieldBook,
+    start: Determined,
+    equations: Equations,
+    settled: LeastSquares | LeastSquaresResult,
+) -> Estimate:
     n, m = len(points), len(book.stations)
     kept_points = [points.index[name] for name in start.points.names]
     kept_stations = _kept_stations(book, start.book)
@@ -176,7 +183,7 @@ def _estimate(points: Points, book: FieldBook, start: Determined, equations: Equ
     ratios = np.zeros(len(book.observations))
     for rows, batch in equations.batches.values():
         counted = rows[batch.active]
-        misfits[counted] = equations.system.residuals(batch)[batch.active, 0]
+        misfits[counted] = settled.residuals(batch)[batch.active, 0]
         ratios[counted] = np.abs(misfits[counted]) / sigmas_of(batch)[batch.active]
     return Estimate(
         points,
