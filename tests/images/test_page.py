@@ -21,7 +21,7 @@ from obseq.images.output.drawings import (
     round_below,
     undistorted_grid,
 )
-from obseq.images.output.page import page
+from obseq.images.output.page import STYLE, page
 from obseq.images.output.record import record_of
 from obseq.report.formats import FORMATS
 
@@ -215,3 +215,31 @@ def test_a_camera_without_size_is_drawn(solved):
     block.add_measures(measures.rows(measures.point < 29))
     solution = block.solve(datum="centres")
     assert page(record_of(solution)).count("<svg") == 2 + 4 + len(solution.poses)
+
+
+def _luminance(colour):
+    """Of WCAG 2, from `#rrggbb`."""
+    parts = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_what_is_bad_can_be_read_on_light_and_on_dark_paper():
+    light, dark = (_luminance(colour) for colour in re.findall(r"--bad:(#[0-9a-f]{6})", STYLE))
+    for paper in ("#ffffff", "#eeeeee"):  # even rows are shaded
+        assert (_luminance(paper) + 0.05) / (light + 0.05) >= 4.5
+    for paper in ("#121212", "#303030"):
+        assert (dark + 0.05) / (_luminance(paper) + 0.05) >= 4.5
+
+
+def test_the_circle_about_a_measure_in_a_corner_is_whole():
+    xy, residuals = np.array([[0.0, 0.0], [2000.0, 1500.0]]), np.ones((2, 2))
+    drawing = arrows((2000, 1500), xy, residuals, "residuals", suspected=np.array([True, True]))
+    left, top, width, height = map(float, re.search(r'viewBox="([^"]*)"', drawing)[1].split())
+    circles = re.findall(r'<circle class="suspect" cx="([^"]*)" cy="([^"]*)" r="([^"]*)"', drawing)
+    assert len(circles) == 2
+    for x, y, r in (map(float, circle) for circle in circles):
+        assert left < x - r
+        assert x + r < left + width
+        assert top < y - r
+        assert y + r < top + height

@@ -27,12 +27,16 @@ BINS = 16
 LIMIT = 4.0
 """Sigmas that the histogram reaches."""
 GRID = 17
+RING = 7.0
+"""Radius of the circle about a suspected measure, in CSS pixels."""
 
 
-def svg(body: str, label: str, width: float = WIDTH, height: float = HEIGHT) -> str:
-    """An SVG element with a name for those who cannot see it."""
+def svg(body: str, label: str, width: float = WIDTH, height: float = HEIGHT, margin: float = 0.0) -> str:
+    """An SVG element with a name for those who cannot see it; a margin is on all sides, beside the size."""
+    wide, high = width + 2.0 * margin, height + 2.0 * margin
     return (
-        f'<svg width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
+        f'<svg width="{wide:.0f}" height="{high:.0f}" '
+        f'viewBox="{-margin:.0f} {-margin:.0f} {wide:.0f} {high:.0f}" role="img" '
         f'aria-label="{label}">{body}</svg>'
     )
 
@@ -78,11 +82,11 @@ def arrows(
         f'<text x="{length + 14:.1f}" y="{height + 18:.1f}">{bar:g} px</text>'
     )
     body = f'<rect class="frame" width="{width:.0f}" height="{height:.1f}"/><path class="arrow" d="{path}"/>'
-    return svg(body + rings + legend, label, width, height + 24.0)
+    return svg(body + rings + legend, label, width, height + 24.0, RING + 2.0)
 
 
 def _ring(at: FloatArray) -> str:
-    return f'<circle class="suspect" cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="7"/>'
+    return f'<circle class="suspect" cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{RING:g}"/>'
 
 
 def _arrow(at: FloatArray, step: FloatArray) -> str:

@@ -27,18 +27,19 @@ HALF = 0.5
 SMALL = 220.0
 STRONG = 0.95
 STYLE = """
-:root{color-scheme:light dark;--line:#888;--ink:#1f77b4;--second:#d95f02}
+:root{color-scheme:light dark;--line:#888;--ink:#1f77b4;--second:#d95f02;--bad:#b02a1c}
+@media(prefers-color-scheme:dark){:root{--ink:#6db3e8;--second:#ff9a4d;--bad:#ff9184}}
 body{font:15px system-ui,sans-serif;margin:1rem auto;max-width:64rem;padding:0 1rem}
 main{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;max-width:100%}figcaption{font-size:.85em}
 svg{max-width:100%;height:auto;font:11px system-ui,sans-serif}svg text{fill:currentColor}
 table{border-collapse:collapse;font-size:.85em}td,th{padding:.1rem .5rem;text-align:right}
 td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#8882}
-.scroll{overflow:auto;max-height:28rem}.bad{color:#c0392b;font-weight:bold}.strong{background:#d95f0255}
+.scroll{overflow:auto;max-height:28rem}.bad{color:var(--bad);font-weight:bold}.strong{background:#d95f0255}
 .frame,.given,.axis{fill:none;stroke:var(--line)}.arrow,.first{fill:none;stroke:var(--ink)}
 .second{fill:none;stroke:var(--second)}.bin{fill:#8886}.bar{stroke:currentColor;stroke-width:2}
 .ray{fill:none;stroke:#8883;stroke-width:.5}.ellipse{fill:#1f77b422;stroke:var(--ink);stroke-width:.6}
-.suspect{fill:none;stroke:#c0392b;stroke-width:2}
-.tie{fill:currentColor}.control{fill:#c0392b}.camera{fill:#3a7d4455;stroke:#3a7d44}
+.suspect{fill:none;stroke:var(--bad);stroke-width:2}
+.tie{fill:currentColor}.control{fill:var(--bad)}.camera{fill:#3a7d4455;stroke:#3a7d44}
 """
 
 
