@@ -70,6 +70,7 @@ LOOPS = {
         "write_edges_left",
     ),
     "obseq.leastsquares.solvers.inverse": ("invert_nodes",),
+    "obseq.leastsquares.solvers.minimum_degree": ("eliminate_least",),
     "obseq.leastsquares.solvers.numeric": ("factor_nodes", "factor_panel"),
     "obseq.leastsquares.solvers.schedule": ("assign_tasks", "place_fronts", "place_updates"),
     "obseq.leastsquares.solvers.substitution": ("substitute_backward", "substitute_forward"),

@@ -43,11 +43,13 @@ def test_all_orderings_give_the_same_numbers(ordering, regular):
     assert solver.statistics.ordering == ordering
 
 
-def test_auto_is_metis_where_it_is_installed_else_minimum_degree(monkeypatch):
+def test_auto_is_metis_for_many_unknowns_where_it_is_installed_else_minimum_degree(monkeypatch):
     assert SupernodalCholesky(ordering="metis").name == "supernodal"
-    assert orderings.resolve_ordering("auto") == "metis"
+    many = orderings.FEW + 1
+    assert orderings.resolve_ordering("auto", many) == "metis"
+    assert orderings.resolve_ordering("auto", orderings.FEW) == "minimum-degree"
     monkeypatch.setattr(orderings, "find_spec", lambda name: None)
-    assert orderings.resolve_ordering("auto") == "minimum-degree"
+    assert orderings.resolve_ordering("auto", many) == "minimum-degree"
     with pytest.raises(SolverUnavailableError, match="pip install 'pymetis'"):
         SupernodalCholesky(ordering="metis")
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from obseq.leastsquares.solvers import SymmetricPattern
+from obseq.leastsquares.solvers import ordering as orderings
 from obseq.leastsquares.solvers.graph import Graph, group_indistinguishable, peel
+from obseq.leastsquares.solvers.minimum_degree import least_degree_first
 from obseq.leastsquares.solvers.ordering import by_metis, by_minimum_degree, elimination_order
 
 NOBODY = np.empty(0, dtype=np.int64)
@@ -85,6 +87,35 @@ def test_orders_are_permutations(order, build):
     graph = group_indistinguishable(SymmetricPattern.of(build.survey(200))[0], NOBODY).graph
     np.testing.assert_array_equal(np.sort(order(graph)), np.arange(graph.n))
     np.testing.assert_array_equal(order(graph_of([], 3)), np.arange(3))
+
+
+def test_large_graphs_are_ordered_by_superlu(build, monkeypatch):
+    graph = group_indistinguishable(SymmetricPattern.of(build.survey(200))[0], NOBODY).graph
+    monkeypatch.setattr(orderings, "FEW", graph.n - 1)
+    np.testing.assert_array_equal(np.sort(by_minimum_degree(graph)), np.arange(graph.n))
+
+
+def least_degree_by_sets(graph):
+    """The same rule, by Python's sets: of equal degrees the vertex of least number."""
+    near = {v: set(graph.neighbours[graph.start[v] : graph.start[v + 1]].tolist()) for v in range(graph.n)}
+    order = []
+    while near:
+        v = min(near, key=lambda vertex: (len(near[vertex]), vertex))
+        for u in near[v]:
+            near[u] |= near[v]
+            near[u] -= {u, v}
+        del near[v]
+        order.append(v)
+    return order
+
+
+@pytest.mark.parametrize("n", [3, 63, 64, 65, 200])
+def test_least_degrees_come_first(n):
+    random = np.random.default_rng(n)
+    first, second = np.triu_indices(n, 1)
+    some = random.random(len(first)) < 3.0 / n
+    graph = graph_of(np.column_stack([first[some], second[some]]), n)
+    np.testing.assert_array_equal(least_degree_first(graph), least_degree_by_sets(graph))
 
 
 def test_a_line_is_eliminated_from_its_end(build):

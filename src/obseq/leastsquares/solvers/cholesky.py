@@ -11,7 +11,7 @@ from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
 from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
-from obseq.leastsquares.solvers.ordering import resolve_ordering
+from obseq.leastsquares.solvers.ordering import checked_ordering, resolve_ordering
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
@@ -53,15 +53,16 @@ class SupernodalCholesky(BaseSolver):
         super().__init__()
         if threads < 1:
             raise InputError(f"{threads} threads: at least one is needed")
-        self._ordering = resolve_ordering(ordering)
+        self._wanted = checked_ordering(ordering)
         self._threads = threads
         self._last: IntArray = np.array(last, dtype=np.int64).reshape(-1)
-        if len(np.unique(self._last)) != len(self._last):
+        if np.any(np.diff(np.sort(self._last)) == 0):
             raise InputError("`last` names an unknown twice")
 
     def _analyse(self, pattern: SymmetricPattern) -> None:
         if len(self._last) and not 0 <= self._last.min() <= self._last.max() < pattern.n:
             raise InputError(f"`last` must be indices below {pattern.n}")
+        self._ordering = resolve_ordering(self._wanted, pattern.n)
         structure = analyse_pattern(pattern, self._ordering, np.sort(self._last))
         self._structure = structure
         self._schedule = plan(structure, self._threads)

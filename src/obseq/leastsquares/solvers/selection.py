@@ -11,11 +11,13 @@ if TYPE_CHECKING:
 
 SOLVER_NAMES = ("dense", "supernodal", "superlu", "pardiso", "cholmod")
 
-SMALL = 500
-"""Up to this many unknowns the matrix is dense. Measured on networks of distances with compiled code at hand:
-where both solvers are loaded the sparse one wins from 270 unknowns on (a whole solution of 500 takes 7 ms,
-with the dense one 14); its first use in a process costs 0.04 to 0.08 s more, most of it PyMETIS, which is
-more than it gains in one solution of less than 850."""
+SMALL = 250
+"""Up to this many unknowns the matrix is dense. Measured with code compiled ahead of time on networks of
+distances, levelling nets, traverses and strips of images (`tools/benchmarks/bench_dense.py`): once both
+solvers are loaded the sparse one wins from 130 to 230 unknowns on, and is twice as fast at 300 to 400; its
+first use in a process costs some 10 ms more (modules, and names of compiled code), so that a process that
+solves a single system breaks even at 300 to 500. PyMETIS, which costs 40 to 70 ms, is not loaded for few
+unknowns (`ordering.FEW`)."""
 
 NEARLY_FULL = 0.5
 """Share of non-zero entries from which a dense factorisation is the faster one (measured: 0.65 to 0.75 times
