@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from obseq.crs import CrsError, east_north_up, parse
+from obseq.crs import CrsError, east_north_up, parse, turn_of_vertical
 
 ORIGINS = [(0, 0), (55, 0), (0, 55), (55, 55), (-55, 0), (0, -55), (-55, -55)]
 POINTS = np.array(
@@ -81,3 +81,16 @@ def test_geocentric_vertical_is_east_north_up() -> None:
 def test_proj_definitions_have_no_such_rotation(definition) -> None:
     with pytest.raises(CrsError, match=f"'{definition}' to the vertical.*local tangent frame"):
         parse(definition).vertical_rotation([[657700.0, 6860700.0, 0.0]])
+
+
+@pytest.mark.parametrize("definition", SYSTEMS)
+def test_it_turns_with_its_point(definition) -> None:
+    """By differences over 200 m: a turn t of the axes V moves each of them by t x axis."""
+    system = parse(definition)
+    axes = system.vertical_rotation(POINTS)
+    turns = turn_of_vertical(system, POINTS, axes)
+    for k, step in enumerate(100.0 * np.eye(3)):
+        change = (system.vertical_rotation(POINTS + step) - system.vertical_rotation(POINTS - step)) / 200.0
+        expected = np.cross(turns[:, None, :, k], axes)
+        np.testing.assert_allclose(change, expected, rtol=0, atol=5e-16)
+    assert 1.5e-7 < np.abs(turns).max() < 5e-7  # 1 / 6.4e6 m, and the convergence of the meridians

@@ -85,7 +85,9 @@ def test_only_pta_known_with_a_bearing(tmp_path, demo):
     points = (data / "demo.cor").read_text().replace("1 PtD", "0 PtD")
     solution = read(tmp_path, observations, points, frame="RTL", points_crs=LAMBERT).adjust()
     first = [step.sigma0 for step in solution.solution.iterations[:4]]
-    assert first == pytest.approx([7705.80, 446.181, 5.47922, 2.494299], rel=2e-6)
+    assert first[::3] == pytest.approx([7705.80, 2.494299], rel=2e-6)
+    # On the way MMVII holds the plumb lines while it differentiates; ours turn with their stations.
+    assert first[1:3] == pytest.approx([446.181, 5.47922], rel=3e-5)
     rows = dict(zip(solution.points.names, solution.points.crs_coordinates, strict=True))
     np.testing.assert_allclose(rows["PtC"], (657712.008, 6860708.77, 10.0), rtol=0, atol=6e-3)
 

@@ -21,6 +21,7 @@ from obseq.crs.refraction import (
 from obseq.crs.rigid import LocalTangent, RigidSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.crs.transformer import Transformer
+from obseq.crs.turning import turn_of_vertical
 from obseq.crs.units import METRE, Unit
 from obseq.crs.unreferenced import AXES, UnreferencedSystem
 from obseq.errors import CrsError
@@ -53,4 +54,5 @@ __all__ = [
     "parse",
     "refraction_correction",
     "rtl_at",
+    "turn_of_vertical",
 ]

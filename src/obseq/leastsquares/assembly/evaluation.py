@@ -33,6 +33,8 @@ def batch_arrays(batch: Batch) -> BatchArrays:
         batch.observation_rows,
         batch.tile_weights,
         batch.roots,
+        batch.turns,
+        batch.turn_starts,
     )
 
 

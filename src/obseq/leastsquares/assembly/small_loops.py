@@ -34,6 +34,8 @@ class BatchMembers(NamedTuple):
     observation_rows: IntArray
     weights: FloatRows
     roots: FloatRows
+    turns: IntRows
+    turn_starts: PositionRows
 
 
 class TableMembers(NamedTuple):
@@ -108,6 +110,8 @@ def add_batch(
         batch.observation_rows,
         batch.weights,
         batch.roots,
+        batch.turns,
+        batch.turn_starts,
     )
     blocks = BlockTable(table.record_rows, table.pairs, table.positions, table.heights, len(scratch))
     span = Span(0, plan[4])

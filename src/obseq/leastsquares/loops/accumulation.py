@@ -33,6 +33,7 @@ ONE = U(1)
 TWO = U(2)
 THREE = U(3)
 FOUR = U(4)
+SIX = U(6)
 
 
 @compiled
@@ -91,6 +92,25 @@ def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
         for lane in range(LANES):
             at = U(u) * ROW + U(lane)
             tile[residual + U(lane)] += tile[at] * tile[coefficient + at]
+
+
+@compiled
+def turn_with_centres(tile: FloatArray, batch: BatchArrays, context: FloatArray, first: int) -> None:
+    """Adds what a movement of a centre does through the rotation that turns with it: J_C += J_w T."""
+    derivative = batch.first_row + batch.n_residuals
+    for pair in range(len(batch.turns)):
+        for r in range(batch.n_residuals):
+            row = derivative + r * batch.n_unknowns
+            centre = U(row + batch.turns[pair, 0]) * ROW
+            small = U(row + batch.turns[pair, 1]) * ROW
+            for lane in range(LANES):
+                k = U(lane)
+                at = U(batch.turn_starts[U(pair), U(first) + k])
+                x, y, z = tile[small + k], tile[small + ROW + k], tile[small + TWO * ROW + k]
+                for axis in range(3):
+                    turn = at + U(axis)
+                    added = x * context[turn] + y * context[turn + THREE] + z * context[turn + SIX]
+                    tile[centre + U(axis) * ROW + k] += added
 
 
 @compiled(flags=SUMS)
@@ -329,6 +349,7 @@ def assemble(
             call_kernel(kernel, tile, 1)
         else:
             linear_rows(tile, batch.n_unknowns)
+        turn_with_centres(tile, batch, present.context, first)
         squares = scale_rows(tile, batch.first_row, m, batch.n_unknowns, batch.weights, first, scaled)
         if len(batch.roots) > 0:
             squares = whiten_rows(scaled, batch.roots, m, rows, first)
@@ -355,6 +376,8 @@ def evaluate(
             call_kernel(kernel, tile, 1)
         else:
             linear_rows(tile, batch.n_unknowns)
+        if rows > batch.n_residuals:
+            turn_with_centres(tile, batch, present.context, first)
         for row in range(rows):
             source = (batch.first_row + row) * STRIDE
             for lane in range(LANES):

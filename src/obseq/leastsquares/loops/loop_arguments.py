@@ -30,6 +30,8 @@ class BatchArrays(NamedTuple):
         observation_rows: (n_rows,) rows of a tile that hold it.
         weights: (n_residuals, n) what residuals are multiplied by; 0 for those without influence.
         roots: (m (m + 1) / 2, n) roots of the inverse covariances of correlated residuals; empty without.
+        turns: (k, 2) first derivative by a centre and by the rotation that turns with it.
+        turn_starts: (k, n) where the turns are in the context.
     """
 
     n_unknowns: int
@@ -42,6 +44,8 @@ class BatchArrays(NamedTuple):
     observation_rows: IntArray
     weights: FloatRows
     roots: FloatRows
+    turns: IntRows
+    turn_starts: PositionRows
 
 
 class Span(NamedTuple):

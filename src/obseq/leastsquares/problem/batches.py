@@ -19,6 +19,7 @@ from obseq.leastsquares.problem.given import (
     stretched_columns,
 )
 from obseq.leastsquares.problem.losses import named_loss
+from obseq.leastsquares.problem.shapes import turns_of
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
@@ -88,6 +89,8 @@ class Batch:
         "roots",
         "shape",
         "starts",
+        "turn_starts",
+        "turns",
         "weights",
     )
 
@@ -389,5 +392,7 @@ class Batch:
             dtype=np.int64,
         )
         self.starts = _padded(table.start[self.blocks], np.uint32)
+        self.turns, places = turns_of(shape, table, self.blocks)
+        self.turn_starts = _padded(places, np.uint32)
         self.contexts = _padded(contexts, np.uint32)
         self.observation_rows = np.array(shape.observation_rows, dtype=np.int64)

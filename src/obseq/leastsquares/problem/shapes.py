@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -179,3 +180,35 @@ def linear_shape(table: UnknownTable, columns: Sequence[IntArray], is_tangent: b
         roles.append(Role(str(number), manifold.label, row, size))
         row += size
     return Shape("linear", tuple(roles), (), tuple(range(row, 2 * row + 1)), row, 1, 2 * row + 1, None)
+
+
+def turns_of(shape: Shape, table: UnknownTable, blocks: IntArray) -> tuple[IntArray, IntArray]:
+    """Which rotations turn with their centre in the equations of a batch.
+
+    Args:
+        shape: the formula.
+        table: the unknowns.
+        blocks: (n_roles, n) the blocks of each equation.
+
+    Returns:
+        (k, 2) first unknown of the centre and of the rotation; (k, n) where the turns are in the context.
+    """
+    rows, starts = {role.name: role.row for role in shape.roles}, table.context_start
+    at = table.each(attrgetter("turn_at"))[blocks]
+    pairs, places = [], []
+    for role, ids, shift in zip(shape.roles, blocks, at, strict=True):
+        centre = rows.get(role.name.removesuffix("rotation") + "centre")
+        if centre is not None and shift.any():
+            pairs.append((centre, role.row))
+            places.append(_all_turning(table, ids, shift) + starts[ids])
+    return np.array(pairs, np.int64).reshape(-1, 2), np.array(places, np.int64).reshape(-1, blocks.shape[1])
+
+
+def _all_turning(table: UnknownTable, ids: IntArray, shift: IntArray) -> IntArray:
+    still = ids[shift == 0]
+    if still.size:
+        raise InputError(
+            f"{table.names[still[0]]!r} does not turn with its centre, and others of the same batch do: "
+            "give them in two batches"
+        )
+    return shift

@@ -205,6 +205,7 @@ class FinalState:
         arrays = batch_arrays(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
             contexts=np.ascontiguousarray(batch.contexts[:, padded]),
+            turn_starts=np.ascontiguousarray(batch.turn_starts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
         )
         span, present = Span(0, len(index)), Present(self._values, self._context)

@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 SMALLEST = 1e-8
 """Factors do not fall below it: sigmas ten thousand times smaller than given."""
 
+ROUNDING = 1e-10
+"""Stands for what of a component's share in the redundancy is rounding, perhaps below zero."""
+
 SLOWEST_FALL = 0.1
 """A factor falls by no more than this in one round: a bad round must not give a group a lasting weight."""
 
@@ -234,7 +237,7 @@ class _Rounds:
                 raise InputError(f"the variance component {name!r} has no redundancy: nothing controls it")
 
     def _refuse_inseparable(self, scaled: FloatArray) -> None:
-        size = np.sqrt(np.diag(scaled))
+        size = np.sqrt(np.maximum(np.diag(scaled), ROUNDING))
         values, vectors = np.linalg.eigh(scaled / np.outer(size, size))
         if values[0] < 1e-10:
             names = [self.equations.names[k] for k in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-3)]

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.datum import combinations_of, is_held, is_oriented, normal_rows_turn
+from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
-from obseq.survey.adjustment.labels import Labels, station_names
+from obseq.survey.adjustment.labels import Labels
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
@@ -35,20 +36,15 @@ WITH_OFFSETS = "Off"
 """What ends the name of a formula that takes offsets of instrument and target."""
 SHORTEST_SIGHT = 1e-6
 """Distance (m) that stands for shorter ones where a sigma is divided by it."""
-FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
-"""Components of the small rotation (right, front, up) that an orientation keeps."""
 
 
 class Equations:
     """A network as a least-squares system.
 
-    Orientations follow their station: when its point moves, the vertical there turns with it, and the
-    instrument keeps its orientation with respect to the vertical.
-
     Attributes:
         system: The least-squares system.
         points: Block of every point.
-        stations: Block of the rotation of every station.
+        instruments: The rotation of every station.
         batches: Rows of the field book and batch of every family of kinds present, those of observations
             that are correlated with others apart.
         known: The equations of known coordinates.
@@ -80,19 +76,13 @@ class Equations:
         self._plumb = Plumb(frame, points)
         self._book = book
         self._followed = initial.coordinates
-        self._origins = book.stations.origins.astype(np.int64)
         self._has_grid = bool((book.stations.orientations == Orientation.GRID).any())
         self.system = LeastSquares() if system is None else system
         self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
-        self._verticals = self._plumb.axes(self._origins, initial.coordinates)
-        self.stations = self.system.add_rotations(station_names(points, book), self._plumbed(initial))
+        self.instruments = Instruments(self.system, self._plumb, book, initial)
         self.known = KnownCoordinates(self.system, self.points, points, point_system)
-        for status, components in FROZEN_TURNS.items():
-            ids = self.stations[initial.orientations == status]
-            if ids.size:
-                self.system.freeze(ids, components)
         self.shared = SharedUnknowns(self.system, book)
-        self._site = NetworkSite(frame, self._plumb, book, self.points, self.stations, self.shared)
+        self._site = NetworkSite(frame, self._plumb, book, self.points, self.instruments.ids, self.shared)
         self.shared.add(self._site, initial.coordinates)
         self._shadows: list[tuple[IntArray, Batch]] = []
         self._joint: JointRows | None = None
@@ -110,9 +100,7 @@ class Equations:
         self._book, self._plumb, self._followed = book, Plumb(self._frame, points), initial.coordinates
         self._site = replace(self._site, plumb=self._plumb, book=book)
         self.system.set_values(self.points, initial.coordinates)
-        self._verticals = self._plumb.axes(self._origins, initial.coordinates)
-        if self.stations.size:
-            self.system.set_values(self.stations, self._plumbed(initial))
+        self.instruments.restart(self.system, self._plumb, initial)
         self.known.restart(self.system, points)
         for rows, batch in self.batches.values():
             batch.active[:] = book.observations.active[rows]
@@ -127,16 +115,6 @@ class Equations:
         ids = np.array([shared.get(name, -1) for name in points.names], dtype=np.int64)
         ids[new] = self.system.add_points([points.names[row] for row in new], coordinates[new])
         return ids
-
-    def _plumbed(self, initial: InitialValues) -> FloatArray:
-        """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
-        rotations = initial.rotations.copy()
-        if self._plumb.is_deflected:
-            before = self._frame.vertical(initial.coordinates[self._origins])
-            rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
-        grid = self._book.stations.orientations == Orientation.GRID
-        rotations[grid] = _along_grid(self._verticals[grid])
-        return np.asarray(rotations)
 
     def _set_datum(self, points: Points, point_system: PointSystem, initial: InitialValues) -> None:
         """Puts a free network on the components that are to carry its datum."""
@@ -319,26 +297,18 @@ class Equations:
         )
 
     def follow(self, system: LeastSquares, _number: int) -> None:
-        """Before an evaluation: turns the stations with their verticals, renews what depends on positions."""
+        """Before an evaluation: turns instruments with their verticals, renews what depends on positions."""
         self.known.follow(system)
         coordinates = system.values(self.points)
         if not np.array_equal(coordinates, self._followed):
             self._followed = coordinates
-            self._turn_stations(system, coordinates)
+            self.instruments.follow(system, coordinates)
             for rows, batch in self._measured_batches():
                 self._renew(rows, batch, coordinates)
         for (_, is_correlated), (rows, batch) in self.batches.items():
             if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
                 batch.sigmas = self.sigmas(rows, coordinates)
         self.linearise()
-
-    def _turn_stations(self, system: LeastSquares, coordinates: FloatArray) -> None:
-        """Turns the stations with the verticals at their points."""
-        if self._frame.has_vertical and self.stations.size:
-            verticals = self._plumb.axes(self._origins, coordinates)
-            rotations = verticals.transpose(0, 2, 1) @ self._verticals @ system.values(self.stations)
-            system.set_values(self.stations, rotations)
-            self._verticals = verticals
 
     def _measured_batches(self) -> Iterator[tuple[IntArray, Batch]]:
         """The batches whose observations are what was measured, and not combinations of equations."""
@@ -370,12 +340,7 @@ class Equations:
 
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""
-        if not self.stations.size:
-            return np.zeros((0, 3, 3))
-        coordinates = solution.values(self.points)
-        verticals = self._plumb.axes(self._origins, coordinates)
-        rotations = solution.values(self.stations)
-        return np.asarray(rotations.transpose(0, 2, 1) @ verticals.transpose(0, 2, 1))
+        return self.instruments.oriented(solution, solution.values(self.points))
 
 
 def sigmas_of(batch: Batch) -> FloatArray:
@@ -383,20 +348,3 @@ def sigmas_of(batch: Batch) -> FloatArray:
     if batch.clusters is not None:
         return np.sqrt(batch.clusters.variances())
     return np.asarray(batch.sigmas[:, 0])
-
-
-def _along_grid(verticals: FloatArray) -> FloatArray:
-    """(n, 3, 3) rotations, plumb instrument to frame, whose front is the y axis of the frame seen from above.
-
-    Args:
-        verticals: (n, 3, 3) rotations from the frame to east, north, up.
-    """
-    azimuths = np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1])
-    cosine, sine, zero, one = (
-        np.cos(azimuths),
-        np.sin(azimuths),
-        np.zeros(len(azimuths)),
-        np.ones(len(azimuths)),
-    )
-    turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
-    return np.asarray((turns @ verticals).transpose(0, 2, 1))

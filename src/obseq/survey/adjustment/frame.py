@@ -78,6 +78,15 @@ class Frame:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
+    def turns(self, points: FloatArray) -> FloatArray:
+        """(n, 3, 3) what east, north, up turn by when their points move, in the frame (rad per m).
+
+        Columns are those of the movement; deflections of the vertical do not change them.
+        """
+        if not isinstance(self.system, crs.RigidSystem):
+            return np.zeros((len(points), 3, 3))
+        return crs.turn_of_vertical(self.system, points, self.vertical(points))
+
     def turn(self, points: FloatArray) -> FloatArray:
         """(n, 3) how points (n, 3) move in a turn about the vertical of their middle, per radian."""
         centre = points.mean(axis=0)

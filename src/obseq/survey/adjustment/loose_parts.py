@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.adjustment.labels import station_names
+from obseq.survey.adjustment.links import linked_to_known
 from obseq.survey.adjustment.singular_words import in_words
 from obseq.survey.adjustment.undetermined import directions
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
-from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray
     from obseq.errors import SingularSystemError
     from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import FieldBook, Points
 
 SINGULAR = "its observations do not determine it (the system is singular)"
 ELSEWHERE = "observe it from other directions"
@@ -71,28 +69,3 @@ def _reason(name: str, axes: tuple[tuple[float, ...], ...], error: SingularSyste
         return f"{SINGULAR}; {ELSEWHERE}"
     listed = " and ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in axes)
     return f"{SINGULAR}; {ELSEWHERE}; nothing holds it along {listed}"
-
-
-def linked_to_known(points: Points, book: FieldBook) -> BoolArray:
-    """(n,) whether a chain of observations links each point to a coordinate that is known or observed."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    rows, n = book.observations, len(book.point_names)
-    third = rows.active & (rows.backsights >= 0)
-    groups = [
-        (members[0], other) for row, members in book.barycentres if rows.active[row] for other in members
-    ]
-    grouped = np.array(groups, np.int32).reshape(-1, 2).T
-    first = np.concatenate([rows.from_points[rows.active], rows.from_points[third], grouped[0]])
-    second = np.concatenate([rows.to_points[rows.active], rows.backsights[third], grouped[1]])
-    graph = coo_array((np.ones(len(first), np.bool_), (first, second)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1]
-    absolute = rows.active & np.isin(rows.types, codes_where(lambda kind: kind.is_absolute))
-    known = np.concatenate([np.flatnonzero(_is_known(points)), rows.from_points[absolute]])
-    return np.asarray(np.isin(part, part[known]))
-
-
-def _is_known(points: Points) -> BoolArray:
-    """(n,) whether something of a point is known, or carries a datum."""
-    return np.asarray(~points.is_free.all(axis=1) | points.in_datum.any(axis=1))

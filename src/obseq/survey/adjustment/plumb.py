@@ -49,12 +49,21 @@ class Plumb:
         """Whether a deflection is given somewhere."""
         return bool(np.isfinite(self.points.deflections).any())
 
+    @property
+    def turn(self) -> bool:
+        """Whether they turn from place to place."""
+        return self.frame.has_vertical and not self.frame.is_plane
+
     def axes(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) rotations from the frame to east, north, up of points, at coordinates (n_points, 3)."""
         verticals = self.frame.vertical(coordinates[rows])
         if not self.is_deflected or not self.frame.has_vertical:
             return verticals
         return np.asarray(deflecting(np.nan_to_num(self.points.deflections[rows])) @ verticals)
+
+    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3, 3) what these axes turn by when their points move, in the frame (rad per m)."""
+        return self.frame.turns(coordinates[rows])
 
     def offsets(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3) of observations: offset of the target above its point minus that of the instrument (m)."""

@@ -218,6 +218,11 @@ class ObservationKind:
         """Unit of value, sigma and residual in results."""
         return "rad" if self.is_angle else "m"
 
+    @property
+    def places_in_plan(self) -> bool:
+        """Whether one observation says where its point is in plan."""
+        return self.is_absolute
+
     def problem(self, value: float) -> str | None:
         """What is wrong with a value in its unit (rad or m), in words; None when nothing is."""
         if self.is_angle and abs(value) > FULL_TURN:

@@ -177,7 +177,7 @@ def _estimate(
     coordinates, rotations = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan)
     coordinates[kept_points] = equations.system.values(equations.points)
     if len(kept_stations):
-        rotations[kept_stations] = equations.system.values(equations.stations)
+        rotations[kept_stations] = equations.instruments.rotations(equations.system)
     redundancy = equations.system.redundancy
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))

@@ -1,0 +1,136 @@
+"""The instruments of a network as unknowns: rotations that turn with the plumb lines of their points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.problem.manifolds import ROTATION, TURNING
+from obseq.survey.adjustment.labels import station_names
+from obseq.survey.adjustment.links import held_in_plan
+from obseq.survey.model import Orientation
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares import LeastSquares, LeastSquaresResult
+    from obseq.survey.adjustment.plumb import Plumb
+    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.survey.model import FieldBook
+
+FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
+"""Components of the small rotation (right, front, up) that an orientation keeps."""
+
+
+class Instruments:
+    """The rotations of the stations, from the axes of the instrument to the frame.
+
+    They follow their station: when its point moves, the vertical there turns with it, and the instrument
+    keeps its orientation with respect to the vertical, or stays along the grid. That is part of the
+    derivatives by the point where something holds the plan of the network; else plumb lines would say where
+    on the Earth it is, to some ten metres.
+
+    Attributes:
+        ids: Block of the rotation of every station.
+    """
+
+    def __init__(self, system: LeastSquares, plumb: Plumb, book: FieldBook, initial: InitialValues) -> None:
+        """Adds the unknowns to a system.
+
+        Args:
+            system: The least-squares system.
+            plumb: The plumb lines of the points.
+            book: Observations.
+            initial: Where points and stations start.
+        """
+        self._plumb = plumb
+        self._origins = book.stations.origins.astype(np.int64)
+        self._grid = book.stations.orientations == Orientation.GRID
+        self._turning = held_in_plan(plumb.points, book)[self._origins] if plumb.turn else None
+        self._verticals = plumb.axes(self._origins, initial.coordinates)
+        values = self._with_turns(self._started(initial), initial.coordinates)
+        manifold = TURNING if plumb.turn else ROTATION
+        self.ids = system.add_blocks(manifold, station_names(plumb.points, book), values)
+        for status, components in FROZEN_TURNS.items():
+            frozen = self.ids[initial.orientations == status]
+            if frozen.size:
+                system.freeze(frozen, components)
+
+    def _started(self, initial: InitialValues) -> FloatArray:
+        """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
+        rotations = initial.rotations.copy()
+        if self._plumb.is_deflected:
+            before = self._plumb.frame.vertical(initial.coordinates[self._origins])
+            rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
+        return self._along_grid(rotations)
+
+    def restart(self, system: LeastSquares, plumb: Plumb, initial: InitialValues) -> None:
+        """Comes back to where stations start; those that turned with their points still do."""
+        self._plumb = plumb
+        self._verticals = plumb.axes(self._origins, initial.coordinates)
+        self.turn_to(system, self._started(initial), initial.coordinates)
+
+    def turn_to(self, system: LeastSquares, rotations: FloatArray, coordinates: FloatArray) -> None:
+        """Gives them rotations (m, 3, 3) to the frame, at the coordinates that they follow."""
+        if self.ids.size:
+            system.set_values(self.ids, self._with_turns(rotations, coordinates))
+
+    def rotations(self, solution: LeastSquaresResult | LeastSquares) -> FloatArray:
+        """(m, 3, 3) rotations from the instruments to the frame."""
+        return solution.values(self.ids)[:, :, :3] if self.ids.size else np.zeros((0, 3, 3))
+
+    def oriented(self, solution: LeastSquaresResult, coordinates: FloatArray) -> FloatArray:
+        """(m, 3, 3) rotations from the vertical to the instruments, at the coordinates of a solution."""
+        verticals = self._plumb.axes(self._origins, coordinates)
+        return np.asarray((verticals @ self.rotations(solution)).transpose(0, 2, 1))
+
+    def follow(self, system: LeastSquares, coordinates: FloatArray) -> None:
+        """Turns them with the verticals at coordinates of the points."""
+        if self._plumb.frame.has_vertical and self.ids.size:
+            before, self._verticals = self._verticals, self._plumb.axes(self._origins, coordinates)
+            turned = self._verticals.transpose(0, 2, 1) @ before @ self.rotations(system)
+            self.turn_to(system, self._along_grid(turned), coordinates)
+
+    def _along_grid(self, rotations: FloatArray) -> FloatArray:
+        """Rotations, those of stations along the grid made anew."""
+        if self._grid.any():
+            rotations[self._grid] = _along_grid(self._verticals[self._grid])
+        return np.asarray(rotations)
+
+    def _with_turns(self, rotations: FloatArray, coordinates: FloatArray) -> FloatArray:
+        """(m, 3, 6) rotations, and their turns with their points beside them; rotations in a plane."""
+        if self._turning is None:
+            return rotations
+        turns = self._plumb.turns(self._origins, coordinates)
+        turns[self._grid] = _turns_along_grid(rotations[self._grid], turns[self._grid])
+        turns[~self._turning] = 0.0
+        return np.concatenate([rotations, turns], axis=2)
+
+
+def _along_grid(verticals: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations, plumb instrument to frame, whose front is the y axis of the frame seen from above.
+
+    Args:
+        verticals: (n, 3, 3) rotations from the frame to east, north, up.
+    """
+    azimuths = np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1])
+    cosine, sine, zero, one = (
+        np.cos(azimuths),
+        np.sin(azimuths),
+        np.zeros(len(azimuths)),
+        np.ones(len(azimuths)),
+    )
+    turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
+    return np.asarray((turns @ verticals).transpose(0, 2, 1))
+
+
+def _turns_along_grid(rotations: FloatArray, turns: FloatArray) -> FloatArray:
+    """(n, 3, 3) turns of instruments along the grid: of their verticals, the front staying below the y axis.
+
+    Args:
+        rotations: (n, 3, 3) from the instruments to the frame.
+        turns: (n, 3, 3) of east, north, up.
+    """
+    front, up = rotations[:, :, 1], rotations[:, :, 2]
+    about_up = np.einsum("ni,nij->nj", front * (up[:, 1] / front[:, 1])[:, None] - up, turns)
+    return np.asarray(turns + up[:, :, None] * about_up[:, None, :])
