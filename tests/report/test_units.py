@@ -125,6 +125,23 @@ def test_plans_and_comparisons_are_in_the_units_of_the_files(feet, tmp_path, cap
     assert float(row[2]) == pytest.approx(moved["north"] / FOOT, abs=1e-5)
 
 
+def test_plans_and_comparisons_are_in_the_units_asked_for(feet, tmp_path, capsys) -> None:
+    out = tmp_path / "plan"
+    assert main(["plan", str(feet), "--no-gains", "--units", "m", "degree", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "standard deviation (mm)" in shown
+    assert "elevation (deg)" in shown
+    assert "units         m and mm; deg" in (out / "plan.txt").read_text()
+    second = tmp_path / "second.dat"
+    second.write_text(SIDES.replace("400.02", "400.22"))
+    compared = ["compare", str(feet), "--project-2", str(second)]
+    main([*compared, "--units", "m"])
+    assert "second epoch minus first (mm)" in capsys.readouterr().out
+    for command in (["plan", str(feet)], compared):
+        assert main([*command, "--units", "m", "ft"]) == 2
+        assert "--units ft: give one of m, ft, us-ft" in capsys.readouterr().err
+
+
 def test_adjusted_points_come_back_from_a_table_in_feet(feet, tmp_path, capsys) -> None:
     stored, table = tmp_path / "a.json", tmp_path / "p.csv"
     main(["adjust", str(feet), "--json", str(stored)])

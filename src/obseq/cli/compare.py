@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from obseq.cli.network_files import Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE
+from obseq.cli.results import INCOMPLETE, add_units
 from obseq.errors import InputError
+from obseq.shown_units import chosen_units
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def register(commands: Commands) -> None:
     wanted.add_argument("--points", nargs="+", metavar="NAME", help="the points to compare (all common ones)")
     wanted.add_argument("--reference", nargs="+", metavar="NAME", help="points that should have stayed")
     wanted.add_argument("--a-priori", action="store_true", help="trust the given sigmas")
+    add_units(command)
     command.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {', '.join(NAMES)}")
 
 
@@ -103,4 +105,6 @@ def _compared(
         reference=arguments.reference,
         a_priori=arguments.a_priori,
     )
-    return found.record(), all(epoch.is_complete for epoch in epochs)
+    record = found.record()
+    units = chosen_units(arguments.units, record.units)
+    return replace(record, units=units), all(epoch.is_complete for epoch in epochs)

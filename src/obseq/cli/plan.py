@@ -1,13 +1,14 @@
 """`obseq plan` and `obseq simulate`: a network before it is measured."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.network_files import add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE
+from obseq.cli.results import INCOMPLETE, add_units, in_units
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
 
@@ -64,6 +65,7 @@ def register(commands: Commands) -> None:
     wanted.add_argument(
         "--relative", action="store_true", help="precision of each pair of points that is joined"
     )
+    add_units(command)
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for plan.json, plan.txt and plan.html"
     )
@@ -116,7 +118,8 @@ def _planned(arguments: argparse.Namespace, network: "Network", progress: Progre
         seed=arguments.seed,
         progress=progress,
     )
-    return found.record(arguments.most)
+    record = found.record(arguments.most)
+    return replace(record, adjustment=in_units(record.adjustment, arguments))
 
 
 def _texts(record: "PlanRecord") -> tuple[str, str, str]:

@@ -26,7 +26,14 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
     results = command.add_argument_group("results")
     names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
-    results.add_argument(
+    add_units(results)
+    for form in FORMATS:
+        results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
+
+
+def add_units(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add what says in which units lengths and angles are shown."""
+    group.add_argument(
         "--units",
         nargs="+",
         metavar="UNIT",
@@ -34,8 +41,6 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
         help="of the reports: m, ft or us-ft, and gon, degree or dms (without it those of the files; JSON "
         "always holds metres and radians)",
     )
-    for form in FORMATS:
-        results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
 
 
 def in_units(record: AdjustmentRecord, arguments: argparse.Namespace) -> AdjustmentRecord:
