@@ -333,6 +333,21 @@ def test_bal_in_bal_out(tmp_path, shared_data):
     np.testing.assert_allclose(again[cameras], numbers[cameras], rtol=1e-9, atol=1e-12)
 
 
+def test_angles_in_another_unit_are_told(tables, capsys):
+    folder, options, poses = tables
+    rows = np.hstack([poses.centres, poses.attitudes("opk") * 200.0 / np.pi]).tolist()
+    lines = [f"{name} {' '.join(map(str, row))}" for name, row in zip(poses.images, rows, strict=True)]
+    (folder / "gon.txt").write_text("\n".join(lines) + "\n")
+    words = [word for word in options if not word.startswith("--images=")] + [f"--opk={folder / 'gon.txt'}"]
+    assert main(["bundle", *words]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"{folder / 'gon.txt'}: known points are where they were measured when the angles are in gon" in said
+    )
+    assert "give --opk-unit gon" in said
+    assert main(["bundle", *words, "--opk-unit=gon"]) == 0
+
+
 def test_a_script_of_dbat_is_a_block(shared_data, capsys):
     assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}"]) in (0, 1)
     assert "sigma0 1.1786" in capsys.readouterr().out

@@ -66,3 +66,21 @@ def test_texts_that_hold_no_poses_are_refused(tmp_path, text, columns, message):
     (tmp_path / "p.txt").write_text(text)
     with pytest.raises(InputError, match=message):
         read_opk(tmp_path / "p.txt", columns)
+
+
+def test_fields_of_one_separator_may_hold_blanks(tmp_path):
+    (tmp_path / "p.txt").write_text("IMG 1.jpg;1;2;3;10;20;30\nb\t1\t2\t3\t10\t20\t30\nc, 1 2 3 10 20 30\n")
+    poses = read_opk(tmp_path / "p.txt")
+    assert poses.images == ("IMG 1.jpg", "b", "c")
+    np.testing.assert_array_equal(poses.centres, [[1, 2, 3]] * 3)
+
+
+def test_decimal_commas_are_refused_and_never_shift_columns(tmp_path):
+    (tmp_path / "p.txt").write_text("a;1,5;2,5;3,5;10;20;30;40\n")
+    with pytest.raises(
+        InputError, match=r"p\.txt:1: a field is '1,5', .*; decimals are written with a point"
+    ):
+        read_opk(tmp_path / "p.txt")
+    (tmp_path / "p.txt").write_text("a 1,5;2 3,5;4;5;6;7;8\n")
+    with pytest.raises(InputError, match=r"p\.txt:1: "):
+        read_opk(tmp_path / "p.txt")

@@ -84,6 +84,16 @@ def test_a_point_behind_its_camera_is_told_with_its_line(tmp_path):
     assert str(error.value).startswith(behind)
 
 
+def test_decimal_commas_between_semicolons_are_told(tmp_path):
+    with pytest.raises(InputError) as error:
+        _filled(tmp_path, control="point;x;y;z;sigma\nP;-0,5;0;0;0,01\n")
+    assert "control.csv:2: x is '-0,5', which is no finite number; decimals are written with" in str(
+        error.value
+    )
+    block = _filled(tmp_path, control='point;x;y;z;sigma\n"P, old";0.5;0;0;0.01\n')
+    assert block.control.names == ("P, old",)
+
+
 def test_a_second_table_of_measures_is_told_with_its_own_line(tmp_path):
     block = _filled(tmp_path)
     again = tmp_path / "again.csv"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from obseq.images import BundleAdjustment, Weighting
+    from obseq.images import BundleAdjustment, Poses, Weighting
 
 OTHERS = {
     "bal": ("FILE", "a problem of Bundle Adjustment in the Large"),
@@ -32,6 +33,8 @@ WITHOUT_SIGMAS = ("bal", "bundler", "colmap")
 WITH_SIGMAS = ("dbat", "photomodeler")
 """Programs whose files say it for every measure."""
 
+OPK_UNITS = ("degree", "gon", "radian")
+
 DATUMS = ("control", "centres", "points")
 
 
@@ -42,9 +45,7 @@ def add_sources(command: argparse.ArgumentParser) -> None:
     files.add_argument("--images", type=Path, metavar="FILE", help="table of images, with poses or without")
     files.add_argument("--opk", type=Path, metavar="FILE", help="poses as text, instead of --images")
     files.add_argument("--opk-columns", default="NXYZOPK", metavar="LETTERS", help="of --opk (NXYZOPK)")
-    files.add_argument(
-        "--opk-unit", choices=("degree", "gon", "radian"), default="degree", help="of its angles (degree)"
-    )
+    files.add_argument("--opk-unit", choices=OPK_UNITS, default=OPK_UNITS[0], help="of its angles (degree)")
     files.add_argument("--measures", nargs="+", type=Path, metavar="FILE", help="tables of image measures")
     files.add_argument(
         "--control", nargs="+", type=Path, default=[], metavar="FILE", help="tables of control points"
@@ -160,24 +161,50 @@ def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     _add_control(block, arguments)
     for path in arguments.measures:
         add_measures(block, path, arguments.image_sigma, _weighting(arguments))
-    _check_convention(block)
+    _check_convention(block, arguments)
     return block
 
 
 def _add_opk(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    block.add_poses(_opk(arguments, arguments.opk_unit))
+
+
+def _opk(arguments: argparse.Namespace, unit: str) -> Poses:
     from obseq.images.files.opk import read_opk
 
-    block.add_poses(read_opk(arguments.opk, arguments.opk_columns, arguments.opk_unit))
+    return read_opk(arguments.opk, arguments.opk_columns, unit)
 
 
-def _check_convention(block: BundleAdjustment) -> None:
-    """Poses as text are in the declared convention, as far as control points can tell."""
+def _check_convention(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    """Refuses poses as text that are not in the declared convention, as far as control points can tell."""
+    try:
+        _try_convention(block, block.poses)
+    except InputError as error:
+        unit = _unit_that_fits(block, arguments)
+        if unit:
+            raise InputError(
+                f"{arguments.opk}: known points are where they were measured when the angles are in {unit}, "
+                f"not in {arguments.opk_unit}: give --opk-unit {unit}"
+            ) from None
+        raise InputError(f"{arguments.opk}: {error}") from None
+
+
+def _try_convention(block: BundleAdjustment, poses: Poses) -> None:
     from obseq.images.files.opk import check_convention
 
     cameras = {image: block.cameras[name] for image, name in block.camera_of.items()}
     for part in block.sets:
         if set(part.measures.point_names) & set(block.control.names):
-            check_convention(block.poses, part.measures, block.control, cameras)
+            check_convention(poses, part.measures, block.control, cameras)
+
+
+def _unit_that_fits(block: BundleAdjustment, arguments: argparse.Namespace) -> str:
+    """Another unit of the angles with which known points are where they were measured; empty for none."""
+    for unit in OPK_UNITS:
+        with suppress(InputError):
+            _try_convention(block, _opk(arguments, unit))
+            return unit
+    return ""
 
 
 def _weighting(arguments: argparse.Namespace) -> Weighting | None:

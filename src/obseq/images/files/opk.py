@@ -11,6 +11,7 @@ There is no standard: `check_convention` tells with one image and its measures w
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,10 +97,8 @@ def _columns(text: str) -> str:
 
 
 def _row(path: str | Path, number: int, line: str, columns: str) -> tuple[str, dict[str, float]]:
-    for separator in ",;\t":
-        line = line.replace(separator, " ")
-    words = line.split()
     count = len(columns) + (8 if "M" in columns else 0)
+    words = _words(line, count)
     if len(words) < count:
         raise InputError(f"{path}:{number}: {len(words)} fields where {columns} are {count}")
     found: dict[str, float] = {}
@@ -117,6 +116,16 @@ def _row(path: str | Path, number: int, line: str, columns: str) -> tuple[str, d
                 for key, word in zip(keys, taken, strict=True)
             }
     return name, found
+
+
+def _words(line: str, count: int) -> list[str]:
+    """Fields by one separator, names with blanks among them; by any, where one does not give enough."""
+    for separator in (";", "\t", ","):
+        words = [word.strip() for word in line.split(separator)]
+        if len(words) >= count and all(words[:count]):
+            return words
+    others = r"[;\t ]+" if ";" in line or "\t" in line else r"[, ]+"
+    return [word for word in re.split(others, line.strip()) if word]
 
 
 def opk_text(poses: Poses) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
 
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+SEPARATORS = ";\t,"
 LARGEST = 1 << 31
 """Bytes above which a file is refused."""
 
@@ -51,7 +54,8 @@ def number_in(text: str, said: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{said} {text[:40]!r}, which is no finite number")
+        hint = "; decimals are written with a point" if DECIMAL_COMMA.fullmatch(text) else ""
+        raise InputError(f"{said} {text[:40]!r}, which is no finite number{hint}")
     return value
 
 
@@ -78,13 +82,15 @@ class Table:
         Raises:
             InputError: a row has more or fewer fields than there are columns, or a column comes twice.
         """
-        numbered = [
-            (number, _fields(line))
+        kept = [
+            (number, line)
             for number, line in enumerate(text_of(path).splitlines(), 1)
             if line.strip() and not line.lstrip().startswith("#")
         ]
-        if not numbered:
+        if not kept:
             raise InputError(f"{path}: the file has no line of column names")
+        separator = _separator(kept[0][1])
+        numbered = [(number, _fields(line, separator)) for number, line in kept]
         columns = tuple(field.lower() for field in numbered[0][1])
         if len(set(columns)) < len(columns):
             raise InputError(f"{path}:{numbered[0][0]}: a column name comes twice: {', '.join(columns)}")
@@ -168,9 +174,15 @@ class Table:
         return self.origin.place(row)
 
 
-def _fields(line: str) -> tuple[str, ...]:
-    separator = next((character for character in ",;\t" if character in line), None)
-    if separator is None:
+def _separator(line: str) -> str:
+    """What separates the fields of a line, the most frequent first; nothing for blanks."""
+    return max(SEPARATORS, key=line.count) if any(character in line for character in SEPARATORS) else ""
+
+
+def _fields(line: str, usual: str) -> tuple[str, ...]:
+    """The fields of a line; what separates the column names does so here, where it is found."""
+    separator = usual if usual and usual in line else _separator(line)
+    if not separator:
         return tuple(line.split())
     row = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     return tuple(field.strip() for field in row)
