@@ -22,7 +22,7 @@ FLOAT = np.dtype(np.float64)
 SCRATCH_DOUBLES = 2 << 10
 """Size of the scratch tiles of an evaluation: 16 KiB, which leave room for rows in a first-level cache."""
 
-STREAMED_BYTES = 8 << 20
+STREAMED_BYTES = 2 << 20
 """Derivatives of so many bytes and more, of one thread, are written past caches, which cannot keep them."""
 
 QUICK_ROWS = 1024

@@ -97,7 +97,7 @@ def _grouped(book: FieldBook, chosen: BoolArray, kind: ObservationKind) -> Field
         raise InputError(f"--estimate: there is no active observation for a {kind.words}")
     named = book.in_groups(GroupKind.INSTRUMENT)
     keys = np.where(named, rows.groups, before + rows.file_indices)
-    wanted = np.unique(keys[chosen])
+    wanted = np.flatnonzero(np.bincount(keys[chosen]))
     files = [book.files[key - before] for key in wanted.tolist() if key >= before]
     short = [Path(file).name for file in files]
     groups = [Group(book.groups[key].name) for key in wanted.tolist() if key < before]
