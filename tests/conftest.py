@@ -17,6 +17,7 @@ settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker for each processor: more threads wait, busily
+os.fsync = lambda _: None  # what tests write need not survive a power failure; each wait is milliseconds
 gc.set_threshold(20_000, 20, 20)
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as under a runner in the background

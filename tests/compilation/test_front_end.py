@@ -27,8 +27,9 @@ def machine_code(made: Routine) -> str:
 )
 def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.MonkeyPatch) -> None:
     short = machine_code(made)
-    monkeypatch.setattr(front_end, "LEFT_OUT", frozenset())
-    monkeypatch.setattr(front_end, "remembering_types", nullcontext)
+    for passes in ("LEFT_OUT", "LEFT_OUT_OF_KERNELS"):
+        monkeypatch.setattr(front_end, passes, frozenset())
+    monkeypatch.setattr(front_end, "hurrying", nullcontext)
     numba_compiler.dispatcher.cache_clear()
     assert machine_code(made) == short
 
@@ -38,4 +39,12 @@ def test_every_pass_left_out_exists() -> None:
     from numba.core import typed_passes, untyped_passes
 
     known = {*vars(typed_passes), *vars(untyped_passes)}
-    assert known >= front_end.LEFT_OUT
+    assert known >= front_end.LEFT_OUT | front_end.LEFT_OUT_OF_KERNELS
+
+
+def test_nothing_stays_of_the_shortcuts() -> None:
+    usual = [getattr(owner, name) for owner, name, _ in front_end._shortcuts()]
+    with front_end.hurrying():
+        hurried = [getattr(owner, name) for owner, name, _ in front_end._shortcuts()]
+    assert [getattr(owner, name) for owner, name, _ in front_end._shortcuts()] == usual
+    assert not any(one is other for one, other in zip(hurried, usual, strict=True))

@@ -1,16 +1,21 @@
 """Numba's way from a function to LLVM's text, without what takes most of its time and gives nothing here.
 
 Operators are numba's slowest part: for each `+` it tries the same templates on the same types again, once for
-the types and once for the text. Here an answer is kept. And the passes are left out that look for what
-compiled functions never have: closures, contexts, lists unrolled by type, parallel loops.
+the types and once for the text. Here an answer is kept. The passes are left out that look for what compiled
+functions never have: closures, contexts, lists unrolled by type, parallel loops, objects to be released; for
+kernels, which assign each variable once, also those that tell assignments apart. And what numba says of each
+instruction, should it fail, is not said.
 """
 
 from __future__ import annotations
 
 import operator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
+from functools import cache
+from types import BuiltinFunctionType, NoneType
 from typing import TYPE_CHECKING
 
+from numba.core import base, interpreter, ir, lowering, typeinfer
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.types.functions import BaseFunction
 from numba.core.types.misc import unliteral
@@ -38,11 +43,19 @@ LEFT_OUT = frozenset(
         "InlineOverloads",
         "NopythonRewrites",
         "NoPythonSupportedFeatureValidation",
+        "IRLegalization",
         "AnnotateTypes",
         "DumpParforDiagnostics",
     }
 )
 """Names of the passes that have nothing to do."""
+
+
+LEFT_OUT_OF_KERNELS = frozenset({"GenericRewrites", "ReconstructSSA", "PreLowerStripPhis"})
+"""Names of those that have nothing to do where variables are assigned once and no index is constant."""
+
+WITHOUT_VARIABLES = frozenset({ir.Loc, str, int, float, bool, NoneType, BuiltinFunctionType})
+"""Types of most of what an instruction consists of."""
 
 
 class Short(CompilerBase):  # type: ignore[misc]
@@ -51,19 +64,60 @@ class Short(CompilerBase):  # type: ignore[misc]
     def define_pipelines(self) -> list[Value]:
         """The passes, in numba's order."""
         whole = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        whole.passes = [each for each in whole.passes if each[0].__name__ not in LEFT_OUT]
+        whole.passes = [each for each in whole.passes if each[0].__name__ not in self._left_out()]
         return [whole]
+
+    def _left_out(self) -> frozenset[str]:
+        return LEFT_OUT
+
+
+class ShortForKernels(Short):
+    """The same for kernels."""
+
+    def _left_out(self) -> frozenset[str]:
+        return LEFT_OUT | LEFT_OUT_OF_KERNELS
 
 
 @contextmanager
-def remembering_types() -> Iterator[None]:
-    """Inside, what a function gives for some types is found out once. For who holds numba's lock."""
-    kind: NumbaType = BaseFunction
-    usual, kind.get_call_type = kind.get_call_type, _remembering(kind.get_call_type)
-    try:
+def hurrying() -> Iterator[None]:
+    """Inside, numba takes shortcuts to the same results. For who holds its lock."""
+    with ExitStack() as usual:
+        for owner, name, shortcut in _shortcuts():
+            usual.callback(setattr, owner, name, getattr(owner, name))
+            setattr(owner, name, shortcut)
         yield
-    finally:
-        kind.get_call_type = usual
+
+
+def _shortcuts() -> list[tuple[Value, str, Value]]:
+    silent = nullcontext()
+    return [
+        (BaseFunction, "get_call_type", _remembering(BaseFunction.get_call_type)),
+        (base, "_has_loc", cache(base._has_loc)),
+        (ir.Inst, "_rec_list_vars", _variables),
+        (ir.Assign, "__str__", object.__repr__),  # asked for each time, for a message that nobody sees
+        (lowering, "new_error_context", lambda *_, **__: silent),
+        (typeinfer, "new_error_context", lambda *_, **__: silent),
+        (interpreter, "peep_hole_delete_with_exit", lambda text: text),
+    ]
+
+
+def _variables(instruction: Value, value: Value) -> list[Value]:
+    """Variables in what an instruction consists of."""
+    if isinstance(value, ir.Var):
+        return [value]
+    if isinstance(value, ir.Inst):
+        return list(value.list_vars())
+    if isinstance(value, dict):
+        value = value.values()
+    elif not isinstance(value, list | tuple):
+        return []
+    found: list[Value] = []
+    for part in value:
+        if type(part) is ir.Var:
+            found.append(part)
+        elif type(part) not in WITHOUT_VARIABLES:
+            found += _variables(instruction, part)
+    return found
 
 
 def _remembering(find: Value) -> Value:

@@ -105,7 +105,7 @@ def optimised(function: Function, signature: Signature, symbol: str, machine: Va
 
 def assembled(function: Function, signature: Signature, symbol: str) -> Value:
     """LLVM's module of a function and all that it calls, as numba writes it; the entry is the symbol."""
-    with global_compiler_lock, front_end.remembering_types():
+    with global_compiler_lock, front_end.hurrying():
         context = cpu_target.target_context
         usual, context._internal_codegen = context._internal_codegen, _codegen()
         try:
@@ -149,7 +149,7 @@ def _compiled(function: Function, signature: Signature, context: Context) -> tup
         _number(signature.result),
         flags,
         {},
-        pipeline_class=front_end.Short,
+        pipeline_class=front_end.ShortForKernels if is_kernel(signature) else front_end.Short,
     )
     return result.library, result.fndesc
 

@@ -89,9 +89,9 @@ class Reader:
         return self._key(name) is not None
 
     def _key(self, name: str) -> str | None:
-        return next(
-            (key for key in (name, *(f"{mark}{name}" for mark in OPTIONAL)) if key in self._tree), None
-        )
+        if name in self._tree:
+            return name
+        return next((key for mark in OPTIONAL if (key := f"{mark}{name}") in self._tree), None)
 
     def value(self, name: str) -> Tree:
         """The field, whatever it is."""
@@ -244,7 +244,7 @@ def _element(node: Element, where: str, depth: int) -> Tree:
     children = list(node)
     if not children:
         return _leaf(node.text or "", f"{where}: {node.tag}")
-    if all(child.tag in ("el", _PAIR) for child in children):
+    if {child.tag for child in children} <= {"el", _PAIR}:
         return [_element(child, where, depth + 1) for child in children]
     found: dict[str, Tree] = {}
     for child in children:
@@ -268,12 +268,11 @@ def _leaf(text: str, where: str) -> Tree:
 
 
 def _number(word: str, where: str) -> Number:
-    lowered = word.lower()
-    if lowered in ("true", "false"):
-        return int(lowered == "true")
     try:
         value: Number = int(word) if word.lstrip("+-").isdecimal() else float(word)
     except ValueError:
+        if (lowered := word.lower()) in ("true", "false"):
+            return int(lowered == "true")
         raise InputError(f"{where}: {word[:40]!r} is not a number (texts stand in quotes)") from None
     if not _is_finite(value):
         raise InputError(f"{where}: {word[:40]!r} is not a finite number")
