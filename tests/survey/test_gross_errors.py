@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,6 +70,23 @@ def test_the_command_announces_adjusts_and_returns_1(planted, tmp_path, capsys):
     assert [(item["cause"], item["size"] > 10.0) for item in found] == [("mistyped", True)]
     assert main([*command, "--strict"]) == 2
     assert "one digit is wrong" in capsys.readouterr().err
+
+
+def test_values_are_told_in_the_units_of_the_reports(planted, tmp_path, capsys):
+    """The same networks in feet and degrees: what is suspected has no metres nor gon in it."""
+    _, _, (obs, cor) = spoilt(planted, tmp_path, "one_digit")
+    command = ["adjust", "--obs", str(obs), "--cor", str(cor), "--frame", planted.FRAME]
+    texts = []
+    for units in (["m", "gon"], ["ft", "degree"]):
+        main([*command, "--points-crs", planted.PLANE, "--units", *units, "--json", str(tmp_path / "a.json")])
+        (error,) = json.loads((tmp_path / "a.json").read_text())["gross_errors"]
+        assert error["text"] in " ".join(capsys.readouterr().out.split())
+        texts.append(re.fullmatch(r"the others give (\S+) (\S+), it is (\S+) (\S+) off; .*", error["text"]))
+    metric, other = texts
+    factor = {"m": 1 / 0.3048, "gon": 0.9}[metric[2]]
+    assert other[2] == other[4] == {"m": "ft", "gon": "deg"}[metric[2]]
+    for k in (1, 3):
+        assert float(other[k]) == pytest.approx(factor * float(metric[k]), abs=2e-4)
 
 
 def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, tmp_path):

@@ -10,11 +10,10 @@ from obseq.cli.network_files import Source, add_network_arguments, given, source
 from obseq.cli.parsing import Commands, add_command, positive_integer
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
-from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, write
+from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.record import AdjustmentRecord, PhaseRecord
-from obseq.shown_units import chosen_units
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
 
@@ -153,7 +152,7 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
-    network = request.source.read()
+    network = shown_in(request.source.read(), request.units)
     if request.estimated:
         from obseq.survey import estimating
 
@@ -164,5 +163,4 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
 
         write_sinex(request.sinex, adjustment)
     record = adjustment.record(request.title)
-    units = chosen_units(request.units, record.units)
-    return replace(record, units=units, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))
+    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from obseq.cli.network_files import Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_units
+from obseq.cli.results import INCOMPLETE, add_units, shown_in
 from obseq.errors import InputError
-from obseq.shown_units import chosen_units
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -90,13 +89,12 @@ def _compared(
     """The record of the comparison, and whether both epochs are complete."""
     from obseq.survey import compare
 
-    before = first.read()
+    before = shown_in(first.read(), arguments.units)
     reading = second.reading | {"frame": before.frame.system.definition}
     if not second.project:
         reading["points_crs"] = before.points_crs.definition
-    epochs = [
-        network.adjust(progress=progress) for network in (before, replace(second, reading=reading).read())
-    ]
+    after = shown_in(replace(second, reading=reading).read(), arguments.units)
+    epochs = [network.adjust(progress=progress) for network in (before, after)]
     found = compare(
         epochs[0],
         epochs[1],
@@ -105,6 +103,4 @@ def _compared(
         reference=arguments.reference,
         a_priori=arguments.a_priori,
     )
-    record = found.record()
-    units = chosen_units(arguments.units, record.units)
-    return replace(record, units=units), all(epoch.is_complete for epoch in epochs)
+    return found.record(), all(epoch.is_complete for epoch in epochs)

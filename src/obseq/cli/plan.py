@@ -1,14 +1,13 @@
 """`obseq plan` and `obseq simulate`: a network before it is measured."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.network_files import add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_units, in_units
+from obseq.cli.results import INCOMPLETE, add_units, shown_in
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
 
@@ -94,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = ("plan.json", "plan.txt", "plan.html") if out else ()
     check_writable([out / name for name in names], source.files)
     with Progress("starting") as progress:
-        record = _planned(arguments, source.read(), progress)
+        record = _planned(arguments, shown_in(source.read(), arguments.units), progress)
         written = {out / name: text for name, text in zip(names, _texts(record), strict=True)} if out else {}
         write_all(written)
     from obseq.report.planning import plan_summary
@@ -118,8 +117,7 @@ def _planned(arguments: argparse.Namespace, network: "Network", progress: Progre
         seed=arguments.seed,
         progress=progress,
     )
-    record = found.record(arguments.most)
-    return replace(record, adjustment=in_units(record.adjustment, arguments))
+    return found.record(arguments.most)
 
 
 def _texts(record: "PlanRecord") -> tuple[str, str, str]:

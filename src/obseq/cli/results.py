@@ -1,16 +1,20 @@
 """Where the results of a command go: the options that say so, and the writing."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import output_file, say
 from obseq.record import AdjustmentRecord
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import summary
-from obseq.shown_units import chosen_units
+from obseq.shown_units import METRIC, chosen_units
 from obseq.writing import write_all
+
+if TYPE_CHECKING:
+    from obseq.survey import Network
 
 INCOMPLETE = 1
 """Exit code: not converged, or something was left out."""
@@ -46,6 +50,11 @@ def add_units(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
 def in_units(record: AdjustmentRecord, arguments: argparse.Namespace) -> AdjustmentRecord:
     """The record with the units of its reports that --units asks for."""
     return replace(record, units=chosen_units(arguments.units, record.units))
+
+
+def shown_in(network: "Network", words: Iterable[str]) -> "Network":
+    """The network, whose values are told in the units that --units asks for."""
+    return replace(network, shown=chosen_units(words, network.shown or METRIC))
 
 
 def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:

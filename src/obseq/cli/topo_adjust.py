@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, add_command
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, in_units, outputs_of, show
+from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in
 from obseq.cli.tree_command import Files
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
@@ -59,9 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
         if not options.points:
             raise InputError("GCP3D=[[Folder,SG],...] is missing: it says where the points are")
         control, definition = control_of(tree, options)
-        network = network_of(survey_points(control), read_topo(tree.topo(arguments.topo)), definition)
+        observed = read_topo(tree.topo(arguments.topo))
+        network = shown_in(network_of(survey_points(control), observed, definition), arguments.units)
         adjustment = network.adjust(options.iterations or MAX_ITERATIONS, progress=progress)
-        record = in_units(adjustment.record(), arguments)
+        record = adjustment.record()
         files = _files(arguments, tree, options, adjustment, definition)
         check_writable(files)
         write_all(files | {path: form.write(record) for path, form in outputs})

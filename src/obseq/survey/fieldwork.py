@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
+from obseq.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
@@ -43,12 +44,14 @@ class Fieldwork:
         book: The observations, numbered like the points.
         frame: The computation frame.
         points_crs: The coordinate system of the point files.
+        shown: Units in which values are told; None for metres and gon.
     """
 
     points: Points
     book: FieldBook
     frame: Frame
     points_crs: crs.CoordinateSystem
+    shown: ShownUnits | None = None
 
     @property
     def point_system(self) -> PointSystem:
@@ -70,9 +73,10 @@ class Fieldwork:
             points = more
 
     def _model(self) -> Model:
+        from obseq.report.units import Units
         from obseq.survey.screening.robust import Model
 
-        return Model(self._started, self._equations)
+        return Model(self._started, self._equations, Units(self.shown or METRIC))
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""

@@ -274,7 +274,7 @@ class Network:
     @property
     def fieldwork(self) -> Fieldwork:
         """What an adjustment works on."""
-        return Fieldwork(self.points, self.book, self.frame, self.points_crs)
+        return Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown)
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""

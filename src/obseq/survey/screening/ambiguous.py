@@ -9,8 +9,8 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
-from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.values import COORDINATE, GON, Explanation, explain
+from obseq.survey.screening.findings import Cause, GrossError, coordinates_told, gap_of
+from obseq.survey.screening.values import COORDINATE, Explanation, explain
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
@@ -112,9 +112,11 @@ class Ambiguity:
 
     def _gap(self, one: Alternative) -> str:
         value, fits, _ = self._values(one)
-        is_angle = one.row >= 0 and BY_CODE[int(self.found.book.observations.types[one.row])].is_angle
-        factor, name = (GON, " gon") if is_angle else (1.0, " m" if one.row >= 0 else "")
-        return f"the others give {factor * fits:.4f}{name}, it is {factor * (value - fits):.4f}{name} off"
+        if one.row >= 0:
+            kind = BY_CODE[int(self.found.book.observations.types[one.row])]
+            return gap_of(self.found.units, kind, fits, value - fits)
+        given, gap = coordinates_told(self.found.units, self.system, one.component, fits, value - fits)
+        return f"the others give {given}, it is {gap} off"
 
     def _explanation(self, one: Alternative) -> Explanation | None:
         kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else COORDINATE

@@ -64,7 +64,7 @@ def common_factor(
         return ()
     values = [value for part, value in estimate.instruments if part == what]
     size = float(np.max(np.abs(np.nan_to_num(adjustment.normalised_residuals[mine]))))
-    error = described(given.book, mine, what, values, size, computation.point_system)
+    error = described(given.book, mine, what, values, size, computation.point_system, model.units)
     return (replace(error, text=f"{error.text}{_or(adjustment, gain)}"),)
 
 

@@ -49,7 +49,7 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     names = tuple(found.points.names[row] for row in known.tolist())
     text = (
         f"the observations agree with each other, and place them {1e6 * scale:+.0f} ppm larger and turned by "
-        f"{np.degrees(turn) / 0.9:.4f} gon: likely the coordinate system of the points "
+        f"{found.units.angle.text(turn)}: likely the coordinate system of the points "
         f"({system.system.definition}) or the frame is wrong: correct --points-crs or --frame"
     )
     rows = tuple(found.suspects.tolist())

@@ -15,6 +15,7 @@ from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
 
 if TYPE_CHECKING:
+    from obseq.report.units import Units
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.groups import Trials
@@ -52,11 +53,18 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     _, what, corrected = best
     size = float(trials.found.ratios[mine].max())
     values = [value for part, value in corrected.instruments if part == what]
-    return described(trials.found.book, mine, what, values, size, system), corrected
+    units = trials.found.units
+    return described(trials.found.book, mine, what, values, size, system, units), corrected
 
 
 def described(
-    book: FieldBook, rows: Rows, what: str, values: list[float], size: float, system: PointSystem
+    book: FieldBook,
+    rows: Rows,
+    what: str,
+    values: list[float],
+    size: float,
+    system: PointSystem,
+    units: Units,
 ) -> GrossError:
     """What all distances have in common, in words.
 
@@ -67,10 +75,11 @@ def described(
         values: the constants (m) or scales (parts) to add.
         size: misfit of the worst distance, in sigmas.
         system: the coordinates of the point files.
+        units: in which lengths are told.
     """
     kind = BY_CODE[int(book.observations.types[rows[0]])].name
     name = f"all {len(rows)} {kind} observations (the first: {book.label(int(rows[0]))})"
-    cause, text = Cause.DISTANCES, _of_constant(values)
+    cause, text = Cause.DISTANCES, _of_constant(values, units)
     if what == _HORIZONTAL:
         cause, text = Cause.HORIZONTAL, "they look like horizontal distances instead of slope distances"
     elif what == "scale":
@@ -91,8 +100,8 @@ def changed(book: FieldBook, rows: Rows, what: str) -> FieldBook | None:
         return None
 
 
-def _of_constant(values: list[float]) -> str:
-    shown = ", ".join(f"{value:.4f} m" for value in values)
+def _of_constant(values: list[float], units: Units) -> str:
+    shown = ", ".join(map(units.length.text, values))
     return f"a constant added to all of them fits ({shown}): likely the constant of the prism"
 
 

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import enum
+from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.record import GrossErrorRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.report.units import Units
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.kinds.kind import ObservationKind
 
 
 class Cause(enum.StrEnum):
@@ -58,3 +66,15 @@ class GrossError:
         is_one = self.is_one or len(self.points) == 1 or (not self.points and len(self.rows) == 1)
         verb = "contradicts" if is_one else "contradict"
         return f"{self.what} {verb} the other observations ({self.size:.3g} sigmas): {self.text}"
+
+
+def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:
+    """What the other observations give of one (m or rad), and how far it is off, in words."""
+    given, gap = units.observed(kind.unit, expected), units.observed(kind.unit, off)
+    return f"the others give {given}, it is {gap} off"
+
+
+def coordinates_told(units: Units, system: PointSystem, component: int, *values: float) -> Iterator[str]:
+    """Values of one coordinate (0 to 2), given in the units of its system, as reports show them."""
+    unit = system.system.height_unit if component == 2 else system.system.plan_unit
+    return (units.coordinate(value, unit.name) for value in values)

@@ -15,7 +15,7 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.findings import Cause, GrossError, coordinates_told
 from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import COORDINATE, FEET, explain
 
@@ -168,7 +168,9 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
             )
     given = system.coordinates(found.points.coordinates[[row]])[0]
     right = system.coordinates(there[None, :])[0]
-    place = ", ".join(f"{value:.3f}" for value in right)
+    told = [coordinates_told(found.units, system, k, right[k], given[k] - right[k]) for k in range(3)]
+    (x, off_x), (y, off_y), (z, off_z) = told
+    place, gaps = f"{x}, {y}, {z}", (off_x, off_y, off_z)
     text = f"its coordinates are wrong; the observations place it at ({place})"
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
     if len(off) == 1:
@@ -176,5 +178,5 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
         explanation = explain(COORDINATE, float(given[k]), float(right[k]), _NEAR)
         if explanation is not None:
             return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}"
-        return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {given[k] - right[k]:.3f}"
+        return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {gaps[k]}"
     return Cause.MISTYPED, text

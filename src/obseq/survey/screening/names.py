@@ -7,6 +7,7 @@ or on what the observations would have been, and on names only where these say n
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
+    from obseq.report.units import Scale
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook, Points
@@ -114,14 +116,15 @@ def mistyped_names(
         adjusted: the points as they were adjusted.
         left_out: what was left out of the adjustment.
     """
-    unused = unused_known(points, book)
-    explained = {row: text for row in unused[:_MOST] if (text := _of_unused(points, row, adjusted, left_out))}
+    unused, small = unused_known(points, book), model.units.small_length
+    tell = partial(_of_unused, points, adjusted=adjusted, left_out=left_out, small=small)
+    explained = {row: text for row in unused[:_MOST] if (text := tell(row))}
     unused_names = {points.names[row] for row in unused}
     rest = [points.names[row] for row in unused if row not in explained]
     warnings = [
         *explained.values(),
         *_of_left_out(model, points, book, left_out),
-        *_doubles(adjusted, unused_names),
+        *_doubles(adjusted, unused_names, small),
     ]
     return warnings, [_nothing_sees(rest)] if rest else []
 
@@ -134,7 +137,7 @@ def _nothing_sees(names: list[str]) -> str:
 
 
 def _of_unused(
-    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...]
+    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...], small: Scale
 ) -> str | None:
     """What observations may call a known point that is in none of them."""
     name = points.names[row]
@@ -143,7 +146,7 @@ def _of_unused(
     if near is not None:
         other, distance = near
         return (
-            f"{start}; {other}, which is adjusted as an unknown point, lies {1e3 * distance:.0f} mm from it: "
+            f"{start}; {other}, which is adjusted as an unknown point, lies {small.text(distance)} from it: "
             f"likely the name is mistyped in one of the files"
         )
     gone = {item.name for item in left_out}
@@ -182,7 +185,7 @@ def _pairs_within(places: FloatArray, radius: float) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
-def _doubles(adjusted: AdjustedPoints, unused: set[str]) -> Iterator[str]:
+def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterator[str]:
     """Points of nearly one name at one place, at least one of them unknown."""
     precisions = _precisions(adjusted)
     free = np.asarray(adjusted.points.is_free.all(axis=1), np.bool_).tolist()
@@ -195,7 +198,7 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str]) -> Iterator[str]:
         if is_one and (free[a] or free[b]) and not unused & {*names} and are_alike(*names):
             first, second = names if free[a] else names[::-1]
             yield (
-                f"{first} and {second} are adjusted as two points {1e3 * distance:.0f} mm apart: likely "
+                f"{first} and {second} are adjusted as two points {small.text(distance)} apart: likely "
                 "one point under two names"
             )
 

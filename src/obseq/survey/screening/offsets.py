@@ -324,7 +324,7 @@ def _described(found: Estimate, one: _Offset) -> GrossError:
     if one.what is What.CONSTANT:
         cause = Cause.DISTANCES
         what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
-        text = f"{one.size:+.4f} m added to each of them fits: likely the constant of the prism"
+        text = f"{_signed(found, one.size)} added to each of them fits: likely the constant of the prism"
     else:
         cause, text = _of_height(found, one)
         what = f"{one.what.value} of {len(rows)} observations {_between(found, rows)} (the first: {label})"
@@ -345,10 +345,16 @@ def _of_height(found: Estimate, one: _Offset) -> tuple[Cause, str]:
     """What the height should have been, and what slip makes the one that is written of it."""
     written = np.unique(_heights(found, one.what)[one.rows])
     if len(written) > 1:
-        return Cause.HEIGHT, f"{one.size:+.4f} m added to each of them fits"
+        return Cause.HEIGHT, f"{_signed(found, one.size)} added to each of them fits"
     height = float(written[0])
-    text = f"{height:.4f} m is written, {height + one.size:.4f} m fits"
+    is_written, fits = map(found.units.length.text, (height, height + one.size))
+    text = f"{is_written} is written, {fits} fits"
     if height == 0.0:
         return Cause.HEIGHT, f"{text}: likely it was left out"
     why = explain(COORDINATE, height, height + one.size, _HIT * one.sigma)
     return Cause.HEIGHT, text if why is None else f"{text}; likely: {why.text}"
+
+
+def _signed(found: Estimate, size: float) -> str:
+    """A length (m) to be added, in the units of reports."""
+    return f"{'+' if size >= 0.0 else ''}{found.units.length.text(size)}"

@@ -7,6 +7,7 @@ residuals have no effect at all.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
+from obseq.report.units import METRIC, Units
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.adjustment.kept_equations import KeptEquations
 from obseq.survey.initial.left_out import Determined, leave_out
@@ -51,14 +53,16 @@ class Model:
     Attributes:
         initial: points and book -> initial values, as far as they go.
         equations: a network with its initial values -> its equations.
+        units: in which values are told.
     """
 
     initial: Callable[[Points, FieldBook], InitialValues]
     equations: Callable[[Determined], Equations]
+    units: Units = METRIC
 
     def for_trials(self) -> Model:
         """The same for networks that differ in little, one at a time: what they have in common is kept."""
-        return Model(self.initial, KeptEquations(self.equations))
+        return replace(self, equations=KeptEquations(self.equations))
 
     def start(self, points: Points, book: FieldBook) -> Determined:
         """What can be computed of a network, with its initial values.
@@ -84,6 +88,7 @@ class Estimate:
         scale: how many times larger than their sigmas the misfits of good observations are, 1 to 4.
         instruments: names and values (m, parts) of the unknowns of instruments, where there are any.
         control: redundancy for each observation, on average.
+        units: in which values are told.
     """
 
     points: Points
@@ -95,6 +100,7 @@ class Estimate:
     scale: float
     instruments: tuple[tuple[str, float], ...] = ()
     control: float = 1.0
+    units: Units = METRIC
 
     @property
     def computed(self) -> FloatArray:
@@ -140,7 +146,8 @@ def estimate(
     """
     start = start or model.start(points, book)
     equations = model.equations(start)
-    return _estimate(points, book, start, equations, _settled(equations, stages))
+    found = _estimate(points, book, start, equations, _settled(equations, stages))
+    return replace(found, units=model.units)
 
 
 def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquaresResult:

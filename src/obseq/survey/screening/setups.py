@@ -16,7 +16,6 @@ from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Stations, group_by_station
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
-from obseq.survey.screening.values import GON
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,11 +97,11 @@ def _split(book: FieldBook, first: int) -> FieldBook:
 def _described(found: Estimate, rows: Rows, first: int, corrected: Estimate) -> GrossError:
     before = corrected.rotations[found.book.observations.stations[rows[0]]]
     zero = before.T @ corrected.rotations[-1][:, 1]
-    turn = -GON * math.atan2(zero[0], zero[1])
+    turn = found.units.angle.text(-math.atan2(zero[0], zero[1]))
     label, point = found.book.label(int(rows[first])), found.book.observations.from_points[rows[0]]
     what = f"set-up of {found.book.point_names[point]}, from {label} on"
     text = (
-        f"the {len(rows) - first} directions from there on are all turned by {turn:.4f} gon against the "
+        f"the {len(rows) - first} directions from there on are all turned by {turn} against the "
         f"{first} before: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
     )
     size = float(found.ratios[rows].max())

@@ -14,11 +14,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.findings import Cause, GrossError, gap_of
 from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import GROSS, QUICK
 from obseq.survey.screening.substitutes import tolerance_of
-from obseq.survey.screening.values import GON, difference, explain
+from obseq.survey.screening.values import difference, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -146,9 +146,8 @@ def _words(trials: Trials, one: _Without) -> tuple[str, Cause]:
         tolerance = tolerance_of(found, row)
         if abs(off) <= tolerance:
             continue
-        unit, name = (GON, "gon") if kind.is_angle else (1.0, "m")
         why = explain(kind, value, expected, tolerance)
         cause = why.cause if why and cause is Cause.UNKNOWN else cause
-        gap = f"the others give {unit * (value - off):.4f} {name}, it is {unit * off:.4f} {name} off"
+        gap = gap_of(found.units, kind, value - off, off)
         parts.append(f"{found.book.label(row)}: {gap}{f', likely: {why.text}' if why else ''}")
     return "; ".join(parts) or "no usual slip explains it", cause

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.findings import Cause, GrossError, gap_of
 from obseq.survey.screening.substitutes import End, Substitutes, substitutes, tolerance_of
-from obseq.survey.screening.values import GON, LIKELY, Explanation, difference, explain
+from obseq.survey.screening.values import LIKELY, Explanation, difference, explain
 
 if TYPE_CHECKING:
     from obseq.survey.screening.robust import Estimate
@@ -92,11 +92,10 @@ def _names(found: Estimate, one: Substitutes) -> tuple[str, str]:
 def _wrong_value(found: Estimate, row: int, cause: Explanation | None) -> GrossError:
     observations = found.book.observations
     kind = BY_CODE[int(observations.types[row])]
-    unit, name, decimals = (GON, "gon", 4) if kind.is_angle else (1.0, "m", 4)
-    off = difference(kind, float(observations.values[row]), float(found.computed[row])) * unit
-    expected = float(observations.values[row]) * unit - off
+    value = float(observations.values[row])
+    off = difference(kind, value, float(found.computed[row]))
     words = f"likely: {cause.text}" if cause else "no usual slip explains it"
-    gap = f"the others give {expected:.{decimals}f} {name}, it is {off:.{decimals}f} {name} off"
+    gap = gap_of(found.units, kind, value - off, off)
     kind_of = cause.cause if cause else Cause.UNKNOWN
     return GrossError(found.book.label(row), kind_of, f"{gap}; {words}", float(found.ratios[row]), (row,))
 
