@@ -183,11 +183,12 @@ def _computed(
     ways = PlumbWays(graph)
     placement = Placement(known, graph, ways, hints)
     _work(placement, LocalFrames(known, graph, ways))
-    reconcile(known, graph)
+    coordinates = known.coordinates()
+    reconcile(known, graph, coordinates)
     reasons = explain_points(known, graph, placement.best_positions, book) + explain_stations(
         known, graph, book
     )
-    return _result(known, graph, len(book.stations), tuple(reasons))
+    return _result(known, graph, coordinates, len(book.stations), tuple(reasons))
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -273,7 +274,11 @@ def _place_all(placement: Placement, frames: LocalFrames) -> None:
 
 
 def _result(
-    known: Known, graph: SightGraph, n_stations: int, unplaced: tuple[Unplaced, ...]
+    known: Known,
+    graph: SightGraph,
+    coordinates: FloatArray,
+    n_stations: int,
+    unplaced: tuple[Unplaced, ...],
 ) -> InitialValues:
     m, is_placed = n_stations, known.are_placed()
     rotations, g0 = np.full((m, 3, 3), np.nan), np.full(m, np.nan)
@@ -287,7 +292,7 @@ def _result(
         if rotation is not None and known.is_settled[origin]:
             rotations[station], g0[station] = rotation, g0_of(rotation, known.vertical_of(origin))
     return InitialValues(
-        np.where(is_placed[:, None], known.coordinates(), np.nan),
+        np.where(is_placed[:, None], coordinates, np.nan),
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),

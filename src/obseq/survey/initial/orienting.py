@@ -41,12 +41,12 @@ def orient(known: Known, graph: SightGraph, station: int) -> bool:
     return True
 
 
-def reconcile(known: Known, graph: SightGraph) -> None:
+def reconcile(known: Known, graph: SightGraph, coordinates: FloatArray) -> None:
     """Sets G0 of plumb stations to the value that most of their sights agree on, once all points are known.
 
-    With one or two sights it is that of the first, as in MMVII.
+    With one or two sights it is that of the first, as in MMVII. The points are at the coordinates (n, 3).
     """
-    stations, angles = _g0s_of_sights(known, graph)
+    stations, angles = _g0s_of_sights(known, graph, coordinates)
     if not len(stations):
         return
     starts = np.flatnonzero(np.diff(stations, prepend=-1))
@@ -54,7 +54,7 @@ def reconcile(known: Known, graph: SightGraph) -> None:
         known.g0[station] = g0
 
 
-def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArray]:
+def _g0s_of_sights(known: Known, graph: SightGraph, coordinates: FloatArray) -> tuple[IntArray, FloatArray]:
     """(k,) station and G0 of each sight of oriented plumb stations to placed targets, by station."""
     sights = graph.sights
     is_oriented = graph.is_plumb & np.array([step is not None for step in known.station_steps], np.bool_)
@@ -63,8 +63,7 @@ def _g0s_of_sights(known: Known, graph: SightGraph) -> tuple[IntArray, FloatArra
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0)
     rows = rows[np.argsort(sights.stations[rows], kind="stable")]
-    positions = known.coordinates()
-    offsets = positions[sights.targets[rows]] - positions[sights.origins[rows]]
+    offsets = coordinates[sights.targets[rows]] - coordinates[sights.origins[rows]]
     origins, numbers = np.unique(sights.origins[rows], return_inverse=True)
     verticals = np.array([known.vertical_of(origin) for origin in origins.tolist()])
     east, north, up = np.einsum("nij,nj->in", verticals[numbers], offsets)

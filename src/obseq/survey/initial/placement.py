@@ -7,6 +7,7 @@ oriented, are looked at again. The time is therefore nearly proportional to the 
 from __future__ import annotations
 
 import math
+from itertools import filterfalse
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -149,7 +150,7 @@ class Placement:
 
     def _place_polar(self) -> bool:
         """Places points at the end of complete vectors from oriented stations."""
-        candidates, self.dirty_polar = sorted(self.dirty_polar), set()
+        candidates, self.dirty_polar = sorted(filterfalse(self.known.is_placed, self.dirty_polar)), set()
         located = [point for point in candidates if self.polar_sights.place(point)]
         self._settle(located)
         return bool(located)
@@ -231,13 +232,18 @@ class Placement:
         self._spread_orientation(station)
 
     def _sights_around(self, located: list[int]) -> dict[int, list[int]]:
-        """Stations without orientation at or towards some points, with their sights that concern these."""
+        """Stations without orientation at or towards some points, with their sights that concern these.
+
+        Those on points that are not located themselves are of use when they are #BASC.
+        """
         graph, steps, station_of = self.graph, self.known.station_steps, self.graph.station_of
+        origin_of, is_settled, orientations = graph.origin_of, self.known.is_settled, graph.orientations
         found: dict[int, list[int]] = {}
         for point in located:
             for number in graph.sights_to[point]:
                 station = station_of[number]
-                if steps[station] is None:
+                is_free = steps[station] is None
+                if is_free and (is_settled[origin_of[number]] or orientations[station] == Orientation.BASC):
                     found.setdefault(station, []).append(number)
         for point in located:
             for station in graph.stations_at[point]:
@@ -262,7 +268,7 @@ class Placement:
     def _look_around(self) -> None:
         """Looks again at the geometry of what was touched, and of all neighbours of new points."""
         self.seen_anew.update(*(self.graph.neighbours[point] for point in self.located_anew))
-        touched = {point for point in self.seen_anew if not self.known.is_placed(point)}
+        touched = set(filterfalse(self.known.is_placed, self.seen_anew))
         self.seen_anew, self.located_anew = set(), []
         self.dirty_geometry |= touched
         for point in self.best_positions.keys() & touched:

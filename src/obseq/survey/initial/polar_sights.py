@@ -39,11 +39,11 @@ class PolarSights:
         self.known, self.graph, self.stations = known, graph, stations
 
     def place(self, point: int) -> bool:
-        """Places a point by the vector with the least expected error, if it has none yet and there is one."""
+        """Places a point by the vector with the least expected error, if there is one."""
         steps, is_placed = self.known.station_steps, self.known.is_placed
         station_of, origin_of = self.graph.station_of, self.graph.origin_of
         best, least = -1, math.inf
-        for number in () if is_placed(point) else self.graph.sights_to[point]:
+        for number in self.graph.sights_to[point]:
             station, origin = station_of[number], origin_of[number]
             if steps[station] is not None and is_placed(origin) and self._may_use(station):
                 point_sigma = self._point_sigma(number, station, origin)

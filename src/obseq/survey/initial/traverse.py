@@ -64,8 +64,8 @@ class Traverse:
     ) -> None:
         self.known, self.graph, self.plumb_ways = known, graph, ways
         self.stations = stations
-        self.open = list(range(len(graph.origins)))
-        self.surest: dict[int, float] = {}
+        self.surest = [math.inf] * len(graph.origins)
+        self.first_open = 0
         self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
         self.count = itertools.count()
 
@@ -76,10 +76,6 @@ class Traverse:
             if self.known.station_steps[station] is None:
                 return station, make()
         return None
-
-    def _is_surest(self, station: int, azimuth_sigma: float) -> bool:
-        """Whether a link is surer than those before it; one that is not never has its turn."""
-        return azimuth_sigma < self.surest.get(station, math.inf)
 
     def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
         """Adds the surest link of a station; links are made only when it is their turn."""
@@ -106,13 +102,15 @@ class Traverse:
 
     def _add_azimuth(self, station: int, number: int, origin_sigma: float) -> None:
         known, graph, target = self.known, self.graph, self.graph.target_of[number]
-        position = known.position_of(target)
+        origin, position = known.position_of(graph.origins[station]), known.position_of(target)
+        moved, surest = math.hypot(origin_sigma, _honest_sigma(known, target)), self.surest[station]
+        if _azimuth_sigma(graph, number, moved, math.dist(origin, position)) >= surest:
+            return  # nor is it along the horizon, which is shorter
         distance = _flat_distance(known, graph.origins[station], position)
         if math.isnan(graph.reading_of[number]) or distance == 0.0:
             return
-        moved = math.hypot(origin_sigma, _honest_sigma(known, target))
-        azimuth_sigma = min(math.hypot(moved / distance, graph.reading_sigma(number, distance)), math.pi)
-        if azimuth_sigma < self.surest.get(station, math.inf):
+        azimuth_sigma = _azimuth_sigma(graph, number, moved, distance)
+        if azimuth_sigma < surest:
             self._push(station, azimuth_sigma, partial(self._azimuth_link, number, position, azimuth_sigma))
 
     def _azimuth_link(self, number: int, position: Space, azimuth_sigma: float) -> Link:
@@ -129,14 +127,14 @@ class Traverse:
         for way, (other, azimuth_sigma) in enumerate(zip(*columns, strict=True), mine.start):
             if steps[other] is None and (self.stations is None or other in self.stations):
                 total = math.hypot(least, azimuth_sigma)
-                if total < surest.get(other, math.inf):
+                if total < surest[other]:
                     self._push(other, total, partial(self._link, station, ways, way, total))
 
     def _is_one_open(self) -> bool:
         """Whether there is a station that links may still orient."""
-        while self.open and not self._is_open(self.open[-1]):
-            self.open.pop()
-        return bool(self.open)
+        while self.first_open < len(self.surest) and not self._is_open(self.first_open):
+            self.first_open += 1
+        return self.first_open < len(self.surest)
 
     def _ways(self, station: int) -> Ways:
         """Ways from a station; those of a #BASC station once it is turned."""
@@ -149,15 +147,15 @@ class Traverse:
     def _link(self, station: int, ways: Ways, way: int, total: float) -> Link:
         """A link by a way, in the frame."""
         numbers = [number for number in ways.sights[way].tolist() if number >= 0]
-        seen = ways.seen[way, : len(numbers)]
-        ends = [self._in_frame(station, vector) for vector in ways.views.vectors[seen].tolist()]
-        sights = zip(numbers, ways.views.numbers[seen].tolist(), strict=True)
+        seen = ways.seen[way].tolist()[: len(numbers)]
+        ends = [self._in_frame(station, ways.views.vectors[view].tolist()) for view in seen]
+        sights = zip(numbers, map(ways.views.numbers.item, seen), strict=True)
         rows = (row for pair in sights for number in pair if number >= 0 for row in self._rows(number))
         return Link(
             self._in_frame(station, ways.positions[way].tolist()),
             tuple(zip(numbers, ends, strict=True)),
             total,
-            float(ways.relative_sigmas[way]),
+            ways.relative_sigmas.item(way),
             station,
             FREE_STATION if len(numbers) > 1 else "azimuth and distance",
             tuple(dict.fromkeys(rows)),
@@ -195,6 +193,13 @@ def link_rise(known: Known, graph: SightGraph, station: int, link: Link) -> floa
         for number, position in link.targets
     ]
     return sum(rises) / len(rises)
+
+
+def _azimuth_sigma(graph: SightGraph, number: int, moved: float, distance: float) -> float:
+    """Expected error (rad) of G0 by the azimuth of a sight, over a distance between doubtful points."""
+    if distance == 0.0:
+        return math.pi
+    return min(math.hypot(moved / distance, graph.reading_sigma(number, distance)), math.pi)
 
 
 def _flat_distance(known: Known, origin: int, target: Space) -> float:
