@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.arrays import FloatArray
 from obseq.crs.normals import Normals
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.closed_forms import Space
 
@@ -31,8 +30,7 @@ _FEW = 40
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """How a point was placed or a station oriented: the method and the rows of its observations."""
 
     method: str
