@@ -157,13 +157,12 @@ def whole_names(reading: Reading, values: dict[str, float]) -> dict[str, Any]:
     return names
 
 
-def evaluated(formula: Formula, lines: list[Equation], values: dict[str, float]) -> list[float]:
-    """The residuals, from the equations as they are printed."""
-    reading, parts = read(formula)
-    names, residuals = whole_names(reading, values), []
+def evaluated(names: dict[str, Any], lines: list[Equation], count: int) -> list[float]:
+    """The residuals, from the equations as they are printed, as many of which are the residuals."""
+    residuals: list[float] = []
     for line in lines:
         names[line.left] = Reader(" ".join(line.right), names).sum()
-    for line in lines[len(lines) - len(parts) :]:
+    for line in lines[len(lines) - count :]:
         residuals += np.ravel(names[line.left]).tolist()
     return residuals
 
@@ -172,11 +171,11 @@ def evaluated(formula: Formula, lines: list[Equation], values: dict[str, float])
 def test_the_equation_printed_is_the_residual(formula: Formula) -> None:
     calc = calculator(formula.name)
     unknowns, observations = derivatives.draw(calc.kernel, 3, np.random.default_rng(5))
-    lines = equations(formula, calc.residuals, Text)
+    lines, (reading, parts) = equations(formula, calc.residuals, Text), read(formula)
     for u, o, expected in zip(unknowns, observations, calc.values(unknowns, observations), strict=True):
         values = dict(zip(calc.unknowns, u.tolist(), strict=True))
         values |= dict(zip(calc.observations, o.tolist(), strict=True))
-        found = evaluated(formula, lines, values)
+        found = evaluated(whole_names(reading, values), lines, len(parts))
         size = max(1.0, np.abs(expected).max(initial=0.0), np.abs(o).max(initial=0.0))
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * size)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import runpy
 import subprocess
 import sys
 from collections import Counter
@@ -14,6 +15,7 @@ import obseq.crs
 from obseq.survey import initial_values, join, read_cor, read_obs
 
 ROOT = Path(__file__).resolve().parents[2]
+TOOL = ROOT / "tools" / "benchmarks" / "make_network.py"
 FRAME = "RTL*657700*6860700*0*IGNF:LAMB93"
 
 
@@ -103,15 +105,14 @@ def test_85_points_in_the_frame_of_the_training(shared_data, tmp_path):
         np.testing.assert_allclose(xyz, expected[name]["cartesian"], atol=0.03, err_msg=name)
 
 
-def make_network(tmp_path, *options):
-    command = [
-        sys.executable,
-        ROOT / "tools" / "benchmarks" / "make_network.py",
-        "--out",
-        tmp_path,
-        *map(str, options),
-    ]
-    subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+def make_network(tmp_path, *options, in_a_process=False):
+    command = [str(TOOL), "--out", str(tmp_path), *map(str, options)]
+    if in_a_process:
+        subprocess.run([sys.executable, *command], check=True, capture_output=True, cwd=ROOT)
+    else:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", command)
+            runpy.run_path(command[0], run_name="__main__")
     return tmp_path / "network.obs", tmp_path / "network.cor", read_cor(tmp_path / "true.cor")
 
 
@@ -152,7 +153,7 @@ def test_large_network_with_few_isolated_known_points_is_tied_by_a_local_frame(t
 def test_made_network_is_the_same_for_the_same_seed(tmp_path):
     options = ("--points", 60, "--observations", 300)
     first, _, true = make_network(tmp_path / "a", *options, "--seed", 7)
-    second, _, _ = make_network(tmp_path / "b", *options, "--seed", 7)
+    second, _, _ = make_network(tmp_path / "b", *options, "--seed", 7, in_a_process=True)
     third, _, _ = make_network(tmp_path / "c", *options, "--seed", 8)
     assert first.read_bytes() == second.read_bytes() != third.read_bytes()
     assert len(true) == 60
