@@ -127,7 +127,7 @@ def _other_system(tree):
     [
         (_no_calibration, [CALIBRATION, IMAGE, "Ori/Start"]),
         (_no_pose, [IMAGE, "there is no pose"]),
-        (_one_line, ["20 control points are on a line"]),
+        (_one_line, ["20 control points", "are on a line"]),
         (_no_datum, ["no datum"]),
         (_behind, ["behind the camera", "image IGN2"]),
         (_twice, ["'G00' is given twice"]),

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
-from obseq.survey import Network, network_from_tables
+from obseq.survey import Network, estimating, network_from_tables
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
@@ -42,7 +42,7 @@ OBS = """#FIX
 14 B P 0 0.01
 15 B P 0 0.01
 """
-ANGLES = {("Hz", False), ("Azim", False), ("Zen", False)}
+ANGLES = {("Hz", False), ("Azim", False), ("Zen", False), ("ZenK", False)}
 STEP = 20.0  # m
 ORDERS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
@@ -101,16 +101,18 @@ def residuals(of, places):
     return {family: of.system.residuals(batch)[:, 0] for family, (_, batch) in of.batches.items()}
 
 
-def test_derivatives_are_those_of_residuals_whose_plumb_lines_turn(tmp_path):
+@pytest.mark.parametrize("unknowns", [[], ["refraction", "frame-scale"]])
+def test_derivatives_are_those_of_residuals_whose_plumb_lines_turn(tmp_path, unknowns):
     """Sights of some kilometres: plumb lines that did not turn would make 1e-3 of a derivative."""
     given = network(tmp_path)
+    given = replace(given, book=estimating(given.book, unknowns)) if unknowns else given
     orientations = given.book.stations.orientations.copy()
     orientations[-1] = Orientation.GRID
     assert set(orientations) == set(Orientation)
     made = equations(given, orientations)
     derivatives = by_points(made)
     expected = differences(made)
-    assert len(derivatives) == 7
+    assert len(derivatives) == (6 if unknowns else 7)
     for family, rows in derivatives.items():
         largest = np.abs(rows).max(axis=(1, 2))[:, None, None]
         np.testing.assert_allclose(rows / largest, expected[family] / largest, rtol=0, atol=1e-9)

@@ -82,7 +82,15 @@ class Equations:
         self.instruments = Instruments(self.system, self._plumb, book, initial)
         self.known = KnownCoordinates(self.system, self.points, points, point_system)
         self.shared = SharedUnknowns(self.system, book)
-        self._site = NetworkSite(frame, self._plumb, book, self.points, self.instruments.ids, self.shared)
+        self._site = NetworkSite(
+            frame,
+            self._plumb,
+            book,
+            self.points,
+            self.instruments.ids,
+            self.shared,
+            self.instruments.turning,
+        )
         self.shared.add(self._site, initial.coordinates)
         self._shadows: list[tuple[IntArray, Batch]] = []
         self._joint: JointRows | None = None

@@ -32,6 +32,7 @@ class Instruments:
 
     Attributes:
         ids: Block of the rotation of every station.
+        turning: (n_points,) whether the plumb line of each point turns with it in derivatives.
     """
 
     def __init__(self, system: LeastSquares, plumb: Plumb, book: FieldBook, initial: InitialValues) -> None:
@@ -46,7 +47,8 @@ class Instruments:
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
         self._grid = book.stations.orientations == Orientation.GRID
-        self._turning = held_in_plan(plumb.points, book)[self._origins] if plumb.turn else None
+        nowhere = np.zeros(len(book.point_names), np.bool_)
+        self.turning = held_in_plan(plumb.points, book) if plumb.turn else nowhere
         self._verticals = plumb.axes(self._origins, initial.coordinates)
         values = self._with_turns(self._started(initial), initial.coordinates)
         manifold = TURNING if plumb.turn else ROTATION
@@ -99,11 +101,11 @@ class Instruments:
 
     def _with_turns(self, rotations: FloatArray, coordinates: FloatArray) -> FloatArray:
         """(m, 3, 6) rotations, and their turns with their points beside them; rotations in a plane."""
-        if self._turning is None:
+        if not self._plumb.turn:
             return rotations
         turns = self._plumb.turns(self._origins, coordinates)
         turns[self._grid] = _turns_along_grid(rotations[self._grid], turns[self._grid])
-        turns[~self._turning] = 0.0
+        turns[~self.turning[self._origins]] = 0.0
         return np.concatenate([rotations, turns], axis=2)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.adjustment.plumb import Plumb
     from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
@@ -29,6 +29,7 @@ class NetworkSite:
         points: Block of every point.
         rotations: Block of the rotation of every station.
         shared_unknowns: Blocks of the unknowns of groups.
+        turning: Whether the plumb line of each point turns with it in derivatives.
     """
 
     frame: Frame
@@ -37,6 +38,7 @@ class NetworkSite:
     points: IntArray
     rotations: IntArray
     shared_unknowns: SharedUnknowns
+    turning: BoolArray
 
     @property
     def is_plane(self) -> bool:
@@ -122,6 +124,11 @@ class NetworkSite:
     def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
         return self.plumb.axes(self.book.observations.from_points[rows].astype(np.int64), coordinates)
+
+    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) what these turn by when the first points move, in the frame (rad per m)."""
+        origins = self.book.observations.from_points[rows].astype(np.int64)
+        return self.turning[origins, None, None] * self.plumb.turns(origins, coordinates)
 
     def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""

@@ -45,18 +45,24 @@ class OfInstrument(ObservationKind):
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Derivatives by both ends, and by the unknowns."""
         along = self.towards(site, rows, coordinates)[1]
-        return np.hstack([-along, along, -self.shares(site, rows, coordinates)])
+        turned = self.turned(site, rows, coordinates)
+        return np.hstack([turned - along, along, -self.shares(site, rows, coordinates)])
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """What makes the row that of the tangent there."""
         computed, along = self.towards(site, rows, coordinates)
         first, last = site.positions(rows, coordinates)
         here = np.einsum("ni,ni->n", along, last - first)
+        here += np.einsum("ni,ni->n", self.turned(site, rows, coordinates), first)
         return np.asarray(self.reading(site, rows, coordinates) - computed + here)
 
     def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) computed values without the unknowns, and (n, 3) derivatives by the target."""
         raise NotImplementedError
+
+    def turned(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) derivatives by the origin through the plumb line, which turns with it."""
+        return np.zeros((len(rows), 3))
 
     def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, k) what one unit of each unknown adds to what was read."""
@@ -109,6 +115,14 @@ class ZenithWithRefraction(OfInstrument):
         square = np.square(flat) + np.square(up)
         local = np.column_stack([east * up / flat, north * up / flat, -flat]) / square[:, None]
         return np.arctan2(flat, up), np.einsum("ni,nij->nj", local, axes)
+
+    def turned(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """What the up direction leans towards the target."""
+        axes, sights = site.verticals(rows, coordinates), self.sights(site, rows, coordinates)
+        east, north, _ = np.einsum("nij,nj->in", axes, sights)
+        flat = np.maximum(np.hypot(east, north), SHORTEST)
+        across = (north / flat)[:, None] * axes[:, 0] - (east / flat)[:, None] * axes[:, 1]
+        return np.asarray(np.einsum("ni,nij->nj", across, site.turns(rows, coordinates)))
 
     def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The correction for a coefficient of 1."""

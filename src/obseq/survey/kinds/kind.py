@@ -132,6 +132,9 @@ class Site(Protocol):
     def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
 
+    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) what these turn by when the first points move, in the frame (rad per m)."""
+
     def offsets(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) offsets of the targets above their points minus those of the instruments (m)."""
 
