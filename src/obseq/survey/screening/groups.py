@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,8 +72,12 @@ class Trials:
     def __post_init__(self) -> None:
         self.model = self.model.for_trials()
         self.before = self.found.disagreement(GROSS)
+
+    @cached_property
+    def _at_start(self) -> float:
+        """Contradictions of the network as it is, at first sight."""
         at_start = estimated(self.model, self.found.points, self.found.book, GLANCE)
-        self._at_start = math.inf if at_start is None else at_start.disagreement(GROSS)
+        return math.inf if at_start is None else at_start.disagreement(GROSS)
 
     @property
     def most(self) -> int:
@@ -82,10 +87,11 @@ class Trials:
 
     def tried(self, points: Points, book: FieldBook) -> Estimate | None:
         """The network with points or observations put right; None when that does not help at first sight."""
+        promising = _PROMISING * self._at_start
         try:
             start = self.model.start(points, book)
             first = estimate(self.model, points, book, GLANCE, start)
-            if first.disagreement(GROSS) > _PROMISING * self._at_start:
+            if first.disagreement(GROSS) > promising:
                 return None
             return estimate(self.model, points, book, QUICK, start)
         except ObseqError:
