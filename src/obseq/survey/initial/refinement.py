@@ -13,7 +13,7 @@ from obseq.survey.initial.closed_forms import Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, plus, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
-    Measured,
+    READING_AT,
     Relation,
     distance_to,
     misfit,
@@ -69,7 +69,7 @@ def refine(
             strength is then that of the weighted system.
     """
     position = start
-    free_stations = sorted({c.station for c in relations if c.kind == Measured.READING_AT and c.g0 is None})
+    free_stations = sorted({c.station for c in relations if c.kind == READING_AT and c.g0 is None})
     length = _mean_distance(known, relations, start)
     layout = (axes, length, free_stations)
     weights = np.ones(len(relations))
@@ -111,7 +111,7 @@ def agreeing(
     g0s = station_g0s(known, used, refined.position, vertical)
     found = list(used)
     for c in relations:
-        is_known = c.kind != Measured.READING_AT or c.station in g0s
+        is_known = c.kind != READING_AT or c.station in g0s
         if c in used or known.positions[c.other] is None or not is_known:
             continue
         if _relative_misfit(known, c, refined, vertical, g0s, sigmas) <= _AGREES:
@@ -209,6 +209,6 @@ def _linearised(
             if relation.kind in ANGLES:
                 difference = wrap(difference)
             jacobian[row, column] = difference * unit / step
-        if relation.station in free_stations and relation.kind == Measured.READING_AT:
+        if relation.station in free_stations and relation.kind == READING_AT:
             jacobian[row, len(axes) + free_stations.index(relation.station)] = -1.0
     return jacobian, residuals

@@ -43,7 +43,9 @@ class Measured(enum.IntEnum):
     NORTH = 11
 
 
-# sets made once: `misfit` is the innermost function of all this
+# made once: `misfit` is the innermost function of all this, and to look a member up takes longer than a sine
+_LEVEL, _DISTANCE, _AZIMUTH, _EAST = Measured.LEVEL, Measured.DISTANCE, Measured.AZIMUTH, Measured.EAST
+READING_AT = Measured.READING_AT
 _AT = frozenset((Measured.READING_AT, Measured.ZENITH_AT, Measured.HORIZONTAL_AT, Measured.RISE_AT))
 _ZENITHS = frozenset((Measured.ZENITH, Measured.ZENITH_AT))
 _PLUMB = frozenset((Measured.EAST, Measured.NORTH))
@@ -183,23 +185,23 @@ def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] |
 def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, g0: float) -> float:
     """Computed - observed (rad or m) of one relation; `vertical` and `g0` are those at the position."""
     kind, other, value = relation.kind, relation.other, relation.value
-    if kind == Measured.LEVEL:
+    if kind == _LEVEL:
         return known.height_of(position, vertical) - value
     offset = minus(position, known.position_of(other))
-    if kind == Measured.DISTANCE:
+    if kind == _DISTANCE:
         return math.hypot(*offset) - value
     if kind in _AT:
         east, north, up = times(vertical, (-offset[0], -offset[1], -offset[2]))
     else:
         east, north, up = times(known.vertical_of(other), offset)
-    if kind == Measured.AZIMUTH:
+    if kind == _AZIMUTH:
         return wrap(math.atan2(east, north) - value)
-    if kind == Measured.READING_AT:
+    if kind == READING_AT:
         return wrap(math.atan2(east, north) - g0 - value)
     if kind in _ZENITHS:
         return math.atan2(math.hypot(east, north), up) - value
     if kind in _PLUMB:
-        return (east if kind == Measured.EAST else north) - value
+        return (east if kind == _EAST else north) - value
     return (up if kind in _RISES else math.hypot(east, north)) - value
 
 
@@ -225,7 +227,7 @@ def station_g0s(
     """G0 of each station at the position: known, or from the first reading that no other contradicts."""
     differences: dict[int, list[float]] = {}
     for relation in relations:
-        if relation.kind == Measured.READING_AT:
+        if relation.kind == READING_AT:
             angle = misfit(known, relation, position, vertical, 0.0)
             given = relation.g0
             differences.setdefault(relation.station, []).append(angle if given is None else given)
