@@ -34,8 +34,9 @@ def verticals(request):
 @pytest.fixture
 def known(verticals):
     """One point with a position, among two."""
-    found = Known(["other", "point"], 1, None)
-    found.positions[0], found.verticals[0], found.has_height[0] = OTHER, as_matrix(verticals[0]), 1
+    found = Known(["other", "point"], 1, lambda points: np.repeat(verticals[:1], len(points), axis=0))
+    found.positions[0], found.has_height[0] = OTHER, 1
+    found.settle([0])
     return found
 
 
