@@ -333,6 +333,16 @@ def test_bal_in_bal_out(tmp_path, shared_data):
     np.testing.assert_allclose(again[cameras], numbers[cameras], rtol=1e-9, atol=1e-12)
 
 
+def test_two_control_points_are_too_few_and_their_file_is_named(tables, capsys):
+    folder, options, _ = tables
+    lines = (folder / "control.csv").read_text().splitlines()
+    (folder / "control.csv").write_text("\n".join(lines[:3]) + "\n")
+    assert main(["bundle", *options]) == 2
+    said = capsys.readouterr().err
+    assert f"{folder / 'control.csv'}: the images are placed by one another" in said
+    assert "there are 2; give and measure three that are not on a line" in said
+
+
 def test_angles_in_another_unit_are_told(tables, capsys):
     folder, options, poses = tables
     rows = np.hstack([poses.centres, poses.attitudes("opk") * 200.0 / np.pi]).tolist()

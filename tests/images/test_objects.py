@@ -97,3 +97,15 @@ def test_a_measure_is_outside_its_own_image():
         block.add_measures(ImagePoints.of(["l", "s"], ["2", "2"], [[120.0, 40.0], [120.0, 40.0]]))
     with pytest.raises(InputError, match=r"image l, point 3: .* is outside the image of 1000 by 800"):
         block.add_measures(ImagePoints.of(["l"], ["3"], [[20.0, -11.0]]))
+
+
+def test_millimetres_about_the_middle_are_told():
+    plate = np.array([[-4.4, -3.3], [4.4, 3.3], [0.5, -3.0], [-4.0, 3.1]])
+    pixels = plate / 0.01 + [500.0, 400.0]
+    names = ["1", "2", "3", "4"]
+    block = two_sizes()
+    with pytest.raises(
+        InputError, match=r"within 4\.4 by 3\.3 of the corner .* divide millimetres by the size"
+    ):
+        block.add_measures(ImagePoints.of(["l"] * 4, names, plate))
+    block.add_measures(ImagePoints.of(["l"] * 4, names, pixels))

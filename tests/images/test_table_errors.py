@@ -65,6 +65,14 @@ def test_control_on_a_line_is_told_with_its_lines(tmp_path):
     assert f"3 control points (P ({path}:2), Q ({path}:4), R ({path}:5)) are on a line" in str(error.value)
 
 
+def test_control_in_degrees_is_told(tmp_path):
+    table = "point,x,y,z,sigma\nP,2.0001,48.0001,10,0.01\nQ,2.0002,48.0001,75,0.01\nR,2.0,48.0,140,0.01\n"
+    measures = TABLES["measures"] + "b,Q,1000,750\na,R,1400,750\nb,R,1200,750\n"
+    high = TABLES["images"].replace("0,0,9", "2,48,900").replace("1,0,9", "3,48,900")
+    with pytest.raises(InputError, match="x and y look like degrees: give lengths, in a local frame"):
+        _filled(tmp_path, control=table, measures=measures, images=high).solve()
+
+
 def test_a_block_without_datum_is_told_with_its_files(tmp_path):
     with pytest.raises(InputError) as error:
         _filled(tmp_path).solve()

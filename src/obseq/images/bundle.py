@@ -131,7 +131,10 @@ class BundleAdjustment(Block):
         measures = functools.reduce(ImagePoints.joined, (part.measures for part in self.sets))
         cameras = {image: self.cameras[name] for image, name in self.camera_of.items()}
         given = self.poses.select([image for image in self.poses.images if image in measured])
-        growth = place_images(measures, self.control, cameras, given)
+        try:
+            growth = place_images(measures, self.control, cameras, given)
+        except InputError as error:
+            raise InputError(f"{self.source}{error}") from None
         lost = growth.waiting()
         if lost:
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")

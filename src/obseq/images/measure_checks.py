@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""
+FEW = 4
+"""Measures that say nothing of their unit are fewer."""
+SMALL = 0.05
+"""Share of their images within which measures about the corner are in another unit."""
+CONVENTION = (
+    "; pixels are counted from the upper left corner here, x to the right, y down: for an origin in the "
+    "middle of the image add half of its width and height, divide millimetres by the size of a pixel"
+)
 MANY = 0.1
 """Share of the measures outside their images that no single mistakes explain."""
 
@@ -38,6 +46,7 @@ def check_frames(cameras: Sequence[Camera], measures: ImagePoints) -> None:
     """
     sizes = np.array([(c.width or np.inf, c.height or np.inf) for c in cameras]).reshape(-1, 2)
     lowest = np.array([-MARGIN if c.width else -np.inf for c in cameras])
+    _check_unit(measures, sizes)
     if _are_within(measures.xy, lowest, sizes):
         return
     size, low = sizes.take(measures.image, axis=0), lowest.take(measures.image)[:, None]
@@ -53,6 +62,20 @@ def check_frames(cameras: Sequence[Camera], measures: ImagePoints) -> None:
         )
 
 
+def _check_unit(measures: ImagePoints, sizes: FloatArray) -> None:
+    """Refuses measures that all lie about the corner of their images, and on both sides of it."""
+    if len(measures) < FEW or not np.isfinite(sizes).all():
+        return
+    low, high = measures.xy.min(axis=0), measures.xy.max(axis=0)
+    if (low < 0.0).all() and (np.maximum(-low, high) < SMALL * sizes.min(axis=0)).all():
+        (x, y), (wide, deep) = np.maximum(-low, high), sizes.min(axis=0)
+        raise RowError(
+            f"{measures.label(0)}: all measures lie within {x:.3g} by {y:.3g} of the corner of images of "
+            f"{wide:g} by {deep:g} pixels" + CONVENTION,
+            0,
+        )
+
+
 def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
     """Whether pixels lie in the smallest of several images, and so in all."""
     if not len(xy) or (np.isinf(sizes).all() and np.isinf(lowest).all()):
@@ -65,10 +88,7 @@ def _origin(outside: int, measures: int) -> str:
     """What many measures outside their images may mean."""
     if outside < MANY * measures:
         return ""
-    return (
-        "; pixels are counted from the upper left corner here, x to the right, y down: for an origin in the "
-        "middle of the image add half of its width and height, divide millimetres by the size of a pixel"
-    )
+    return CONVENTION
 
 
 def check_pair(known: ImagePoints, measures: ImagePoints) -> None:

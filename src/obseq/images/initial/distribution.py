@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 COLLINEAR = 1e-4
 """Below this linearity, points are on a line for a resection."""
+DEGREES = 1e-3
+"""Share of their range in height that x and y of points in degrees do not reach."""
 NAMED = 5
 """Names of points in a message."""
 
@@ -110,5 +112,13 @@ def check_spread(points: FloatArray, what: str, names: Sequence[str] = ()) -> No
         listed = f" ({first})" if names else ""
         raise InputError(
             f"{what}: its {len(points)} control points{listed} are on a line, which leaves the rotation "
-            "about it undetermined; add a point beside the line"
+            f"about it undetermined; {_remedy(points)}"
         )
+
+
+def _remedy(points: FloatArray) -> str:
+    """What to do about points (n, 3) on a line."""
+    across, up = np.ptp(points[:, :2], axis=0).max(), float(np.ptp(points[:, 2]))
+    if across < DEGREES * up and np.abs(points[:, :2]).max() <= 360.0:
+        return "x and y look like degrees: give lengths, in a local frame"
+    return "add a point beside the line"

@@ -230,4 +230,11 @@ def _to_frame(growth: Growth, known: ControlPoints) -> None:
     if sum(name in set(known.names) for name in found.names) < LEAST_OF_A_FRAME:
         found = growth.points(np.inf)  # a block that has drifted: the adjustment will bend it back
     common = [name for name in found.names if name in set(known.names)]
-    growth.transform(*similarity(found.select(common).coordinates, known.select(common).coordinates))
+    try:
+        moved = similarity(found.select(common).coordinates, known.select(common).coordinates)
+    except InputError as error:
+        raise InputError(
+            f"the images are placed by one another, and control points bring them to the world: {error}; "
+            "give and measure three that are not on a line, or give poses"
+        ) from None
+    growth.transform(*moved)

@@ -228,7 +228,8 @@ def _check_fit(
         raise InputError(
             f"image {image}: the best pose leaves a median residual of {middle:.1f} pixels; look for wrong "
             f"point names, a wrong camera ({camera.name}, focal length {camera.focal:g} pixels), "
-            "a distortion that is not zero, or lines that were counted upwards (y goes down here)"
+            "a distortion that is not zero, lines that were counted upwards (y goes down here), or control "
+            "points whose x and y are exchanged"
         )
     if second < AMBIGUOUS:
         raise InputError(
