@@ -127,9 +127,9 @@ def _other_system(tree):
     [
         (_no_calibration, [CALIBRATION, IMAGE, "Ori/Start"]),
         (_no_pose, [IMAGE, "there is no pose"]),
-        (_one_line, ["20 control points", "are on a line"]),
-        (_no_datum, ["no datum"]),
-        (_behind, ["behind the camera", "image IGN2"]),
+        (_one_line, ["ObjCoordWorld/Gnd: the block: its 20 control points (G00, ", "are on a line"]),
+        (_no_datum, ["ObjCoordWorld/Gnd: the block has no datum"]),
+        (_behind, ["behind the camera", "ObjMesInstr/Gnd: image IGN2"]),
         (_twice, ["'G00' is given twice"]),
         (_measured_twice, [IMAGE, "G00", "measured twice"]),
         (_broken, [f"MesIm-{IMAGE}.xml", "the XML is broken"]),

@@ -154,11 +154,12 @@ class Block:
             self.control_origins.append((control.names, origin))
 
     def control_places(self, names: Sequence[str]) -> list[str]:
-        """Control points in words: their names, with file and line where these are known."""
+        """Control points in words: their names, with file and line where lines are known."""
         found = {
             name: f"{name} ({origin.place(row)})"
             for known, origin in self.control_origins
             for row, name in enumerate(known)
+            if origin.lines
         }
         return [found.get(name, name) for name in names]
 

@@ -54,20 +54,22 @@ def assembled(
         raise InputError(
             "not any measure in images: give GCP2D, GCPW or TiePWeight (topo-adjust takes survey alone)"
         )
-    parts = [(part, _targets(tree, part, selection)) for part in options.measures]
-    parts += [(part, _tracks(tree, part, selection)) for part in options.ties]
-    images = list(dict.fromkeys(name for _, measures in parts for name in measures.image_names))
+    parts = [(part, _targets(tree, part, selection), tree.measures(part.folder)) for part in options.measures]
+    parts += [
+        (part, _tracks(tree, part, selection), tree.folder("MulTieP", part.folder)) for part in options.ties
+    ]
+    images = list(dict.fromkeys(name for _, measures, _ in parts for name in measures.image_names))
     poses, cameras = read_orientation(tree.orientation(orientation), images)
     control, definition = control_of(tree, options)
     _require_one_system(tree, orientation, definition)
     block = BundleAdjustment()
     block.add_cameras(*cameras.values())
     block.add_poses(poses)
-    rays = Counter(name for _, measures in parts for name in _point_of_each(measures))
+    rays = Counter(name for _, measures, _ in parts for name in _point_of_each(measures))
     _add_points(block, tree, options, control, rays, definition)
-    for part, measures in parts:
+    for part, measures, folder in parts:
         weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
-        block.add_measures(_coded(measures, control), weighting, part.folder, origin=Origin(part.folder))
+        block.add_measures(_coded(measures, control), weighting, part.folder, origin=Origin(str(folder)))
     _add_rules(block, tree, options)
     if options.rigid is not None:
         _add_rigid(block, tree, options)
@@ -126,15 +128,18 @@ def _add_points(
     A free point of two rays or more starts where they meet, like any tie point, and not at the coordinates of
     the file: rough ones would make all its measures look like blunders.
     """
+    origin = Origin(", ".join(str(tree.points(part.folder)) for part in options.points))
     free = np.asarray(control.is_free.all(axis=1))
     tie = {name for name, is_free in zip(control.names, free, strict=True) if is_free and rays[name] > 1}
     if options.survey is None:
-        block.add_control_points(control.select([name for name in control.names if name not in tie]))
+        block.add_control_points(control.select([name for name in control.names if name not in tie]), origin)
         return
     folder = tree.topo(options.survey)
     book = read_topo(folder)
     alone = {name for name in control.names if name in book.point_names and not rays[name]}
-    block.add_control_points(control.select([name for name in control.names if name not in alone | tie]))
+    block.add_control_points(
+        control.select([name for name in control.names if name not in alone | tie]), origin
+    )
     points = _survey_points(folder, book, control, alone, tie)
     block.add_survey(network_of(points, book, definition))
 

@@ -55,7 +55,8 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
     if others == len(block.lengths.values) and (known.all(axis=1) == known.any(axis=1)).all():
         rows = np.flatnonzero(known.all(axis=1))
         places = block.control_places([start.points[row] for row in rows])
-        check_spread(start.coordinates[rows], "the block", places)
+        what = "the block" if any(origin.lines for _, origin in block.control_origins) else ""
+        check_spread(start.coordinates[rows], what or f"{block.source}the block", places)
 
 
 def _idle(start: Start) -> str:
