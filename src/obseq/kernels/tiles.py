@@ -116,7 +116,7 @@ def evaluate(
     residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
     derived = residuals + values.shape[1] * STRIDE
     for start in range(0, unknowns.shape[0], tiles.size // tile_size * LANES):
-        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start)):
+        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start, 0)):
             read_lanes(tiles, k * tile_size + residuals, values, start + k * LANES)
             read_lanes(tiles, k * tile_size + derived, derivatives, start + k * LANES)
 
@@ -129,15 +129,19 @@ def run_tiles(
     unknowns: FloatRows,
     observations: FloatRows,
     start: int,
+    ahead: int,
 ) -> int:
-    """Fills tiles with rows of arguments, from row `start` on, and runs a kernel; how many tiles it took."""
+    """Fills tiles with rows of arguments, from row `start` on, and runs a kernel; how many tiles it took.
+
+    So many rows `ahead` are asked for meanwhile, for arguments that no cache holds.
+    """
     observed = unknowns.shape[1] * STRIDE
     n_tiles: int = min(tiles.size // tile_size, (unknowns.shape[0] - start + LANES - 1) // LANES)
     for k in range(n_tiles):
         fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES)
         fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES)
-    ask_for_rows(unknowns, start + n_tiles * LANES, n_tiles * LANES)
-    ask_for_rows(observations, start + n_tiles * LANES, n_tiles * LANES)
+    ask_for_rows(unknowns, start + n_tiles * LANES, ahead)
+    ask_for_rows(observations, start + n_tiles * LANES, ahead)
     call_kernel(address, tiles, n_tiles)
     return n_tiles
 
@@ -174,8 +178,9 @@ def evaluate_to_memory(
     tile_size, width = n_rows * STRIDE, derivatives.shape[1]
     residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
     derived = residuals + values.shape[1] * STRIDE
-    for start in range(0, unknowns.shape[0], tiles.size // tile_size * LANES):
-        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start)):
+    ahead = tiles.size // tile_size * LANES
+    for start in range(0, unknowns.shape[0], ahead):
+        for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start, ahead)):
             first = start + k * LANES
             read_lanes(tiles, k * tile_size + residuals, values, first)
             read_lanes(tiles, k * tile_size + derived, rows, 0)
