@@ -22,6 +22,7 @@ def raising(error: BaseException):
 @pytest.fixture
 def fail_with(monkeypatch):
     """Make `obseq versions` raise an error."""
+    monkeypatch.setattr(command, "parser", command.parser.__wrapped__)
     return lambda error: monkeypatch.setattr(command.versions, "run", raising(error))
 
 

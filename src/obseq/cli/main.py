@@ -7,6 +7,7 @@ with one message on standard error; 130 interrupted from the keyboard, or told t
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import cache
 
 from obseq.cli import (
     adjust,
@@ -38,8 +39,9 @@ EPILOG = """\
 exit code: 0 done; 1 done, and a check failed; 2 could not run, with one message that says why"""
 
 
+@cache
 def parser() -> argparse.ArgumentParser:
-    """The parser of the command line, with every subcommand."""
+    """The parser of the command line, with every subcommand; a process makes it once."""
     top = argparse.ArgumentParser(
         prog="obseq",
         description=DESCRIPTION,
