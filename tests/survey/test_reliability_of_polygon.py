@@ -14,7 +14,7 @@ import pytest
 
 from obseq import crs
 from obseq.crs.refraction import refraction_correction
-from obseq.survey import KINDS, Network
+from obseq.survey import KINDS, Datum, Network
 
 CODES = {kind.name: kind.code for kind in KINDS}
 STEP = 5e-3  # m: differences of the sixth order are good to 1e-12 of the derivatives
@@ -144,3 +144,13 @@ def test_residuals_differ_from_those_of_comp3d_by_its_rounding(known):
         is_length = row.unit == "m"
         gap = row.residual - theirs["residual"] / (1.0 if is_length else GON)
         assert abs(gap) < (3e-9 if is_length else 1e-9), row
+
+
+def test_redundancies_do_not_depend_on_the_datum(polygon, shared_data):
+    """Inner constraints, without the azimuth, instead of one known point; the plumb lines of both turn."""
+    network = Network.read_project(shared_data / "comp3d-polygone-k06" / "project.comp")
+    free = [row for row in network.adjust(datum=Datum("inner")).record().observations if row.active]
+    given = [row for row in polygon.records if row.type != "Azim"]
+    assert len(free) == len(given) == 359
+    found, expected = ([row.redundancy for row in rows] for rows in (free, given))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)

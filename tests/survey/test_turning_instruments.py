@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
-from obseq.survey import Network, estimating, network_from_tables
+from obseq.survey import Datum, Network, estimating, network_from_tables
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
@@ -140,6 +140,17 @@ def test_one_known_point_leaves_the_rotation_and_known_heights_the_position(size
         surveyed(size, heights | {"D": (0.001, 0.001, None), "A": (0.001, 0.001, None)}).adjust().sigma0
         < 1e-4
     )
+
+
+@pytest.mark.parametrize("size", [10.0, 1000.0, 10_000.0, 200_000.0])
+def test_free_networks_move_over_the_earth_and_turn_whatever_their_size(size):
+    """Nothing is known of a free network: redundancies are those of one point and one direction held."""
+    free = surveyed(size, {"A": (1e-3,) * 3, "B": (1e-3,) * 3}).adjust(datum=Datum("inner"))
+    assert free.solution.redundancy == 24  # 36 observations, 12 coordinates and 4 orientations less 4
+    assert sum(row.redundancy for row in free.record().observations) == pytest.approx(24.0, abs=1e-7)
+    held = surveyed(size, {"A": (1e-3, 1e-3, 1e-3), "B": (1e3 * size, 1e-3, None)}).adjust()
+    for one, other in zip(free.record().observations, held.record().observations, strict=True):
+        assert one.redundancy == pytest.approx(other.redundancy, abs=2e-9 + 1e-14 * size**2)
 
 
 def surveyed(size, known):

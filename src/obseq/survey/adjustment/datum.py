@@ -10,6 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.survey.adjustment.links import is_one_part
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Orientation
 
@@ -158,3 +159,22 @@ def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[n
     follows = np.isin(rows.types, reading) & (rows.stations >= 0)
     follows &= turns[at] if len(turns) else False
     return bool((rows.active & ~follows & ~np.isin(rows.types, alike)).any())
+
+
+def moves_freely(
+    points: Points, book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]
+) -> bool:
+    """Whether nothing is known of any point, and no observation changes when all move over the Earth.
+
+    Their plumb lines then turn with them, as far as the Earth is a sphere. Networks of several parts are not
+    meant, which would move one by one.
+
+    Args:
+        points: The points.
+        book: The observations.
+        orientations: (m,) values of `Orientation` of the stations.
+    """
+    bound = codes_where(lambda kind: not kind.moves_freely)
+    if not points.is_free.all() or (np.isin(book.observations.types, bound) & book.observations.active).any():
+        return False
+    return is_one_part(book) and not is_oriented(book, orientations)

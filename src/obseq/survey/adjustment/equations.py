@@ -9,7 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.datum import combinations_of, is_held, is_oriented, normal_rows_turn
+from obseq.survey.adjustment.datum import (
+    combinations_of,
+    is_held,
+    is_oriented,
+    moves_freely,
+    normal_rows_turn,
+)
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
@@ -130,17 +136,19 @@ class Equations:
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            loose = np.zeros((len(points), 3, 0))
-            turn = self._frame.turn(initial.coordinates)
-            if self._may_turn(points, initial, turn):
-                loose = turn[:, :, None]
+            motions = self._frame.motions(initial.coordinates)
+            if self.instruments.turning.any() and moves_freely(points, self._book, initial.orientations):
+                loose = motions
+            else:
+                loose = motions[:, :, 3 if self._may_turn(points, initial, motions[:, :, 3]) else 4 :]
             self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
 
     def _may_turn(self, points: Points, initial: InitialValues, turn: FloatArray) -> bool:
         """Whether nothing orients the network but the curvature of the Earth.
 
-        The Jacobian takes verticals as they are: where they are not parallel they hold, in appearance, a
-        rotation about the vertical, with a precision of degrees.
+        The Jacobian of a network that others than instruments hold upright takes verticals as they are: where
+        they are not parallel they hold, in appearance, a rotation about the vertical, with a precision of
+        degrees.
         """
         if self._frame.is_plane or not self._frame.has_vertical:
             return False

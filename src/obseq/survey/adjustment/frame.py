@@ -92,6 +92,12 @@ class Frame:
         centre = points.mean(axis=0)
         return np.cross(self.vertical(centre[None])[0, 2], points - centre)
 
+    def motions(self, points: FloatArray) -> FloatArray:
+        """(n, 3, 4) how points (n, 3) move to the east, north and up of their middle, and in that turn."""
+        axes = self.vertical(points.mean(axis=0)[None])[0]
+        moved = np.broadcast_to(axes.T, (len(points), 3, 3))
+        return np.concatenate([moved, self.turn(points)[:, :, None]], axis=2)
+
     @property
     def plumb(self) -> Callable[[FloatArray], FloatArray] | None:
         """What gives the vertical of points; None in a system without."""

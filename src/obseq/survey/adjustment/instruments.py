@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.problem.manifolds import ROTATION, TURNING
+from obseq.survey.adjustment.datum import moves_freely
 from obseq.survey.adjustment.labels import station_names
 from obseq.survey.adjustment.links import held_in_plan
 from obseq.survey.model import Orientation
@@ -27,8 +28,8 @@ class Instruments:
 
     They follow their station: when its point moves, the vertical there turns with it, and the instrument
     keeps its orientation with respect to the vertical, or stays along the grid. That is part of the
-    derivatives by the point where something holds the plan of the network; else plumb lines would say where
-    on the Earth it is, to some ten metres.
+    derivatives by the point where something holds the plan of the network, or nothing holds it at all; else
+    plumb lines would say where on the Earth it is, to some ten metres.
 
     Attributes:
         ids: Block of the rotation of every station.
@@ -47,8 +48,10 @@ class Instruments:
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
         self._grid = book.stations.orientations == Orientation.GRID
-        nowhere = np.zeros(len(book.point_names), np.bool_)
-        self.turning = held_in_plan(plumb.points, book) if plumb.turn else nowhere
+        self.turning = np.zeros(len(book.point_names), np.bool_)
+        if plumb.turn:
+            is_free = moves_freely(plumb.points, book, initial.orientations)
+            self.turning = held_in_plan(plumb.points, book) | is_free
         self._verticals = plumb.axes(self._origins, initial.coordinates)
         values = self._with_turns(self._started(initial), initial.coordinates)
         manifold = TURNING if plumb.turn else ROTATION

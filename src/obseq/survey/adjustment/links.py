@@ -31,6 +31,12 @@ def held_in_plan(points: Points, book: FieldBook) -> BoolArray:
     return _linked(part, is_known[:, 0], observed) & _linked(part, is_known[:, 1], observed)
 
 
+def is_one_part(book: FieldBook) -> bool:
+    """Whether active observations join all points that have any."""
+    first, _ = _joined(book)
+    return len(np.unique(parts_of(book)[first])) == 1
+
+
 def parts_of(book: FieldBook) -> IntArray:
     """(n,) for each point the first of those that active observations join it to, however indirectly."""
     first, second = _joined(book)

@@ -82,6 +82,11 @@ class OfInstrument(ObservationKind):
 class CalibratedDistance(OfInstrument):
     """A slope distance of an instrument: true = read (1 + scale) + constant."""
 
+    @property
+    def moves_freely(self) -> bool:
+        """As other slope distances."""
+        return True
+
     def problem(self, value: float) -> str | None:
         """Distances are positive."""
         return None if value > 0.0 else "is not positive"

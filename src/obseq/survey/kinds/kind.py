@@ -222,6 +222,11 @@ class ObservationKind:
         return "rad" if self.is_angle else "m"
 
     @property
+    def moves_freely(self) -> bool:
+        """Whether it stays the same when a network moves over the Earth, its plumb lines with it."""
+        return self.needs_station or self.horizontal is not None
+
+    @property
     def places_in_plan(self) -> bool:
         """Whether one observation says where its point is in plan."""
         return self.is_absolute
