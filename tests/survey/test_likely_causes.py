@@ -176,6 +176,17 @@ def test_sigmas_that_are_far_too_small_are_no_gross_errors_one_by_one(planted, t
     assert error.cause is Cause.SIGMAS and "sigmas are too small" in error.text
 
 
+@pytest.mark.parametrize("seed", [5, 7])
+def test_one_of_only_two_known_points_is_mistyped(planted, tmp_path, seed):
+    """Without it nothing orients the network, and the others place it all the same."""
+    site = planted.made_site(np.random.default_rng(seed))
+    for words in site.cor[2:]:
+        words[0], words[5:] = "0", []
+    site.cor[1][3] = repr(float(site.cor[1][3]) + 1e5)
+    (error,) = errors_of(site, tmp_path)
+    assert error.points == ("K2",) and error.text.endswith("northing (y): one digit is wrong")
+
+
 def test_an_ambiguous_error_is_adjusted_and_recorded(tmp_path):
     levelled(tmp_path, LOOP, marks("BM1"), lambda line, rise: rise + 0.3 * (line == "B-C"))
     record = Network.read(tmp_path / "l.obs", tmp_path / "l.cor").adjust().record()

@@ -150,7 +150,7 @@ def _observations(tested: _Tested) -> Iterator[tuple[float, Alternative]]:
     names = ("w", "left_out_residuals", "redundancy")
     w, misfits, redundancy = (tested.of_observations(name) for name in names)
     sigmas = tested.equations.fitted(tested.solution)[1]
-    for row in np.flatnonzero(np.isfinite(w)).tolist():
+    for row in np.flatnonzero(np.isfinite(w) & (redundancy > 0.0)).tolist():
         spread = float(sigmas[row] / redundancy[row] ** 0.5)
         yield float(w[row]), Alternative(row, -1, -1, -float(misfits[row]), spread)
 

@@ -8,12 +8,12 @@ residuals have no effect at all.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import ObseqError
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.report.units import METRIC, Units
 from obseq.survey.adjustment.equations import sigmas_of
@@ -165,10 +165,25 @@ def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquare
         for batch in batches:
             batch.loss = loss
         try:
-            found = equations.system.solve(max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
+            found = _solved(equations, max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
         except ObseqError:
             return equations.system  # what has been found so far is what there is
     return found
+
+
+def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:
+    """The solution; of a network that a trial has left free to turn, say, the one that moves points least."""
+    system = equations.system
+    try:
+        return system.solve(**options)
+    except SingularSystemError:
+        if system.datum.scalars.size:
+            raise
+        system.set_datum(equations.points)
+        try:
+            return system.solve(**options)
+        finally:
+            system.set_datum([])
 
 
 def _estimate(
