@@ -96,6 +96,17 @@ def test_a_regular_system_is_left_as_it_is():
     np.testing.assert_allclose(solver.solve(np.eye(24)), np.linalg.inv(matrix), atol=1e-12)
 
 
+def test_a_direction_that_is_not_loose_is_refused():
+    _, matrix = free_network()
+    pattern, values = SymmetricPattern.of(matrix)
+    along = np.random.default_rng(2).normal(size=(len(matrix), 1))
+    chosen = np.ones(len(matrix), np.bool_)
+    solver = DatumSolver(choose_solver(pattern, "dense"), chosen, lambda: 0.0 * along[:, 0], loose=along)
+    solver.analyse(pattern)
+    with pytest.raises(InputError, match="direction 0 of the datum, said to be loose, is determined"):
+        solver.factor(values)
+
+
 def test_a_datum_of_one_point_does_not_fix_a_rotation():
     _, matrix = free_network()
     with pytest.raises(InputError, match="3 free parameters"):

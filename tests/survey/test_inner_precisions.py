@@ -84,6 +84,21 @@ def test_zenith_angles_and_distances_on_the_earth_leave_the_turn_about_the_verti
     assert "the rotation about z" in texts
 
 
+def test_levelling_between_points_of_known_plan_leaves_the_height_alone():
+    """Heights change when points turn about the vertical on the curved Earth; those of known plan do not turn."""
+    generator = np.random.default_rng(4)
+    names, plan = [f"P{k}" for k in range(14)], generator.uniform(-4000.0, 4000.0, (14, 2))
+    heights = generator.uniform(0.0, 100.0, 14)
+    ways = [(k, (k + 1) % 14) for k in range(14)] + [(k, (k + 5) % 14) for k in range(9)]
+    points = {"name": names, "x": plan[:, 0], "y": plan[:, 1], "z": heights}
+    points |= {"sx": [0.0] * 14, "sy": [0.0] * 14, "sz": [0.001] + [None] * 13}
+    rows = {"from": [names[a] for a, _ in ways], "to": [names[b] for _, b in ways]}
+    rows |= {"type": ["DH"] * len(ways), "value": [1.0] * len(ways), "sigma": [0.002] * len(ways)}
+    network = Simulation(network_from_tables(points, rows, frame=RTL)).without_errors()
+    record = network.adjust(datum=Datum("inner")).record()
+    assert (record.redundancy, len(record.undetermined)) == (len(ways) - 13, 1)
+
+
 def test_distances_on_the_earth_leave_six():
     *_, network = sighted(1000.0, 0.01, RTL, ("Dist",), known=())
     assert len(network.adjust(datum=Datum("inner")).record().undetermined) == 6

@@ -185,11 +185,20 @@ class DatumSolver:
         return self._kernel
 
     def _find_held(self, values: FloatArray) -> None:
-        """Factors with as many unknowns held as the kernel has dimensions, loose directions included."""
+        """Factors with as many unknowns held as the kernel has dimensions, loose directions included.
+
+        Raises:
+            InputError: A direction is not loose: holding what moves most along it does not show it.
+        """
         self._hold(values, np.zeros(0, np.int64))
-        for loose in self._loose.T:
+        for number, loose in enumerate(self._loose.T):
             while not self._is_free(values, loose):
                 weakest = self._weakest(values, loose)
+                if weakest in self._held_unknowns:
+                    raise InputError(
+                        f"direction {number} of the datum, said to be loose, is determined by the "
+                        "observations: check approximate coordinates and units"
+                    )
                 self._hold(values, np.union1d(self._held_unknowns, weakest))
 
     def _hold(self, values: FloatArray, held: IntArray) -> None:

@@ -140,7 +140,8 @@ class Equations:
             if self.instruments.turning.any() and moves_freely(points, self._book, initial.orientations):
                 loose = motions
             else:
-                loose = motions[:, :, 3 if self._may_turn(points, initial, motions[:, :, 3]) else 4 :]
+                may_turn = chosen[:, :2].any() and self._may_turn(points, initial, motions[:, :, 3])
+                loose = motions[:, :, 3 if may_turn else 4 :]
             self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
 
     def _may_turn(self, points: Points, initial: InitialValues, turn: FloatArray) -> bool:
