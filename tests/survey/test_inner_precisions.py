@@ -85,7 +85,7 @@ def test_zenith_angles_and_distances_on_the_earth_leave_the_turn_about_the_verti
 
 
 def test_levelling_between_points_of_known_plan_leaves_the_height_alone():
-    """Heights change when points turn about the vertical on the curved Earth; those of known plan do not turn."""
+    """Heights change when points turn about the vertical of a curved frame; those of known plan do not."""
     generator = np.random.default_rng(4)
     names, plan = [f"P{k}" for k in range(14)], generator.uniform(-4000.0, 4000.0, (14, 2))
     heights = generator.uniform(0.0, 100.0, 14)
