@@ -213,6 +213,22 @@ def test_a_prior_is_an_observation_of_the_unknown():
     assert result.residuals(batch)[0, 0] == pytest.approx(-4.8)
 
 
+def test_values_of_a_prior_may_be_given_anew():
+    from obseq import InputError
+
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    system.add_linear([x], [[[1.0]]], [10.0], 2.0)
+    prior = system.add_prior(x, [[4.0]], 1.0)
+    system.solve()
+    prior.values = [6.0]
+    result = system.solve()
+    assert result.values(x)[0, 0] == pytest.approx((10.0 / 4.0 + 6.0) / 1.25)
+    assert result.prior_residuals(prior) == pytest.approx([6.8 - 6.0])
+    with pytest.raises(InputError, match="prior: values"):
+        prior.values = [np.nan]
+
+
 def test_an_infinite_sigma_leaves_a_component_without_prior():
     system = LeastSquares()
     point = system.add_points(["A"], [[0.0, 0.0, 0.0]])

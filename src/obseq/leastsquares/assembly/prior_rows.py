@@ -20,7 +20,7 @@ class PriorRows:
     """The rows of some priors; false without any.
 
     Args:
-        priors: the priors; their sigmas may change.
+        priors: the priors; their values and sigmas may change.
         free: the numbering of the matrix.
     """
 
@@ -28,20 +28,21 @@ class PriorRows:
         self._priors = priors
         whole, real = np.zeros(0, dtype=np.int64), np.zeros(0)
         scalars = np.concatenate([whole, *(prior.scalars for prior in priors)])
-        values = np.concatenate([real, *(prior.values for prior in priors)])
         number = np.arange(len(priors)).repeat([len(prior.scalars) for prior in priors])
-        self._arrays = PriorArrays(scalars, free.number[scalars], values, real, number)
-        self._weights: list[FloatArray] = []
+        self._arrays = PriorArrays(scalars, free.number[scalars], real, real, number)
+        self._taken: list[FloatArray] = []
 
     def __bool__(self) -> bool:
         return len(self._priors) > 0
 
     def arrays(self) -> PriorArrays:
-        """With the weights that they have now."""
-        weights = [prior.weights for prior in self._priors]
-        if len(self._weights) != len(weights) or any(map(_differ, weights, self._weights)):
-            self._arrays = self._arrays._replace(weights=np.concatenate([np.zeros(0), *weights]))
-            self._weights = weights
+        """With the values and weights that they have now."""
+        values, weights = [prior.values for prior in self._priors], [prior.weights for prior in self._priors]
+        now = values + weights
+        if len(self._taken) != len(now) or any(map(_differ, now, self._taken)):
+            joined = [np.concatenate([np.zeros(0), *parts]) for parts in (values, weights)]
+            self._arrays = self._arrays._replace(values=joined[0], weights=joined[1])
+            self._taken = now
         return self._arrays
 
 

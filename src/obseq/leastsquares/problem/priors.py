@@ -28,7 +28,7 @@ class Prior:
         weights: (n_scalars,) inverse sigmas.
     """
 
-    __slots__ = ("_group", "_sigmas", "_table", "ids", "scalars", "values", "weights")
+    __slots__ = ("_group", "_sigmas", "_table", "_values", "ids", "scalars", "weights")
 
     def __init__(
         self, table: UnknownTable, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str
@@ -43,7 +43,7 @@ class Prior:
         spread = _checked_sigmas(table, self.ids, sigmas, shape)
         kept = np.isfinite(spread)
         self.scalars: IntArray = table.consecutive(self.ids, size)[kept]
-        self.values: FloatArray = frozen(given[kept])
+        self.values = given[kept]
         self.sigmas = spread[kept][:, None]
 
     @property
@@ -55,6 +55,15 @@ class Prior:
     def group(self) -> str:
         """Name under which sums of squares are kept."""
         return self._group
+
+    @property
+    def values(self) -> FloatArray:
+        """(n_scalars,) given values."""
+        return self._values
+
+    @values.setter
+    def values(self, new: ArrayLike) -> None:
+        self._values: FloatArray = frozen(finite(new, (self.n_scalars,), "prior: values"))
 
     @property
     def sigmas(self) -> FloatArray:
