@@ -48,3 +48,13 @@ def test_nothing_stays_of_the_shortcuts() -> None:
         hurried = [getattr(owner, name) for owner, name, _ in front_end._shortcuts()]
     assert [getattr(owner, name) for owner, name, _ in front_end._shortcuts()] == usual
     assert not any(one is other for one, other in zip(hurried, usual, strict=True))
+
+
+def test_what_another_release_of_numba_does_not_have_is_left_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core import lowering, typeinfer
+
+    for owner in (lowering, typeinfer):
+        monkeypatch.delattr(owner, "new_error_context")
+    with front_end.hurrying():
+        assert not hasattr(lowering, "new_error_context")
+    assert not hasattr(typeinfer, "new_error_context")

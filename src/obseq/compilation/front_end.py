@@ -21,7 +21,7 @@ from numba.core.types.functions import BaseFunction
 from numba.core.types.misc import unliteral
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from obseq.compilation.emission import Context, NumbaType, Value
 
@@ -80,24 +80,29 @@ class ShortForKernels(Short):
 
 @contextmanager
 def hurrying() -> Iterator[None]:
-    """Inside, numba takes shortcuts to the same results. For who holds its lock."""
+    """Inside, numba takes shortcuts to the same results. For who holds its lock.
+
+    Another release of numba goes its own way where it does not have what is replaced here.
+    """
     with ExitStack() as usual:
-        for owner, name, shortcut in _shortcuts():
-            usual.callback(setattr, owner, name, getattr(owner, name))
-            setattr(owner, name, shortcut)
+        for owner, name, shortened in _shortcuts():
+            if hasattr(owner, name):
+                usual.callback(setattr, owner, name, getattr(owner, name))
+                setattr(owner, name, shortened(getattr(owner, name)))
         yield
 
 
-def _shortcuts() -> list[tuple[Value, str, Value]]:
+def _shortcuts() -> list[tuple[Value, str, Callable[[Value], Value]]]:
+    """Whose method or function is replaced, its name, and what by, from itself."""
     silent = nullcontext()
     return [
-        (BaseFunction, "get_call_type", _remembering(BaseFunction.get_call_type)),
-        (base, "_has_loc", cache(base._has_loc)),
-        (ir.Inst, "_rec_list_vars", _variables),
-        (ir.Assign, "__str__", object.__repr__),  # asked for each time, for a message that nobody sees
-        (lowering, "new_error_context", lambda *_, **__: silent),
-        (typeinfer, "new_error_context", lambda *_, **__: silent),
-        (interpreter, "peep_hole_delete_with_exit", lambda text: text),
+        (BaseFunction, "get_call_type", _remembering),
+        (base, "_has_loc", cache),
+        (ir.Inst, "_rec_list_vars", lambda _: _variables),
+        (ir.Assign, "__str__", lambda _: object.__repr__),  # asked for each time, for a message nobody sees
+        (lowering, "new_error_context", lambda _: lambda *_, **__: silent),
+        (typeinfer, "new_error_context", lambda _: lambda *_, **__: silent),
+        (interpreter, "peep_hole_delete_with_exit", lambda _: lambda text: text),
     ]
 
 
