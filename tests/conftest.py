@@ -2,8 +2,10 @@
 
 import gc
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,20 @@ settings.load_profile("fixed")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker for each processor: more threads wait, busily
 os.fsync = lambda _: None  # what tests write need not survive a power failure; each wait is milliseconds
 gc.set_threshold(20_000, 20, 20)
+
+MEMORY = Path("/dev/shm")
+ROOM = 2 << 30  # bytes; a whole run writes an eighth of it
+
+
+def has_room(folder: Path) -> bool:
+    """Whether the folders of tests may lie there, programs that they build and run among them."""
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        return False
+    return not os.statvfs(folder).f_flag & os.ST_NOEXEC and shutil.disk_usage(folder).free > ROOM
+
+
+if "TMPDIR" not in os.environ and has_room(MEMORY):  # a file written anew on a disk waits for it
+    os.environ["TMPDIR"] = tempfile.tempdir = str(MEMORY)
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as under a runner in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)

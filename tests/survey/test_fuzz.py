@@ -24,7 +24,7 @@ def bench() -> ModuleType:
 
 
 BENCH = bench()
-OBS, COR, mutated = BENCH.OBS, BENCH.COR, BENCH.mutated
+OBS, COR, mutated, rewrite = BENCH.OBS, BENCH.COR, BENCH.mutated, BENCH.rewrite
 
 
 def flat(points):
@@ -71,8 +71,8 @@ def test_mutated_networks(tmp_path, seed):
     obs, cor = tmp_path / "n.obs", tmp_path / "n.cor"
     outcomes = []
     for _ in range(120):
-        obs.write_bytes(mutated(OBS, chance) if chance.random() < 0.8 else OBS.encode())
-        cor.write_bytes(mutated(COR, chance) if chance.random() < 0.4 else COR.encode())
+        rewrite(obs, mutated(OBS, chance) if chance.random() < 0.8 else OBS.encode())
+        rewrite(cor, mutated(COR, chance) if chance.random() < 0.4 else COR.encode())
         outcomes.append(compute(obs, cor))
     assert 0 < sum(outcomes) < len(outcomes)
 

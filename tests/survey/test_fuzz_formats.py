@@ -25,7 +25,7 @@ def outcome(bench, folder, name, seed, adjusts):
     """ "refused", "read" or "adjusted"; raises when the result cannot be trusted."""
     chance = random.Random(seed)
     path = folder / name
-    path.write_bytes(bench.mutated(TEXTS[name], chance))
+    bench.rewrite(path, bench.mutated(TEXTS[name], chance))
     try:
         network = Network.read_project(path, sigmas=[] if name == "n.gkf" else SIGMAS)
         if chance.random() >= adjusts:

@@ -130,12 +130,18 @@ def _change_digit(words: list[str], chance: random.Random) -> None:
         words[k] = words[k][:place] + chance.choice("0123456789.-e") + words[k][place + 1 :]
 
 
+def rewrite(path: Path, data: bytes) -> None:
+    """Writes a file that may be there already, as a new one: to overwrite it waits for the disk."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
+
+
 def write_case(folder: Path, seed: int) -> random.Random:
     """Write the files of one case, `n.obs` and `n.cor`; what follows of its chance is for its options."""
     chance = random.Random(seed)
     obs, cor = chance.choice((OBS, CONSISTENT)), COR
-    (folder / "n.obs").write_bytes(mutated(obs, chance) if chance.random() < 0.8 else obs.encode())
-    (folder / "n.cor").write_bytes(mutated(cor, chance) if chance.random() < 0.5 else cor.encode())
+    rewrite(folder / "n.obs", mutated(obs, chance) if chance.random() < 0.8 else obs.encode())
+    rewrite(folder / "n.cor", mutated(cor, chance) if chance.random() < 0.5 else cor.encode())
     return chance
 
 
