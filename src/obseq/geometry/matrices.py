@@ -8,16 +8,23 @@ from obseq.arrays import FloatArray, IntArray
 
 def inverse3(matrices: npt.ArrayLike) -> FloatArray:
     """Inverses (..., 3, 3) by cofactors: not finite, instead of an error, where a matrix is singular."""
-    m = np.moveaxis(np.asarray(matrices, dtype=np.float64), (-1, -2), (0, 1))
-    inverses = np.empty((*m.shape[2:], 3, 3))
-    for i, j in np.ndindex(3, 3):  # i - 2 is the axis after i, i - 1 the one before it
-        inverses[..., i, j] = m[i - 2, j - 2] * m[i - 1, j - 1] - m[i - 2, j - 1] * m[i - 1, j - 2]
+    given = np.asarray(matrices, dtype=np.float64)
+    a, b, c, d, e, f, g, h, i = given.reshape(-1, 9).T
+    rows = (
+        (e * i - f * h, c * h - b * i, b * f - c * e),
+        (f * g - d * i, a * i - c * g, c * d - a * f),
+        (d * h - e * g, b * g - a * h, a * e - b * d),
+    )
+    inverses = np.array(rows).reshape(9, -1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverses /= sum(m[0, j] * inverses[..., 0, j] for j in range(3))[..., None, None]
-    return inverses
+        inverses /= a * inverses[0] + d * inverses[1] + g * inverses[2]
+    return inverses.T.reshape(given.shape)
 
 
 def sums_by_owner(parts: FloatArray, owner: IntArray, n: int) -> FloatArray:
     """(n, ...) sums of the parts (m, ...) of each owner (m,); zero for an owner without parts."""
-    columns = [np.bincount(owner, column, n) for column in parts.reshape(len(parts), -1).T]
-    return np.stack(columns, axis=1).astype(np.float64).reshape(n, *parts.shape[1:])
+    columns = parts.reshape(len(parts), -1).T
+    sums = np.empty((n, len(columns)))
+    for k, column in enumerate(columns):
+        sums[:, k] = np.bincount(owner, column, n)
+    return sums.reshape(n, *parts.shape[1:])

@@ -11,14 +11,18 @@ from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError
 
 RANK_TOLERANCE = 1e-13
+TINY = np.finfo(np.float64).tiny
+"""Radians: an angle that may be divided by and turns nothing."""
+IDENTITY = np.eye(3)
 
 
 def skew(w: npt.ArrayLike) -> FloatArray:
     """[w]x (..., 3, 3), with [w]x a = w x a."""
-    x, y, z = np.moveaxis(np.asarray(w, dtype=np.float64), -1, 0)
-    zero = np.zeros_like(x)
-    rows = ((zero, -z, y), (z, zero, -x), (-y, x, zero))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    vector = np.asarray(w, dtype=np.float64)
+    found = np.zeros((*vector.shape, 3))
+    found[..., (2, 0, 1), (1, 2, 0)] = vector
+    found[..., (1, 2, 0), (2, 0, 1)] = -vector
+    return found
 
 
 def exponential(w: npt.ArrayLike) -> FloatArray:
@@ -27,11 +31,11 @@ def exponential(w: npt.ArrayLike) -> FloatArray:
     Rodrigues' formula, without cancellation at small angles.
     """
     vector = np.asarray(w, dtype=np.float64)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    half = np.maximum(0.5 * np.linalg.norm(vector, axis=-1), TINY)[..., None, None]
     cross = skew(vector)
-    first = np.sinc(angle / np.pi)  # sin(angle) / angle
-    second = 0.5 * np.square(np.sinc(angle / (2.0 * np.pi)))  # (1 - cos(angle)) / angle^2
-    rotation: FloatArray = np.eye(3) + first * cross + second * (cross @ cross)
+    first = np.sin(2.0 * half) / (2.0 * half)
+    second = 0.5 * np.square(np.sin(half) / half)  # (1 - cos(angle)) / angle^2
+    rotation: FloatArray = IDENTITY + first * cross + second * (cross @ cross)
     return rotation
 
 

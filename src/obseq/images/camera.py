@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 NEWTON_STEPS = 50
 NEWTON_TOLERANCE = 1e-12
 """Dimensionless: a thousandth of a millionth of a pixel for usual focal lengths."""
+HALVINGS = 10
+"""Times a step that takes farther from the goal is halved."""
 LEAST_FOCAL = 0.02
 """Share of the larger side of an image below which a focal length is in another unit."""
 FOLDED = 0.01
@@ -265,8 +267,7 @@ class Camera:
         values, jacobian = self._distort.values_and_jacobian(q, self._rows(len(q)))
         for _ in range(NEWTON_STEPS):
             step = _solve_each(jacobian, goal - values)
-            q = self._moved(q, step, goal, values)
-            values, jacobian = self._distort.values_and_jacobian(q, self._rows(len(q)))
+            q, values, jacobian = self._moved(q, step, goal, values)
             if np.nanmax(np.abs(step), initial=0.0) <= NEWTON_TOLERANCE:
                 break
         missed = ~(np.abs(values - goal).max(axis=1, initial=0.0) <= 1e3 * NEWTON_TOLERANCE)
@@ -274,17 +275,20 @@ class Camera:
         q[missed | ~unfolded] = np.nan
         return q
 
-    def _moved(self, q: FloatArray, step: FloatArray, goal: FloatArray, values: FloatArray) -> FloatArray:
-        """The places after a step, halved up to ten times where it takes farther from the goal."""
-        before = np.sum((values - goal) ** 2, axis=1)
+    def _moved(
+        self, q: FloatArray, step: FloatArray, goal: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The places after a step, halved where it takes farther from the goal; values, derivatives there."""
+        before, rows = np.sum((values - goal) ** 2, axis=1), self._rows(len(q))
         share = np.ones(len(q))
-        for _ in range(10):
-            after = np.sum((self._mapped(q + share[:, None] * step) - goal) ** 2, axis=1)
-            worse = after > before
+        for _ in range(HALVINGS + 1):
+            there = q + share[:, None] * step
+            values, jacobian = self._distort.values_and_jacobian(there, rows)
+            worse = np.sum((values - goal) ** 2, axis=1) > before
             if not worse.any():
                 break
             share[worse] *= 0.5
-        return np.asarray(q + share[:, None] * step)
+        return there, values, jacobian
 
     def _plane(self, points: FloatArray) -> FloatArray:
         return self._direct.values(points, np.zeros((len(points), 0)))

@@ -22,7 +22,7 @@ from obseq.leastsquares.problem.losses import Attenuated
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations, MeasureBatch
     from obseq.images.camera import Camera
     from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
@@ -34,6 +34,8 @@ RECALLS = 3
 """Solutions that are tried where points run away."""
 NO_MORE = 0.9
 """What is left of the misfit after a round that has brought too little."""
+LOST = 10.0
+"""Times the usual distance from its rays, or `ROUGH` if that is more, where a given point is lost."""
 LOOSE = 0.1
 """Share of its standard deviation by which an unknown may still move when a stage ends."""
 
@@ -47,6 +49,8 @@ def approach(equations: Equations, strategy: str, solving: Solving) -> tuple[Ite
         if equations.start.misfit > ROUGH:
             _set_losses(batches, [None] * len(batches))
             done += _come_near(equations, strategy, solving)
+        else:
+            _place_lost(equations)
         if any(loss.threshold for loss in losses):
             _set_losses(batches, [_soft(loss) for loss in losses])
             done += equations.system.solve(strategy=strategy, **{**solving, "tolerance": LOOSE}).iterations
@@ -74,8 +78,11 @@ def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[I
     off = equations.start.misfit
     for _ in range(ROUNDS):
         with suppress(SingularSystemError):  # a point that has run away: it is called back
-            done += equations.system.solve(strategy=strategy, **few).iterations
-        before, off = off, place_again(equations)
+            result = equations.system.solve(strategy=strategy, **few)
+            done += result.iterations
+            if result.converged and _misses(equations)[1].max(initial=0.0) <= ROUGH:
+                break
+        before, off = off, _put_again(equations, _are_free(equations))[0]
         if off <= ROUGH or off > NO_MORE * before:
             break
     if gone.size:
@@ -83,15 +90,39 @@ def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[I
     return done
 
 
-def place_again(equations: Equations) -> float:
-    """Puts free points where their rays meet at the present state; by how many pixels these miss them."""
-    return _put_again(equations)[0]
+def _place_lost(equations: Equations) -> None:
+    """Puts free points where their rays meet which were given far from there, where the others are not."""
+    if not equations.measures:
+        return
+    point, misses = _misses(equations)
+    squares = np.bincount(point, misses**2, len(equations.start.points))
+    usual = max(ROUGH, float(np.median(misses)))
+    counts = np.maximum(np.bincount(point, minlength=len(squares)), 1)
+    lost = _are_free(equations) & ~(squares <= (LOST * usual) ** 2 * counts)
+    if lost.any():
+        _put_again(equations, lost)
 
 
-def _put_again(equations: Equations) -> tuple[float, dict[int, str]]:
-    """The same, and why points have no such place."""
+def _misses(equations: Equations) -> tuple[IntArray, FloatArray]:
+    """(m,) points of the measures that count, and (m,) by how many pixels their rays miss these now."""
+    measures = [(item, item.batch.active) for item in equations.measures]
+    residuals = [equations.system.residuals(item.batch)[active] for item, active in measures]
+    points = [equations.start.sets[item.part].point[item.rows[active]] for item, active in measures]
+    return np.concatenate(points), np.linalg.norm(np.concatenate(residuals), axis=1)
+
+
+def _are_free(equations: Equations) -> BoolArray:
+    """(n,) whether nothing but images says where a point is."""
+    start = equations.start
+    return np.asarray(start.is_free.all(axis=1) & ~are_among(start.points, equations.block.joined_points))
+
+
+def _put_again(equations: Equations, free: BoolArray) -> tuple[float, dict[int, str]]:
+    """Puts points where their rays meet at the present state; by how many pixels these miss them.
+
+    And why some of the points have no such place.
+    """
     start, system = equations.start, equations.system
-    free = start.is_free.all(axis=1) & ~are_among(start.points, equations.block.joined_points)
     poses = Poses(
         start.poses.images,
         system.values(equations.centres),
@@ -138,7 +169,7 @@ def _has_tie_points(equations: Equations) -> bool:
 
 def _call_back(equations: Equations, leave_out: bool) -> tuple[LeftOut, ...]:
     """Puts points where their rays meet; leaves out those whose rays do not, if that is asked for."""
-    reasons = _put_again(equations)[1]
+    reasons = _put_again(equations, _are_free(equations))[1]
     if not leave_out or not reasons:
         return ()
     lost = np.zeros(len(equations.start.points), dtype=bool)
@@ -183,8 +214,7 @@ def drop_undetermined(equations: Equations) -> tuple[LeftOut, ...]:
         points = start.sets[item.part].point[item.rows]
         all_of += np.bincount(points[item.batch.active], minlength=len(kept))
         kept += np.bincount(points[item.batch.active & _weighs(equations, item)], minlength=len(kept))
-    lost = (kept < 2) & (kept < all_of) & start.is_free.all(axis=1)
-    lost &= ~are_among(start.points, equations.block.joined_points)
+    lost = (kept < 2) & (kept < all_of) & _are_free(equations)
     if lost.any():
         _switch_off(equations, lost)
     reason = "of its {} measures, {} are beyond the threshold"

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 PARALLEL = 1e-10
 """Mean squared sine of the angles between rays below which they are parallel."""
 STEPS = 15
-TOLERANCE = 1e-9
-"""Pixels: steps that move no image farther end the iterations."""
+TOLERANCE = 1e-6
+"""Pixels: steps that move no image farther end the iterations; each is far smaller than the one before it."""
+ROUNDING = 1e-12
+"""Share of a sum of squares by which a step may make it larger: rounding, where the step is none any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +64,12 @@ class _Rays:
     measures: ImagePoints
     centres: FloatArray
     rotations: FloatArray
-    groups: list[tuple[Camera, IntArray]]
+    groups: list[tuple[Camera, IntArray | slice]]
 
     @classmethod
     def of(cls, measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> _Rays:
         row_of = index_of(poses.images, measures.image_names, "poses: image")[measures.image]
-        _, first, number = np.unique(
-            [id(camera) for camera in cameras], return_index=True, return_inverse=True
-        )
-        groups = [(cameras[k], np.flatnonzero(number[row_of] == j)) for j, k in enumerate(first)]
-        return cls(measures, poses.centres[row_of], poses.rotations[row_of], groups)
+        return cls(measures, poses.centres[row_of], poses.rotations[row_of], _by_camera(cameras, row_of))
 
     def directions(self) -> FloatArray:
         """(m, 3) unit directions of the rays in the world."""
@@ -120,14 +118,24 @@ def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) ->
         reasons[~np.isfinite(spread)] = "a ray cannot be formed: the distortion has no inverse there"
         reasons[counts < 2] = "fewer than two rays"
         start[reasons != ""] = np.nan
-        points, covariances = _refined(rays, start)
+        points, covariances, residuals = _refined(rays, start)
         behind = np.unique(measures.point[~rays.in_front(points) & np.isfinite(points[measures.point, 0])])
         reasons[behind] = "its rays meet behind a camera"
         lost = ~np.isfinite(points).all(axis=1) & (reasons == "")
         reasons[lost] = "its rays do not meet"
-        points[reasons != ""], covariances[reasons != ""] = np.nan, np.nan
-        residuals = rays.project(points)[0] * measures.sigmas
-    return Intersection(measures.point_names, points, covariances, counts, tuple(reasons), residuals)
+        lost = reasons != ""
+        points[lost], covariances[lost], residuals[lost[measures.point]] = np.nan, np.nan, np.nan
+    return Intersection(
+        measures.point_names, points, covariances, counts, tuple(reasons), residuals * measures.sigmas
+    )
+
+
+def _by_camera(cameras: Sequence[Camera], image: IntArray) -> list[tuple[Camera, IntArray | slice]]:
+    """Cameras and their rows, of rows that say an image; all rows at once where there is one camera."""
+    _, first, number = np.unique([id(camera) for camera in cameras], return_index=True, return_inverse=True)
+    if len(first) == 1:
+        return [(cameras[0], slice(None))]
+    return [(cameras[k], np.flatnonzero(number[image] == j)) for j, k in enumerate(first)]
 
 
 def directions_of(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> FloatArray:
@@ -162,27 +170,30 @@ def closest_to_rays(
     return found, spread
 
 
-def _refined(rays: _Rays, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points of least reprojection error, and their covariances; a step that makes it worse is halved."""
-    points, n = start.copy(), len(start)
+def _refined(rays: _Rays, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points of least reprojection error, their covariances, and residuals (m, 2) divided by the sigmas.
+
+    A step that makes the error of a point larger is shortened.
+    """
+    points, point = start.copy(), rays.measures.point
     residuals, jacobian = rays.project(points)
-    cost = _costs(rays, residuals, n)
-    share = np.ones(n)
+    cost = _costs(rays, residuals, len(points))
+    share = np.ones(len(points))
     for _ in range(STEPS):
-        normal, gradient = _normals(rays, residuals, jacobian, n)
+        normal, gradient = _normals(rays, residuals, jacobian, len(points))
         step = -(inverse3(normal) @ gradient[:, :, None])[:, :, 0]
         trial = points + share[:, None] * step
         residuals_there, jacobian_there = rays.project(trial)
-        cost_there = _costs(rays, residuals_there, n)
-        better = cost_there <= cost
+        cost_there = _costs(rays, residuals_there, len(points))
+        better = cost_there <= cost * (1.0 + ROUNDING)
         points[better], cost[better] = trial[better], cost_there[better]
-        kept = better[rays.measures.point]
+        kept = better[point]
         residuals[kept], jacobian[kept] = residuals_there[kept], jacobian_there[kept]
         share = np.where(better, 1.0, 0.25 * share)
-        moved = np.abs((jacobian @ step[rays.measures.point][:, :, None])[:, :, 0])
+        moved = np.abs((jacobian @ step[point][:, :, None])[:, :, 0] * rays.measures.sigmas)
         if np.nanmax(moved, initial=0.0) <= TOLERANCE:
             break
-    return points, inverse3(_normals(rays, residuals, jacobian, n)[0])
+    return points, inverse3(_normals(rays, residuals, jacobian, len(points))[0]), residuals
 
 
 def _costs(rays: _Rays, residuals: FloatArray, n: int) -> FloatArray:
@@ -193,7 +204,7 @@ def _costs(rays: _Rays, residuals: FloatArray, n: int) -> FloatArray:
 def _normals(
     rays: _Rays, residuals: FloatArray, jacobian: FloatArray, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    transposed = np.swapaxes(jacobian, 1, 2)
-    point = rays.measures.point
-    gradient = sums_by_owner((transposed @ residuals[:, :, None])[:, :, 0], point, n)
-    return sums_by_owner(transposed @ jacobian, point, n), gradient
+    """Normal matrices (n, 3, 3) of the points, and half the gradients (n, 3) of their sums of squares."""
+    both = np.concatenate([jacobian, residuals[:, :, None]], axis=2)
+    sums = sums_by_owner(np.swapaxes(jacobian, 1, 2) @ both, rays.measures.point, n)
+    return sums[:, :, :3], sums[:, :, 3]
