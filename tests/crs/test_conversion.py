@@ -265,3 +265,16 @@ def test_a_hundred_thousand_points_at_once() -> None:
     there = Transformer(parse(PARIS), parse("L93"))
     np.testing.assert_allclose(there.inverse(there.forward(points)), points, rtol=0.0, atol=1e-7)
     assert crs.parse(PARIS).vertical_rotation(points).shape == (100_000, 3, 3)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_given_coordinates_stay_as_they_are(n) -> None:
+    given = np.array([[652709.0, 6861100.0, 35.0], [652709.0, 6861200.0, 36.0]])[:n]
+    before = given.copy()
+    there = Transformer(parse("L93"), parse("GeoC")).forward(given)
+    assert there.shape == (n, 3)
+    geocentric = there.copy()
+    back = Transformer(parse("GeoC"), parse("L93")).forward(there)
+    np.testing.assert_array_equal(given, before)
+    np.testing.assert_array_equal(there, geocentric)
+    np.testing.assert_allclose(back, before, atol=1e-8)

@@ -8,12 +8,13 @@ from obseq.arrays import FloatArray
 from obseq.crs.area import area_warning
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
 from obseq.crs.normals import Normals
-from obseq.crs.operations import KEPT_HEIGHTS, Operation
+from obseq.crs.operations import KEPT_HEIGHTS, Operation, geodetic_from_geocentric
 from obseq.crs.proj import ProjSystem
 from obseq.crs.refraction import (
     EQUATORIAL_RADIUS,
     REFRACTION_COEFFICIENT,
     SQUARED_ECCENTRICITY,
+    arc_and_radius,
     curvature_radius,
     horizontal_distance,
     refraction_correction,
@@ -46,10 +47,12 @@ __all__ = [
     "Transformer",
     "Unit",
     "UnreferencedSystem",
+    "arc_and_radius",
     "area_warning",
     "complete_rtl",
     "curvature_radius",
     "east_north_up",
+    "geodetic_from_geocentric",
     "horizontal_distance",
     "parse",
     "refraction_correction",

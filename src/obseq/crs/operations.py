@@ -62,9 +62,10 @@ class Operation:
         return found
 
     def _apply(self, points: FloatArray, direction: str) -> FloatArray:
-        x, y, z = np.ascontiguousarray(points.reshape(-1, 3).T)
-        converted = self.transformer.transform(x, y, z, direction=direction)
-        return np.stack(converted, axis=-1).reshape(points.shape)
+        x, y, z = np.array(points.reshape(-1, 3).T, order="C")  # a copy, which PROJ may work in
+        converted = np.empty((x.size, 3))
+        converted.T[:] = self.transformer.transform(x, y, z, direction=direction, inplace=True)
+        return converted.reshape(points.shape)
 
 
 class HeightKeeping(Operation):

@@ -36,13 +36,14 @@ def check_finite(
         complaint: end of the message, after the name and the coordinates of the point.
         names: names of the points, in order; without them the message gives the index.
     """
-    rows = converted.reshape(-1, 3)
-    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-    if bad.size:
-        first = int(bad[0])
-        coordinates = ", ".join(f"{value:.10g}" for value in given.reshape(-1, 3)[first])
-        others = f" ({bad.size - 1} more points fail.)" if bad.size > 1 else ""
-        raise CrsError(f"{point_name(first, names)} ({coordinates}) {complaint}{others}")
+    finite = np.isfinite(converted)
+    if finite.all():
+        return
+    bad = np.flatnonzero(~finite.reshape(-1, 3).all(axis=1))
+    first = int(bad[0])
+    coordinates = ", ".join(f"{value:.10g}" for value in given.reshape(-1, 3)[first])
+    others = f" ({bad.size - 1} more points fail.)" if bad.size > 1 else ""
+    raise CrsError(f"{point_name(first, names)} ({coordinates}) {complaint}{others}")
 
 
 def point_name(index: int, names: Sequence[str] | None) -> str:

@@ -81,11 +81,24 @@ def _distance_and_radius(
 ) -> tuple[FloatArray, FloatArray]:
     """D (n,), and rho (n,) of the origins."""
     start = system.to_geocentric(origins, names)
-    sight = system.to_geocentric(targets) - start
-    # start x target = start x sight, without the cancellation
-    sine = np.linalg.norm(np.cross(start, sight), axis=-1)
-    cosine = np.sum(start * (start + sight), axis=-1)
-    place = geodetic_from_geocentric(start, names)
+    return arc_and_radius(start, system.to_geocentric(targets), geodetic_from_geocentric(start, names))
+
+
+def arc_and_radius(
+    origins: FloatArray, targets: FloatArray, place: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """D (n,) metres, length at the height of each origin of the arc to its target, and rho (n,) there.
+
+    Args:
+        origins: (n, 3) geocentric.
+        targets: (n, 3) geocentric.
+        place: (n, 3) longitude, latitude (rad) and height of the origins.
+    """
+    sight = targets - origins
+    # origin x target = origin x sight, without the cancellation
+    (x, y, z), (u, v, w) = np.moveaxis(origins, -1, 0), np.moveaxis(sight, -1, 0)
+    sine = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2)
+    cosine = x * (x + u) + y * (y + v) + z * (z + w)
     rho = curvature_radius(place[..., 1])
     distance: FloatArray = np.arctan2(sine, cosine) * (rho + place[..., 2])
     return distance, rho

@@ -55,7 +55,10 @@ class RigidSystem(CoordinateSystem):
 
     def vertical_rotation(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
         """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point."""
-        place = self.geodetic(points, names)
+        return self.verticals_at(self.geodetic(points, names))
+
+    def verticals_at(self, place: FloatArray) -> FloatArray:
+        """The same (n, 3, 3) for points given by longitude, latitude (rad) and height, (n, 3)."""
         axes = east_north_up(place[..., 0], place[..., 1])
         turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.rotation
         return turned

@@ -118,7 +118,9 @@ def east_north_up(longitude: npt.ArrayLike, latitude: npt.ArrayLike) -> FloatArr
         latitude: geodetic latitudes (...), radians; up is the normal of the ellipsoid.
     """
     lon, lat = np.broadcast_arrays(np.asarray(longitude, np.float64), np.asarray(latitude, np.float64))
-    east = (-np.sin(lon), np.cos(lon), np.zeros_like(lon))
-    north = (-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat))
-    up = (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
-    return np.stack([np.stack(axis, axis=-1) for axis in (east, north, up)], axis=-1)
+    (sin_lon, sin_lat), (cos_lon, cos_lat) = np.sin((lon, lat)), np.cos((lon, lat))
+    columns = np.zeros((3, 3, *lon.shape))
+    columns[0] = -sin_lon, -sin_lat * cos_lon, cos_lat * cos_lon
+    columns[1] = cos_lon, -sin_lat * sin_lon, cos_lat * sin_lon
+    columns[2, 1:] = cos_lat, sin_lat
+    return np.ascontiguousarray(np.moveaxis(columns, (0, 1), (-2, -1)))

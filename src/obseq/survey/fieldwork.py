@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn
 
 from obseq.dataclass import dataclass
@@ -53,7 +54,7 @@ class Fieldwork:
     points_crs: crs.CoordinateSystem
     shown: ShownUnits | None = None
 
-    @property
+    @cached_property
     def point_system(self) -> PointSystem:
         """The coordinates of points in the system of their files."""
         return PointSystem(self.frame.system, self.points_crs)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from obseq.leastsquares import LeastSquares
 from obseq.survey.adjustment.datum import (
@@ -16,6 +15,7 @@ from obseq.survey.adjustment.datum import (
     moves_freely,
     normal_rows_turn,
 )
+from obseq.survey.adjustment.families import Family, family_of, rows_by_family
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
@@ -23,11 +23,11 @@ from obseq.survey.adjustment.labels import Labels
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
-from obseq.survey.kinds.registry import BY_CODE, FAMILIES, IS_ANGLE
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
@@ -98,7 +98,7 @@ class Equations:
             self.instruments.turning,
         )
         self.shared.add(self._site, initial.coordinates)
-        self._shadows: list[tuple[IntArray, Batch]] = []
+        self._families: list[tuple[Family, Batch]] = []
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system, initial)
@@ -116,10 +116,10 @@ class Equations:
         self.system.set_values(self.points, initial.coordinates)
         self.instruments.restart(self.system, self._plumb, initial)
         self.known.restart(self.system, points)
-        for rows, batch in self.batches.values():
-            batch.active[:] = book.observations.active[rows]
-            batch.observations = self._measured(rows, initial.coordinates)
-            batch.sigmas = self.sigmas(rows, initial.coordinates)
+        for family, batch in self._families:
+            batch.active[:] = book.observations.active[family.rows]
+            batch.observations = self._measured(family, initial.coordinates)
+            batch.sigmas = self.sigmas(family.rows, initial.coordinates)
             batch.loss = None
 
     def _blocks_of_points(
@@ -163,27 +163,16 @@ class Equations:
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}
-        families = self._families()
-        for family, clusters in self._clusters().items():
+        alone = observations.active.copy()
+        for name, clusters in self._clusters().items():
             rows = np.concatenate([cluster.rows for cluster in clusters])
             covariance = [cluster.covariance for cluster in clusters]
-            if family == GROUP:
-                batches[family, True] = rows, self._joined(families[rows], rows, coordinates, covariance)
-            else:
-                batches[family, True] = rows, self._added(rows, coordinates, covariance)
-            families[rows] = ""
-        for family in FAMILIES:
-            rows = np.flatnonzero((families == family) & observations.active)
-            if rows.size:
-                batches[family, False] = rows, self._added(rows, coordinates)
+            add = self._joined if name == GROUP else self._added
+            batches[name, True] = rows, add(rows, coordinates, covariance)
+            alone[rows] = False
+        for name, rows in rows_by_family(observations, np.flatnonzero(alone)).items():
+            batches[name, False] = rows, self._added(rows, coordinates)
         return batches
-
-    def _families(self) -> npt.NDArray[np.str_]:
-        """(n,) family of each observation."""
-        of_code = np.full(len(IS_ANGLE), "", f"U{max(map(len, FAMILIES))}")
-        for code, kind in BY_CODE.items():
-            of_code[code] = kind.group
-        return of_code[self._book.observations.types]
 
     def _clusters(self) -> dict[str, list[Cluster]]:
         """What is active of the clusters, by the family of their kinds."""
@@ -196,21 +185,13 @@ class Equations:
                 found.setdefault(GROUP if len(families) > 1 else families.pop(), []).append(rest)
         return found
 
-    def _joined(
-        self,
-        families: npt.NDArray[np.str_],
-        rows: IntArray,
-        coordinates: FloatArray,
-        covariances: list[FloatArray],
-    ) -> Batch:
+    def _joined(self, rows: IntArray, coordinates: FloatArray, covariances: list[FloatArray]) -> Batch:
         """Observations of several families that are correlated, in the system; their batches beside it."""
-        batches = []
-        for family in np.unique(families).tolist():
-            places = np.flatnonzero(families == family)
-            batch = self._added(rows[places], coordinates)
-            batch.active = np.zeros(len(places), np.bool_)
-            batches.append((places, batch))
-            self._shadows.append((rows[places], batch))
+        batches, places = [], np.arange(len(rows))
+        for _, own in sorted(rows_by_family(self._book.observations, rows).items()):
+            batch = self._added(own, coordinates)
+            batch.active = np.zeros(len(own), np.bool_)
+            batches.append((places[np.isin(rows, own)], batch))
         signs, starts = self._signs(rows), np.cumsum([0, *map(len, covariances)])
         parts = [
             np.outer(signs[start : start + len(part)], signs[start : start + len(part)]) * part
@@ -221,17 +202,17 @@ class Equations:
 
     def _signs(self, rows: IntArray) -> FloatArray:
         """(n,) 1, or -1 for observations whose equation counts residuals the other way round."""
-        signs = np.ones(len(rows))
-        for kind, chosen in self._kinds(rows):
-            signs[chosen] = kind.residuals(np.ones((1, 1)))[0, 0]
-        return signs
+        family = family_of(self._book.observations, rows)
+        one = np.ones((1, 1))
+        return family.gathered([np.repeat(kind.residuals(one), len(at)) for kind, at in family.kinds])
 
     def _added(
         self, rows: IntArray, coordinates: FloatArray, covariance: list[FloatArray] | None = None
     ) -> Batch:
         """Observations of one family, in the system."""
-        kind = BY_CODE[int(self._book.observations.types[rows[0]])]
-        measured, blocks = self._measured(rows, coordinates), self._blocks(rows)
+        family = family_of(self._book.observations, rows)
+        kind, _ = family.kinds[0]
+        measured, blocks = self._measured(family, coordinates), self._blocks(family)
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
         labels = Labels(self._book, rows)
         if kind.is_linear(self._site):
@@ -242,50 +223,33 @@ class Equations:
                 ids, parts, measured[:, -1], sigmas, labels=labels, group=kind.group
             )
         else:
-            formula = kind.equation(WITH_OFFSETS if self._has_offsets(rows) else "")
+            formula = kind.equation(WITH_OFFSETS if family.has_offsets else "")
             batch = self.system.add(formula, blocks, measured, sigmas, labels=labels, group=kind.group)
         if covariance:
             batch.correlate_all(covariance)
+        self._families.append((family, batch))
         return batch
 
-    def _kinds(self, rows: IntArray) -> Iterator[tuple[ObservationKind, IntArray]]:
-        """The kinds of some observations, each with the positions of its own."""
-        types = self._book.observations.types[rows]
-        for code in sorted(set(types.tolist())):
-            yield BY_CODE[code], np.flatnonzero(types == code)
-
-    def _blocks(self, rows: IntArray) -> dict[str, IntArray]:
+    def _blocks(self, family: Family) -> dict[str, IntArray]:
         """The unknowns of the equations of one family, by the names of the formula."""
-        blocks: dict[str, IntArray] = {}
-        for kind, chosen in self._kinds(rows):
-            for name, ids in kind.blocks(self._site, rows[chosen]).items():
-                blocks.setdefault(name, np.zeros(len(rows), np.int64))[chosen] = ids
-        return blocks
+        parts = [kind.blocks(self._site, family.rows[at]) for kind, at in family.kinds]
+        return {name: family.gathered([part[name] for part in parts]) for name in parts[0]}
 
-    def _has_offsets(self, rows: IntArray) -> bool:
-        kind = BY_CODE[int(self._book.observations.types[rows[0]])]
-        return kind.takes_heights and self._has_heights(rows)
-
-    def _has_heights(self, rows: IntArray) -> bool:
-        observations = self._book.observations
-        return bool(observations.from_heights[rows].any() or observations.to_heights[rows].any())
-
-    def _measured(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def _measured(self, family: Family, coordinates: FloatArray) -> FloatArray:
         """(n, m) what the equation takes besides blocks: offsets if any, its context, the value last."""
-        parts = [(chosen, self._taken(kind, rows[chosen], coordinates)) for kind, chosen in self._kinds(rows)]
-        measured = np.empty((len(rows), parts[0][1].shape[1]))
-        for chosen, part in parts:
-            measured[chosen] = part
+        rows = family.rows
+        measured = family.gathered([self._taken(kind, rows[at], coordinates) for kind, at in family.kinds])
         if self._has_grid and measured.shape[1]:
             measured[:, -1] *= self._grid_scales(rows, coordinates)
-        if self._has_offsets(rows):
-            measured = np.hstack([self._plumb.offsets(self._book, rows, coordinates), measured])
+        if family.has_offsets:
+            offsets = self._plumb.offsets(self._book, rows, coordinates)
+            measured = np.concatenate([offsets, measured], axis=1)
         return measured
 
     def _taken(self, kind: ObservationKind, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, m) context and value of observations of one kind."""
         values = kind.values(self._site, rows, coordinates).reshape(len(rows), -1)
-        return np.hstack([kind.context(self._site, rows, coordinates), values])
+        return np.concatenate([kind.context(self._site, rows, coordinates), values], axis=1)
 
     def _grid_scales(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) lengths at the height of the station for one at height 0: differences of grid coordinates."""
@@ -294,8 +258,8 @@ class Equations:
         grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID]
         if grid.size and not self._frame.is_plane:
             _, radius = self._site.sphere(rows[grid])
-            origins = coordinates[self._book.observations.from_points[rows[grid]]]
-            result[grid] += self._frame.system.geodetic(origins)[:, 2] / radius
+            origins = self._book.observations.from_points[rows[grid]]
+            result[grid] += self._frame.around(coordinates).geodetic[origins, 2] / radius
         return result
 
     def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
@@ -320,28 +284,18 @@ class Equations:
         if not np.array_equal(coordinates, self._followed):
             self._followed = coordinates
             self.instruments.follow(system, coordinates)
-            for rows, batch in self._measured_batches():
-                self._renew(rows, batch, coordinates)
+            for family, batch in self._families:
+                if self._has_grid or family.depends_on_place or self._plumb.is_deflected:
+                    batch.observations = self._measured(family, coordinates)
         for (_, is_correlated), (rows, batch) in self.batches.items():
             if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
                 batch.sigmas = self.sigmas(rows, coordinates)
         self.linearise()
 
-    def _measured_batches(self) -> Iterator[tuple[IntArray, Batch]]:
-        """The batches whose observations are what was measured, and not combinations of equations."""
-        yield from (part for (family, _), part in self.batches.items() if family != GROUP)
-        yield from self._shadows
-
     def linearise(self) -> None:
         """Makes the rows of equations that are correlated with others anew, at the current values."""
         if self._joint is not None:
             self._joint.follow()
-
-    def _renew(self, rows: IntArray, batch: Batch, coordinates: FloatArray) -> None:
-        """Gives the observations of one family anew what changes with coordinates."""
-        moves = self._has_grid or any(kind.depends_on_place for kind, _ in self._kinds(rows))
-        if moves or self._has_heights(rows) or self._plumb.is_deflected:
-            batch.observations = self._measured(rows, coordinates)
 
     def fitted(self, solution: LeastSquaresResult | LeastSquares) -> tuple[FloatArray, FloatArray]:
         """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""
@@ -351,7 +305,7 @@ class Equations:
             found = solution.residuals(batch)
             scales = self._grid_scales(rows, solution.values(self.points))
             sigmas[rows] = sigmas_of(batch) / scales
-            for kind, chosen in self._kinds(rows):
+            for kind, chosen in family_of(self._book.observations, rows).kinds:
                 residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
         return residuals, sigmas
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.survey.adjustment.surroundings import Surroundings
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.survey.model import FieldBook, Points
 
 
@@ -74,18 +76,44 @@ class Frame:
 
     def vertical(self, points: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up at points; identity without vertical."""
-        if self.has_vertical and not self.is_plane:
+        if self.has_turning_vertical:
             return self.system.vertical_rotation(points)
         return np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
-    def turns(self, points: FloatArray) -> FloatArray:
-        """(n, 3, 3) what east, north, up turn by when their points move, in the frame (rad per m).
+    def around(self, coordinates: FloatArray) -> Surroundings:
+        """What a frame with a place on the Earth has at coordinates (n, 3).
+
+        Many ask about the same coordinates one after the other: what was found for the last ones is kept.
+        """
+        last = self._last[0]
+        if last is None or not last.are_at(coordinates):
+            last = self._last[0] = Surroundings(self.system, coordinates)
+        return last
+
+    @cached_property
+    def _last(self) -> list[Surroundings | None]:
+        """The surroundings last asked for."""
+        return [None]
+
+    def verticals(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3, 3) `vertical` of some points, at the coordinates (n_points, 3) of all."""
+        if self.has_turning_vertical:
+            return np.asarray(self.around(coordinates).verticals[rows])
+        return self.vertical(coordinates[rows])
+
+    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3, 3) what east, north, up of points turn by when these move, in the frame (rad per m).
 
         Columns are those of the movement; deflections of the vertical do not change them.
         """
         if not isinstance(self.system, crs.RigidSystem):
-            return np.zeros((len(points), 3, 3))
-        return crs.turn_of_vertical(self.system, points, self.vertical(points))
+            return np.zeros((len(rows), 3, 3))
+        return crs.turn_of_vertical(self.system, coordinates[rows], self.verticals(rows, coordinates))
+
+    @property
+    def has_turning_vertical(self) -> bool:
+        """Whether stations have a vertical, which turns from place to place."""
+        return self.system.kind is crs.Kind.LOCAL_TANGENT
 
     def turn(self, points: FloatArray) -> FloatArray:
         """(n, 3) how points (n, 3) move in a turn about the vertical of their middle, per radian."""
@@ -110,18 +138,30 @@ class Frame:
 
         They are for refraction; in a plane for curvature as well, which makes them (k - 1) D / (2 R).
         """
-        if not rows.size:
-            return np.zeros(0)
+        distances, radii = self._arcs(book, rows, coordinates)
+        coefficient = self.refraction_coefficient - (1.0 if self.is_plane else 0.0)
+        return np.asarray(coefficient * distances / (2.0 * radii))
+
+    def refraction_of_one(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) what a coefficient of 1 adds to these corrections (rad)."""
+        distances, radii = self._arcs(book, rows, coordinates)
+        return np.asarray(distances / (2.0 * radii))
+
+    def _arcs(
+        self, book: FieldBook, rows: IntArray, coordinates: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(n,) horizontal lengths of sights, and (n,) radii of the Earth below them."""
         observations = book.observations
-        origins, targets = (
-            coordinates[observations.from_points[rows]],
-            coordinates[observations.to_points[rows]],
-        )
+        origins, targets = observations.from_points[rows], observations.to_points[rows]
         if self.is_plane:
-            distances = np.hypot(*(targets - origins)[:, :2].T)
-            return np.asarray((self.refraction_coefficient - 1.0) * distances / (2.0 * MEAN_RADIUS))
+            plan = (coordinates[targets] - coordinates[origins])[:, :2]
+            return np.hypot(*plan.T), np.full(len(rows), MEAN_RADIUS)
+        if not rows.size:
+            return np.zeros(0), np.ones(0)
         try:
-            return crs.refraction_correction(self.system, origins, targets, self.refraction_coefficient)
+            around = self.around(coordinates)
+            place = around.geodetic[origins]
+            return crs.arc_and_radius(around.geocentric[origins], around.geocentric[targets], place)
         except crs.CrsError as error:
             raise InputError(
                 f"{book.label(rows[0])}: a zenith angle is corrected for refraction, which needs a place on "
@@ -147,6 +187,11 @@ class Frame:
         if self.is_plane:
             return np.array([0.0, 0.0, -MEAN_RADIUS]), MEAN_RADIUS
         self.to_geocentric(book, rows)
+        return self._sphere_below
+
+    @cached_property
+    def _sphere_below(self) -> tuple[FloatArray, float]:
+        """That sphere of a Euclidean frame with a place on the Earth."""
         _, latitude, height = self.system.geodetic(np.zeros((1, 3)))[0]
         radius = float(crs.curvature_radius(latitude))
         up = self.system.vertical_rotation(np.zeros((1, 3)))[0, 2]

@@ -65,7 +65,7 @@ class Instruments:
         """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
         rotations = initial.rotations.copy()
         if self._plumb.is_deflected:
-            before = self._plumb.frame.vertical(initial.coordinates[self._origins])
+            before = self._plumb.frame.verticals(self._origins, initial.coordinates)
             rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
         return self._along_grid(rotations)
 

@@ -137,8 +137,8 @@ class KnownCoordinates:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
         found, position = np.unique(rows, return_inverse=True)
         here = system.values(self._ids[found])
-        axes, metres = self._system.axes(here)
-        gaps = self._system.differences(self._values[found], self._system.coordinates(here)) * metres
+        computed, axes, metres = self._system.coordinates_and_axes(here)
+        gaps = self._system.differences(self._values[found], computed) * metres
         coefficients = axes[position, components]
         values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here[position])
         return np.column_stack([coefficients, values])
@@ -176,8 +176,8 @@ class KnownCoordinates:
             return CoordinateResiduals(rows, components, *(np.zeros(0) for _ in range(3)))
         found, position = np.unique(rows, return_inverse=True)
         here = solution.values(self._ids[found])
-        gaps = self._system.differences(self._system.coordinates(here), self._values[found])
-        gaps *= self._system.axes(here)[1]
+        computed, _, metres = self._system.coordinates_and_axes(here)
+        gaps = self._system.differences(computed, self._values[found]) * metres
         sigmas = self._sigmas[rows, components]
         if self._points.covariance is not None:
             sigmas[len(self._rows) :] = np.sqrt(np.diag(self._points.covariance.matrix))

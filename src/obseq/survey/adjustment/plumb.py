@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +45,7 @@ class Plumb:
     frame: Frame
     points: Points
 
-    @property
+    @cached_property
     def is_deflected(self) -> bool:
         """Whether a deflection is given somewhere."""
         return bool(np.isfinite(self.points.deflections).any())
@@ -56,14 +57,14 @@ class Plumb:
 
     def axes(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) rotations from the frame to east, north, up of points, at coordinates (n_points, 3)."""
-        verticals = self.frame.vertical(coordinates[rows])
+        verticals = self.frame.verticals(rows, coordinates)
         if not self.is_deflected or not self.frame.has_vertical:
             return verticals
         return np.asarray(deflecting(np.nan_to_num(self.points.deflections[rows])) @ verticals)
 
     def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) what these axes turn by when their points move, in the frame (rad per m)."""
-        return self.frame.turns(coordinates[rows])
+        return self.frame.turns(rows, coordinates)
 
     def offsets(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3) of observations: offset of the target above its point minus that of the instrument (m)."""
@@ -93,7 +94,7 @@ class Plumb:
         origins, targets = observations.from_points[rows], observations.to_points[rows]
         sights = np.einsum(
             "nij,nj->ni",
-            self.frame.vertical(coordinates[origins]),
+            self.frame.verticals(origins, coordinates),
             coordinates[targets] - coordinates[origins],
         )
         mean = np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0

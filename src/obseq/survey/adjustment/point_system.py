@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 STEP = 10.0
 """Step (m) of the differences that give derivatives: curvature of the Earth and rounding stay below 1e-9."""
+AROUND = STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+"""(7, 3) steps to the point itself, and along the axes."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +37,16 @@ class PointSystem:
     frame: crs.CoordinateSystem
     system: crs.CoordinateSystem
 
-    @property
+    @cached_property
+    def _from_frame(self) -> crs.Transformer:
+        return crs.Transformer(self.frame, self.system)
+
+    @cached_property
     def turn(self) -> FloatArray | None:
         """(3, 3) signed permutation from coordinates of the frame to those of the system, if there is one."""
         if self.frame == self.system:
             return np.eye(3)
-        return crs.Transformer(self.frame, self.system).turn
+        return self._from_frame.turn
 
     @property
     def is_along_frame(self) -> bool:
@@ -53,7 +60,7 @@ class PointSystem:
 
     def coordinates(self, points: FloatArray, names: Sequence[str] | None = None) -> FloatArray:
         """(n, 3) coordinates in the system, in its units, of points (n, 3) of the frame."""
-        return crs.Transformer(self.frame, self.system).forward(points, names)
+        return self._from_frame.forward(points, names)
 
     def placed(self, coordinates: FloatArray, names: Sequence[str] | None = None) -> FloatArray:
         """(n, 3) points of the frame of coordinates (n, 3) of the system."""
@@ -77,19 +84,22 @@ class PointSystem:
             (n, 3, 3), by rows, of the coordinates in metres with respect to the frame; (n, 3) metres in
             one unit of each coordinate (along the parallel and the meridian for longitude and latitude).
         """
+        return self.coordinates_and_axes(points)[1:]
+
+    def coordinates_and_axes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`coordinates` of points (n, 3) of the frame, then both of `axes`."""
         if self.turn is not None or not len(points):
             turn = np.eye(3) if self.turn is None else self.turn
-            return np.broadcast_to(turn, (len(points), 3, 3)), np.ones((len(points), 3))
-        steps = STEP * np.eye(3)
-        beside = np.concatenate([points[:, None] + steps, points[:, None] - steps], axis=1)
-        found = self.coordinates(beside.reshape(-1, 3)).reshape(-1, 2, 3, 3)
-        differences = self.differences(found[:, 0].reshape(-1, 3), found[:, 1].reshape(-1, 3))
+            along = np.broadcast_to(turn, (len(points), 3, 3))
+            return self.coordinates(points), along, np.ones((len(points), 3))
+        there = self.coordinates((points[:, None] + AROUND).reshape(-1, 3)).reshape(-1, 7, 3)
+        differences = self.differences(there[:, 1:4].reshape(-1, 3), there[:, 4:].reshape(-1, 3))
         rows = differences.reshape(-1, 3, 3).transpose(0, 2, 1) / (2.0 * STEP)
         metres = np.empty((len(points), 3))
         metres[:, :2], metres[:, 2] = self.system.plan_unit.factor, self.system.height_unit.factor
         if self.system.plan_unit.is_angle:
             metres[:, :2] = 1.0 / np.linalg.norm(rows[:, :2], axis=2)
-        return rows * metres[:, :, None], metres
+        return there[:, 0], rows * metres[:, :, None], metres
 
     def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
         """(n, 3) coordinates minus others, in the units of the system; also across the date line."""

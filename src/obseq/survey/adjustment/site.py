@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,9 +103,7 @@ class NetworkSite:
 
     def refraction_of_one(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) what a coefficient of 1 adds to the corrections of zenith angles."""
-        none, one = (replace(self.frame, refraction_coefficient=k) for k in (0.0, 1.0))
-        book = self.book
-        return one.refraction(book, rows, coordinates) - none.refraction(book, rows, coordinates)
+        return self.frame.refraction_of_one(self.book, rows, coordinates)
 
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
@@ -136,15 +133,15 @@ class NetworkSite:
 
     def normals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up of the ellipsoid at the last points."""
-        return self.frame.vertical(self.positions(rows, coordinates)[1])
+        return self.frame.verticals(self.book.observations.to_points[rows], coordinates)
 
     def places(self, rows: IntArray, coordinates: FloatArray) -> tuple[Place, Place]:
         """Of both points: geodetic coordinates, east, north and up of the ellipsoid, coordinates."""
         self.to_geocentric(rows)
-        system = self.frame.system
+        observations, place = self.book.observations, self.frame.around(coordinates).geodetic
         first, last = (
-            (system.geodetic(points), self.frame.vertical(points), points)
-            for points in self.positions(rows, coordinates)
+            (place[points], self.frame.verticals(points, coordinates), coordinates[points])
+            for points in (observations.from_points[rows], observations.to_points[rows])
         )
         return first, last
 
