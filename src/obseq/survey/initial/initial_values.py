@@ -27,22 +27,23 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.graph_building import build_graph
-from obseq.survey.initial.known import Known, Step, Vertical
+from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
 from obseq.survey.initial.placement import GOOD, REST, Placement
+from obseq.survey.initial.steps import GIVEN, Steps
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.initial.ways import PlumbWays
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.steps import Cause, Step
 
-_GIVEN = Step("given")
 _MOST_LISTED = 20
 _SIGMA_OF_APPROXIMATE = 10.0
 """Expected error (m) of a coordinate that is given and not constrained."""
@@ -69,8 +70,8 @@ class InitialValues:
     rotations: FloatArray
     g0: FloatArray
     orientations: np.ndarray[tuple[int], np.dtype[np.int8]]
-    point_steps: tuple[Step | None, ...]
-    station_steps: tuple[Step | None, ...]
+    point_steps: Sequence[Step | None]
+    station_steps: Sequence[Step | None]
     unplaced: tuple[Unplaced, ...]
     expected_sigmas: FloatArray
     replaced: tuple[int, ...] = ()
@@ -224,7 +225,7 @@ def _take_parts(known: Known, points: Points, hidden: BoolArray) -> None:
     middle = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
     for row in np.flatnonzero(has_plan & np.isnan(heights)).tolist():
         x, y = given[row, :2].tolist()
-        known.positions[row], known.point_steps[row] = (x, y, middle), _GIVEN
+        known.positions[row], known.point_steps[row] = (x, y, middle), GIVEN
     rows = np.flatnonzero(~has_plan & np.isfinite(heights)).tolist()
     known.given_heights = {row: float(heights[row]) for row in rows}
 
@@ -239,7 +240,7 @@ def _parts_given(known: Known, points: Points, hidden: BoolArray) -> FloatArray:
 
 
 def _take(known: Known, row: int, position: Space, point_sigma: float) -> None:
-    known.positions[row], known.has_height[row], known.point_steps[row] = position, 1, _GIVEN
+    known.positions[row], known.has_height[row], known.point_steps[row] = position, 1, GIVEN
     known.point_sigmas[row] = point_sigma
 
 
@@ -259,7 +260,7 @@ def _work(placement: Placement, frames: LocalFrames) -> None:
 
 def _needs_hint(known: Known, point: int) -> bool:
     """Whether the observations place nothing of a point, or not the height over its given plan."""
-    is_given = known.point_steps[point] is _GIVEN
+    is_given = known.point_steps[point] is GIVEN
     return known.positions[point] is None or (is_given and not known.has_height[point])
 
 
@@ -285,7 +286,7 @@ def _result(
     plumb = [s for s in range(m) if known.g0[s] is not None]
     if plumb:
         g0[plumb] = [known.g0[s] for s in plumb]
-        vertical = np.array([known.vertical_of(graph.origins[s]) for s in plumb])
+        vertical = known.verticals_of(np.array(graph.origins)[plumb])
         rotations[plumb] = plumb_rotation(vertical, g0[plumb])
     for station, rotation in enumerate(known.rotations[:m]):
         origin = graph.origins[station]
@@ -296,11 +297,15 @@ def _result(
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),
-        tuple(
-            step if placed else None
-            for placed, step in zip(is_placed.tolist(), known.point_steps, strict=True)
-        ),
-        tuple(known.station_steps[:m]),
+        Steps(_of_placed(known.point_steps, is_placed), graph.sights),
+        Steps(known.station_steps[:m], graph.sights),
         unplaced,
         np.array(known.point_sigmas, np.float64),
     )
+
+
+def _of_placed(causes: list[Cause | None], is_placed: BoolArray) -> list[Cause | None]:
+    """The causes, of points that are placed only."""
+    if is_placed.all():
+        return causes
+    return [cause if placed else None for placed, cause in zip(is_placed.tolist(), causes, strict=True)]

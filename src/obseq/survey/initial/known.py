@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from obseq.survey.initial.closed_forms import Space
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatRows, IntArray
+    from obseq.survey.initial.steps import Cause
 
 Matrix = tuple[Space, Space, Space]
 """A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""
@@ -28,13 +29,6 @@ _FEW = 40
 """Points from which arrays are quicker than one point after the other."""
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-class Step(NamedTuple):
-    """How a point was placed or a station oriented: the method and the rows of its observations."""
-
-    method: str
-    observations: tuple[int, ...] = ()
 
 
 def times(matrix: Matrix, v: Space) -> Space:
@@ -100,8 +94,8 @@ class Known:
         self._verticals: list[Matrix | None] = [None] * n
         self.rotations: list[Matrix | None] = [None] * n_stations
         self.g0: list[float | None] = [None] * n_stations
-        self.point_steps: list[Step | None] = [None] * n
-        self.station_steps: list[Step | None] = [None] * n_stations
+        self.point_steps: list[Cause | None] = [None] * n
+        self.station_steps: list[Cause | None] = [None] * n_stations
         self.reference: int | None = None
         self.point_sigmas: list[float] = [0.0] * n
         self.relative_sigmas: list[float] = [0.0] * n
@@ -163,6 +157,12 @@ class Known:
         """Nothing is known of the orientation of a station any more."""
         self.rotations[station] = self.g0[station] = self.station_steps[station] = None
         self.azimuth_sigmas[station] = 0.0
+
+    def verticals_of(self, points: IntArray) -> FloatRows:
+        """(k, 3, 3) R_(frame -> vertical) at settled points."""
+        if isinstance(self.vertical, Normals) and len(points) >= _FEW:
+            return self.vertical(np.array([self.positions[point] for point in points.tolist()]))
+        return np.array([self.vertical_of(point) for point in points.tolist()]).reshape(-1, 3, 3)
 
     def position_of(self, point: int) -> Space:
         """Position of a point that has one."""

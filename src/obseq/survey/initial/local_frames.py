@@ -12,8 +12,9 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.known import Known, Step, minus, plus, times, transposed_times
+from obseq.survey.initial.known import Known, minus, plus, times, transposed_times
 from obseq.survey.initial.placement import Level, Placement
+from obseq.survey.initial.steps import Step, step_of
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ class LocalFrames:
         placed = []
         for point in located:
             if not self.known.is_settled[point] and self.known.positions[point] is None:
-                step = self.scratch.point_steps[point] or Step("")
+                step = step_of(self.scratch.point_steps[point] or Step(""), self.graph.sights)
                 method = f"local frame of station {name} tied to {anchors}"
                 self.known.positions[point] = tie.move(self.known, self.scratch.position_of(point))
                 self.known.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])

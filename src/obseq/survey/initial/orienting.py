@@ -9,8 +9,9 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry
-from obseq.survey.initial.known import Known, Matrix, Step, as_matrix
+from obseq.survey.initial.known import Known, Matrix, as_matrix
 from obseq.survey.initial.relations import free_direction
+from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _SAMPLE = 9
 """Sights of a station that are compared with each other."""
+_BLOCK = 1024
+"""Stations whose angles are compared at once: the comparisons of so many stay near the processor."""
 _LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""
 
@@ -50,7 +53,7 @@ def reconcile(known: Known, graph: SightGraph, coordinates: FloatArray) -> None:
     if not len(stations):
         return
     starts = np.flatnonzero(np.diff(stations, prepend=-1))
-    for station, g0 in zip(stations[starts].tolist(), _central_angles(angles, starts), strict=True):
+    for station, g0 in zip(stations[starts].tolist(), _central_angles(angles, starts).tolist(), strict=True):
         known.g0[station] = g0
 
 
@@ -65,23 +68,28 @@ def _g0s_of_sights(known: Known, graph: SightGraph, coordinates: FloatArray) -> 
     rows = rows[np.argsort(sights.stations[rows], kind="stable")]
     offsets = coordinates[sights.targets[rows]] - coordinates[sights.origins[rows]]
     origins, numbers = np.unique(sights.origins[rows], return_inverse=True)
-    verticals = np.array([known.vertical_of(origin) for origin in origins.tolist()])
-    east, north, up = np.einsum("nij,nj->in", verticals[numbers], offsets)
+    east, north, up = np.einsum("nij,nj->in", known.verticals_of(origins)[numbers], offsets)
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
     angles = np.arctan2(east, north) - sights.readings[rows]
     return sights.stations[rows[is_usable]], _wrapped(angles[is_usable])
 
 
-def _central_angles(angles: FloatArray, starts: IntArray) -> list[float]:
+def _central_angles(angles: FloatArray, starts: IntArray) -> FloatArray:
     """Of each run of angles, the one nearest to its first few; the first of one or two."""
     counts = np.diff(starts, append=len(angles))
+    blocks = [slice(first, first + _BLOCK) for first in range(0, len(starts), _BLOCK)]
+    return np.concatenate([_central_of_runs(angles, starts[block], counts[block]) for block in blocks])
+
+
+def _central_of_runs(angles: FloatArray, starts: IntArray, counts: IntArray) -> FloatArray:
+    """The same of some runs that start and count so."""
     columns = np.arange(_SAMPLE)
     inside = columns < counts[:, None]
     sample = angles[np.minimum(starts[:, None] + columns, len(angles) - 1)]
     apart = np.abs(_wrapped(sample[:, :, None] - sample[:, None, :]))
     sums = np.where(inside[:, None, :], apart, 0.0).sum(axis=2)
     best = np.where(counts <= 2, 0, np.argmin(np.where(inside, sums, np.inf), axis=1))
-    return [float(angle) for angle in sample[np.arange(len(starts)), best]]
+    return np.asarray(sample[np.arange(len(starts)), best])
 
 
 def _wrapped(angles: FloatArray) -> FloatArray:

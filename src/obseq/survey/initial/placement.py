@@ -7,16 +7,18 @@ oriented, are looked at again. The time is therefore nearly proportional to the 
 from __future__ import annotations
 
 import math
-from itertools import filterfalse
+from itertools import chain, filterfalse
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
-from obseq.survey.initial.known import Step
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
-from obseq.survey.initial.traverse import FREE_STATION, Link, Traverse, link_g0, link_rise
+from obseq.survey.initial.steps import Step, step_of
+from obseq.survey.initial.traverse import Link, Traverse, link_g0, link_rise
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ WEAK = 0.002
 """Least strengths of the geometry (see `relations.Refined`): an intersection at about 2, and at 0.2 gon."""
 _ALIKE = 2.0
 """Points whose expected errors differ by less than this factor are placed at the same time."""
+_MANY = 100
+"""Points just placed beside which it may be quicker to look at all that are not."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ class Placement:
             self._place_by_link(station, origin, link)
         self.known.g0[station] = link_g0(self.known, self.graph, station, link)
         self.known.azimuth_sigmas[station] = link.azimuth_sigma
-        self.known.station_steps[station] = Step(link.method, link.rows)
+        self.known.station_steps[station] = link.cause
         self._spread_orientation(station)
         return True
 
@@ -132,7 +136,7 @@ class Placement:
         """Places the origin of a station where its link puts it."""
         known = self.known
         known.positions[origin], known.has_height[origin] = link.origin, 1
-        known.point_steps[origin] = Step(link.method, link.rows)
+        known.point_steps[origin] = link.cause
         known.relative_sigmas[origin], known.parents[origin] = link.relative_sigma, link.parent
         if link.parent is not None:
             base = self.graph.origins[link.parent]
@@ -142,7 +146,7 @@ class Placement:
                 link.relative_sigma,
             )
         self._settle([origin])
-        if link.method == FREE_STATION:
+        if len(link.targets) > 1:
             up = known.vertical_of(origin)[2]
             rise = link_rise(known, self.graph, station, link)
             x, y, z = known.position_of(origin)
@@ -150,8 +154,11 @@ class Placement:
 
     def _place_polar(self) -> bool:
         """Places points at the end of complete vectors from oriented stations."""
-        candidates, self.dirty_polar = sorted(filterfalse(self.known.is_placed, self.dirty_polar)), set()
+        candidates = sorted(filterfalse(self.known.is_placed, self.dirty_polar))
         located = [point for point in candidates if self.polar_sights.place(point)]
+        self.dirty_polar = set()
+        if len(located) < len(candidates):
+            self.seen_anew.update(candidates)
         self._settle(located)
         return bool(located)
 
@@ -201,11 +208,11 @@ class Placement:
             located = self._orient_around(located)
 
     def _look_from(self, located: list[int]) -> None:
-        """Looks again at new points, and at the targets of oriented stations on them."""
-        self._touch(located)
-        steps = self.known.station_steps
+        """Looks again at the targets of oriented stations on new points, and at those that want a height."""
+        self._touch(filterfalse(self.known.has_height.__getitem__, located))
+        steps, stations_at = self.known.station_steps, self.graph.stations_at
         for point in located:
-            for station in self.graph.stations_at[point]:
+            for station in stations_at[point]:
                 if steps[station] is not None:
                     self._touch(self.graph.targets(station))
 
@@ -263,16 +270,24 @@ class Placement:
     def _touch(self, points: Iterable[int]) -> None:
         """Looks again at points; those that are placed are passed over when it is their turn."""
         self.dirty_polar.update(points)
-        self.seen_anew.update(points)
 
     def _look_around(self) -> None:
         """Looks again at the geometry of what was touched, and of all neighbours of new points."""
-        self.seen_anew.update(*(self.graph.neighbours[point] for point in self.located_anew))
-        touched = set(filterfalse(self.known.is_placed, self.seen_anew))
+        touched = set(filterfalse(self.known.is_placed, self.seen_anew)) | self._beside(self.located_anew)
         self.seen_anew, self.located_anew = set(), []
         self.dirty_geometry |= touched
         for point in self.best_positions.keys() & touched:
             del self.best_positions[point]
+
+    def _beside(self, located: list[int]) -> set[int]:
+        """The points without a place that observations join with new ones."""
+        neighbours, is_placed = self.graph.neighbours, self.known.is_placed
+        if len(located) >= _MANY:
+            waiting, anew = np.flatnonzero(~self.known.are_placed()).tolist(), set(located)
+            if len(waiting) < len(located):
+                return {point for point in waiting if not anew.isdisjoint(neighbours(point))}
+        every = chain.from_iterable(map(neighbours, located))
+        return set(filterfalse(is_placed, every))
 
     def _spread_height(self, point: int) -> None:
         """Carries heights along height differences, also to points without horizontal position."""
@@ -319,6 +334,7 @@ class Placement:
         rows = tuple(dict.fromkeys(row for relation in candidate.used for row in relation.rows))
         step = Step(candidate.method, rows)
         if earlier is not None:
+            earlier = step_of(earlier, self.graph.sights)
             step = Step(f"{earlier.method}, then {candidate.method}", (*earlier.observations, *rows))
         known.positions[point], known.has_height[point] = candidate.position, candidate.has_height
         known.point_steps[point] = step

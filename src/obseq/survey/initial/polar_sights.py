@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from obseq.survey.initial.known import Step, plus, times, transposed_times, turned
+from obseq.survey.initial.known import plus, times, transposed_times, turned
+from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -13,17 +14,13 @@ if TYPE_CHECKING:
     from obseq.survey.initial.known import Known
     from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.initial.sights import Sight
+    from obseq.survey.initial.steps import Cause
+
+    Polar = tuple[Space, float, Cause]
+    """A vector (instrument) from a station to a point, its expected error (m) and where it comes from."""
 
 LARGEST_SIGMA = 1e6
 """The expected error (m) of what is not known any better."""
-
-
-class _Polar(NamedTuple):
-    """A vector (instrument) from a station to a point, its expected error (m) and its observations."""
-
-    local: Space
-    relative_sigma: float
-    rows: tuple[int, ...]
 
 
 class PolarSights:
@@ -40,42 +37,39 @@ class PolarSights:
 
     def place(self, point: int) -> bool:
         """Places a point by the vector with the least expected error, if there is one."""
-        steps, is_placed = self.known.station_steps, self.known.is_placed
-        station_of, origin_of = self.graph.station_of, self.graph.origin_of
+        steps, station_of = self.known.station_steps, self.graph.station_of
         best, least = -1, math.inf
         for number in self.graph.sights_to[point]:
-            station, origin = station_of[number], origin_of[number]
-            if steps[station] is not None and is_placed(origin) and self._may_use(station):
-                point_sigma = self._point_sigma(number, station, origin)
+            station = station_of[number]
+            if steps[station] is not None and (self.stations is None or station in self.stations):
+                point_sigma = self._point_sigma(number, station, self.graph.origins[station])
                 if point_sigma < least:
                     best, least = number, point_sigma
         if best >= 0:
             self._take(point, best, least)
         return best >= 0
 
-    def _may_use(self, station: int) -> bool:
-        return self.stations is None or station in self.stations
-
     def _point_sigma(self, number: int, station: int, origin: int) -> float:
-        """Expected error of the end of a sight (m), infinite where nothing gives its vector."""
+        """Expected error of the end of a sight (m), infinite where nothing gives its vector or its start."""
+        if not self.known.is_placed(origin):
+            return math.inf
         length, relative_sigma = self.graph.length_of[number], self.graph.vector_sigma_of[number]
         if math.isnan(length):
             polar = self._borrowed(number, station)
             if polar is None:
                 return math.inf
-            length, relative_sigma = math.hypot(*polar.local), polar.relative_sigma
+            length, relative_sigma = math.hypot(*polar[0]), polar[1]
         moved = length * self.known.azimuth_sigmas[station]
         return min(math.hypot(self.known.point_sigmas[origin] + moved, relative_sigma), LARGEST_SIGMA)
 
-    def _polar(self, number: int, station: int) -> _Polar:
+    def _polar(self, number: int, station: int) -> Polar:
         """The vector of a sight that has one, perhaps with the help of others."""
         polar = self._borrowed(number, station) if math.isnan(self.graph.length_of[number]) else None
         if polar is not None:
             return polar
-        x, y, z = self.graph.sights.vectors[number].tolist()
-        return _Polar((x, y, z), self.graph.vector_sigma_of[number], self.graph.vector_rows(number))
+        return self.graph.sights.vectors[number].tolist(), self.graph.vector_sigma_of[number], (number,)
 
-    def _borrowed(self, number: int, station: int) -> _Polar | None:
+    def _borrowed(self, number: int, station: int) -> Polar | None:
         """Vector of a plumb sight that borrows the zenith angle of another station on the same point."""
         sight = self.graph.sights[number]
         reading, lengths = sight.reading(), self._lengths(sight)
@@ -84,7 +78,7 @@ class PolarSights:
         (flat, rise), rows = lengths
         local = flat * math.sin(reading[0]), flat * math.cos(reading[0]), rise
         every = tuple(dict.fromkeys(reading[1] + rows))
-        return _Polar(local, vector_sigma(self.graph, local, every), every)
+        return local, vector_sigma(self.graph, local, every), Step("azimuth and distance", every)
 
     def _lengths(self, sight: Sight) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
@@ -114,12 +108,10 @@ class PolarSights:
 
     def _take(self, point: int, number: int, point_sigma: float) -> None:
         known, station, origin = self.known, self.graph.station_of[number], self.graph.origin_of[number]
-        polar = self._polar(number, station)
-        offset = in_frame(known, station, origin, polar.local)
-        known.positions[point] = plus(known.position_of(origin), offset)
-        known.has_height[point] = 1
-        known.point_steps[point] = Step("azimuth and distance", polar.rows)
-        known.parents[point], known.relative_sigmas[point] = station, polar.relative_sigma
+        local, relative_sigma, cause = self._polar(number, station)
+        known.positions[point] = plus(known.position_of(origin), in_frame(known, station, origin, local))
+        known.has_height[point], known.point_steps[point] = 1, cause
+        known.parents[point], known.relative_sigmas[point] = station, relative_sigma
         known.point_sigmas[point] = point_sigma
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from obseq.survey.initial.sights import lengths
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.initial.sights import Sights
@@ -60,12 +59,11 @@ def _decimals(column: FloatArray) -> list[float]:
     return plain
 
 
-def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
+def _numbers_by(groups: IntArray, n: int) -> list[list[int]]:
     """Of each of n groups, the numbers of its members."""
-    found: list[list[int]] = [[] for _ in range(n)]
-    for number, group in enumerate(groups):
-        found[group].append(number)
-    return found
+    ends = np.cumsum(np.bincount(groups, minlength=n)).tolist()
+    numbers = np.argsort(groups, kind="stable").tolist()
+    return [numbers[first:end] for first, end in zip([0, *ends], ends, strict=False)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,27 +142,27 @@ class SightGraph:
     @cached_property
     def sights_from(self) -> list[list[int]]:
         """Sights of each station."""
-        return _numbers_by(self.station_of, len(self.origins))
+        return _numbers_by(self.sights.stations, len(self.origins))
 
     @cached_property
     def sights_to(self) -> list[list[int]]:
         """Sights to each point."""
-        return _numbers_by(self.target_of, self.n_points)
+        return _numbers_by(self.sights.targets, self.n_points)
 
     @cached_property
     def stations_at(self) -> list[list[int]]:
         """Stations on each point."""
-        return _numbers_by(self.origins, self.n_points)
+        return _numbers_by(np.array(self.origins, np.int64), self.n_points)
 
-    @cached_property
-    def neighbours(self) -> list[list[int]]:
-        """Points that sights or distances join with each point, some of them twice."""
-        found: list[list[int]] = [[] for _ in range(self.n_points)]
-        sighted = zip(self.origin_of, self.target_of, strict=True)
-        for first, second in chain(sighted, self.slopes.ends(), self.flats.ends()):
-            found[first].append(second)
-            found[second].append(first)
-        return found
+    def neighbours(self, point: int) -> Iterator[int]:
+        """Points that observations join with one, some of them twice."""
+        for station in self.stations_at[point]:
+            yield from self.targets(station)
+        for number in self.sights_to[point]:
+            yield self.origin_of[number]
+        for joined in (self.distances, self.height_differences, self.flat_distances):
+            for other, _, _ in joined[point]:
+                yield other
 
     @cached_property
     def distances(self) -> list[list[Joined]]:
@@ -189,11 +187,6 @@ class SightGraph:
         """Reading of a station to a target (rad); NaN where there is none."""
         found = (self.reading_of[k] for k in self.sights_from[station] if self.target_of[k] == target)
         return next(found, math.nan)
-
-    def vector_rows(self, number: int) -> tuple[int, ...]:
-        """The observations of the vector of a sight; none when it is not complete."""
-        is_complete = not math.isnan(self.length_of[number])
-        return tuple(self.sights.vector_rows[number].tolist()) if is_complete else ()
 
     def reading_rows(self, number: int) -> tuple[int, ...]:
         """The observations of the reading of a sight; none when it has none."""

@@ -170,6 +170,14 @@ class Sights:
             sight = self._seen[number] = self._made(number)
         return sight
 
+    def rows_of(self, number: int) -> tuple[int, ...]:
+        """The observations of the vector of a sight; of its reading when it is not complete."""
+        sight = self[number]
+        if sight.vector is not None:
+            return sight.vector[1]
+        reading = sight.reading()
+        return () if reading is None else reading[1]
+
     def _made(self, number: int) -> Sight:
         columns = self.measures.values[:, number].tolist(), self.measures.rows[:, number].tolist()
         measures = (None if row < 0 else (value, row) for value, row in zip(*columns, strict=True))

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import Step, minus, plus, times, transposed_times, turned
+from obseq.survey.initial.known import minus, plus, times, transposed_times, turned
+from obseq.survey.initial.steps import GIVEN, Step
 from obseq.survey.initial.ways import PlumbWays, Views, Ways, find_ways
 from obseq.survey.model import Orientation
 
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
     from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.initial.steps import Cause
 
-FREE_STATION = "free station"
 _DRIFT = 3.0
 """Spreads of points that were not given are enlarged by this factor: their errors are not independent."""
 
@@ -45,8 +46,7 @@ class Link(NamedTuple):
     azimuth_sigma: float
     relative_sigma: float
     parent: int | None
-    method: str
-    rows: tuple[int, ...]
+    cause: Cause
 
 
 class Traverse:
@@ -83,30 +83,30 @@ class Traverse:
         heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
 
     def _is_open(self, station: int) -> bool:
-        return self._may_link(station) and self.known.station_steps[station] is None
-
-    def _may_link(self, station: int) -> bool:
         is_plumb = self.graph.orientations[station] == Orientation.VERT
-        return is_plumb and (self.stations is None or station in self.stations)
+        is_open = is_plumb and self.known.station_steps[station] is None
+        return is_open and (self.stations is None or station in self.stations)
 
     def add_azimuths(self, station: int, numbers: Iterable[int]) -> None:
-        """Links of a station on a located point by the azimuths of some of its sights, to located targets."""
-        origin, target_of = self.graph.origins[station], self.graph.target_of
-        is_settled = self.known.is_settled
-        if not is_settled[origin] or not self._is_open(station):
+        """Links of an open plumb station on a located point by its azimuths of located targets."""
+        known, target_of = self.known, self.graph.target_of
+        origin = self.graph.origins[station]
+        is_settled, positions, start = known.is_settled, known.positions, known.positions[origin]
+        if not is_settled[origin] or start is None:
             return
-        origin_sigma = _honest_sigma(self.known, origin)
+        origin_sigma = _honest_sigma(known, origin)
         for number in numbers:
-            if is_settled[target_of[number]]:
-                self._add_azimuth(station, number, origin_sigma)
+            target = target_of[number]
+            position = positions[target]
+            if is_settled[target] and position is not None:
+                moved = math.hypot(origin_sigma, _honest_sigma(known, target))
+                # what is not surer in space is not surer along the horizon, which is shorter
+                if moved < self.surest[station] * math.dist(start, position):
+                    self._add_azimuth(station, number, position, moved)
 
-    def _add_azimuth(self, station: int, number: int, origin_sigma: float) -> None:
-        known, graph, target = self.known, self.graph, self.graph.target_of[number]
-        origin, position = known.position_of(graph.origins[station]), known.position_of(target)
-        moved, surest = math.hypot(origin_sigma, _honest_sigma(known, target)), self.surest[station]
-        if _azimuth_sigma(graph, number, moved, math.dist(origin, position)) >= surest:
-            return  # nor is it along the horizon, which is shorter
-        distance = _flat_distance(known, graph.origins[station], position)
+    def _add_azimuth(self, station: int, number: int, position: Space, moved: float) -> None:
+        graph, surest = self.graph, self.surest[station]
+        distance = _flat_distance(self.known, graph.origins[station], position)
         if math.isnan(graph.reading_of[number]) or distance == 0.0:
             return
         azimuth_sigma = _azimuth_sigma(graph, number, moved, distance)
@@ -114,8 +114,8 @@ class Traverse:
             self._push(station, azimuth_sigma, partial(self._azimuth_link, number, position, azimuth_sigma))
 
     def _azimuth_link(self, number: int, position: Space, azimuth_sigma: float) -> Link:
-        rows = self.graph.reading_rows(number)
-        return Link(None, ((number, position),), azimuth_sigma, 0.0, None, "azimuth of a known point", rows)
+        step = Step("azimuth of a known point", self.graph.reading_rows(number))
+        return Link(None, ((number, position),), azimuth_sigma, 0.0, None, step)
 
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
@@ -146,24 +146,19 @@ class Traverse:
 
     def _link(self, station: int, ways: Ways, way: int, total: float) -> Link:
         """A link by a way, in the frame."""
-        numbers = [number for number in ways.sights[way].tolist() if number >= 0]
-        seen = ways.seen[way].tolist()[: len(numbers)]
-        ends = [self._in_frame(station, ways.views.vectors[view].tolist()) for view in seen]
-        sights = zip(numbers, map(ways.views.numbers.item, seen), strict=True)
-        rows = (row for pair in sights for number in pair if number >= 0 for row in self._rows(number))
+        targets, cause = [], []
+        for number, view in zip(ways.sights[way].tolist(), ways.seen[way].tolist(), strict=True):
+            if number >= 0:
+                targets.append((number, self._in_frame(station, ways.views.vectors[view].tolist())))
+                cause += [number, ways.views.numbers.item(view)]
         return Link(
             self._in_frame(station, ways.positions[way].tolist()),
-            tuple(zip(numbers, ends, strict=True)),
+            tuple(targets),
             total,
             ways.relative_sigmas.item(way),
             station,
-            FREE_STATION if len(numbers) > 1 else "azimuth and distance",
-            tuple(dict.fromkeys(rows)),
+            tuple(number for number in cause if number >= 0),
         )
-
-    def _rows(self, number: int) -> tuple[int, ...]:
-        """The observations of the vector of a sight, of its reading when it is not complete."""
-        return self.graph.vector_rows(number) or self.graph.reading_rows(number)
 
     def _in_frame(self, station: int, vector: Space) -> Space:
         """Where something is that a station sees in plumb axes."""
@@ -213,6 +208,4 @@ def _flat_distance(known: Known, origin: int, target: Space) -> float:
 
 
 def _honest_sigma(known: Known, point: int) -> float:
-    step: Step | None = known.point_steps[point]
-    is_given = step is not None and step.method == "given"
-    return known.point_sigmas[point] * (1.0 if is_given else _DRIFT)
+    return known.point_sigmas[point] * (1.0 if known.point_steps[point] is GIVEN else _DRIFT)

@@ -12,7 +12,7 @@ from obseq.survey.initial.relations import Measured, Relation, collect
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from obseq.survey.initial.best_position import BestPosition
     from obseq.survey.initial.known import Known
@@ -83,28 +83,15 @@ def _linked_to_known(known: Known, graph: SightGraph) -> set[int]:
     reached = {point for point, is_settled in enumerate(known.is_settled) if is_settled}
     waiting = deque(reached)
     while waiting:
-        for other in _neighbours(graph, waiting.popleft()):
+        for other in graph.neighbours(waiting.popleft()):
             if other not in reached:
                 reached.add(other)
                 waiting.append(other)
     return reached
 
 
-def _neighbours(graph: SightGraph, point: int) -> Iterable[int]:
-    for station in graph.stations_at[point]:
-        yield from graph.targets(station)
-    for number in graph.sights_to[point]:
-        yield graph.origin_of[number]
-    for other, _, _ in graph.distances[point]:
-        yield other
-    for other, _, _ in graph.height_differences[point]:
-        yield other
-    for other, _, _ in graph.flat_distances[point]:
-        yield other
-
-
 def _reason(known: Known, graph: SightGraph, best: BestPosition | None, linked: set[int], point: int) -> str:
-    neighbours = list(dict.fromkeys(_neighbours(graph, point)))
+    neighbours = list(dict.fromkeys(graph.neighbours(point)))
     if not neighbours:
         return "no active observation names it, and it has no coordinates"
     if point not in linked:

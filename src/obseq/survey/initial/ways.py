@@ -148,7 +148,8 @@ class Ways:
 
     def of(self, station: int) -> slice:
         """Those of one of the stations."""
-        return slice(*self._starts[station - self._first :][:2])
+        first = station - self._first
+        return slice(self._starts[first], self._starts[first + 1])
 
 
 class _Part(NamedTuple):

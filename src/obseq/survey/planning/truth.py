@@ -9,8 +9,8 @@ import numpy as np
 
 from obseq.errors import InputError, ObseqError
 from obseq.survey.initial.initial_values import InitialValues
-from obseq.survey.initial.known import Step
 from obseq.survey.initial.orienting import plumb_rotation
+from obseq.survey.initial.steps import GIVEN
 from obseq.survey.model import Orientation, automatic_fix
 
 if TYPE_CHECKING:
@@ -37,14 +37,13 @@ def truth(network: Network) -> InitialValues:
         first = int(book.stations.observations(int(np.argmax(orientations == Orientation.VERT)))[0])
         raise InputError(f"{book.label(first)}: a #VERT station needs a frame in which there is a vertical")
     verticals = network.frame.vertical(points.coordinates[book.stations.origins])
-    given = Step("given")
     return InitialValues(
         coordinates=points.coordinates.copy(),
         rotations=plumb_rotation(verticals, np.zeros(stations)),
         g0=np.zeros(stations),
         orientations=orientations,
-        point_steps=(given,) * len(points),
-        station_steps=(given,) * stations,
+        point_steps=(GIVEN,) * len(points),
+        station_steps=(GIVEN,) * stations,
         unplaced=(),
         expected_sigmas=np.zeros(len(points)),
     )
