@@ -15,6 +15,16 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
 
 
+def statements(path: Path) -> Iterator[ast.AST]:
+    """Every statement, wherever in a file, and what holds statements."""
+    waiting: list[ast.AST] = [tree(path)]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += getattr(node, name, ())
+
+
 def nodes(path: Path, *kinds: type[Node]) -> Iterator[Node]:
     """Every node of some kinds, wherever in a file; kind by kind."""
     found = _by_kind(path)

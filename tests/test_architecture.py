@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from sources import nodes
+from sources import statements
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -36,11 +36,12 @@ LARGEST_FILE = 1_500_000
 
 def imports_of(path: Path) -> Iterator[tuple[int, str]]:
     """Line and full name of everything a module imports, wherever in the module."""
-    for node in nodes(path, ast.Import):
-        yield from ((node.lineno, alias.name) for alias in node.names)
-    for node in nodes(path, ast.ImportFrom):
-        assert not node.level, f"{path}:{node.lineno}: import by the installed name"
-        yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+    for node in statements(path):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}:{node.lineno}: import by the installed name"
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
 def tracked_files() -> list[Path]:

@@ -116,16 +116,7 @@ def install(folder: Path, *what: str) -> Path:
     site = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder), "platbase": str(folder)}))
     (site / "borrowed.pth").write_text(f"{sysconfig.get_path('purelib')}\n", encoding="utf-8")
     options = ["--no-deps", "--no-index", "--no-build-isolation", "--no-compile", "--quiet"]
-    pip = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        str(folder / "bin" / "python"),
-        "install",
-        *options,
-        *what,
-    ]
+    pip = [str(folder / "bin" / "python"), "-m", "pip", "install", *options, *what]
     done = subprocess.run(pip, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder / "bin"

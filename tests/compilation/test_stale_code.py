@@ -74,17 +74,22 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def printed(copy: Path, script: str) -> str:
-    """What a process prints that imports the copy; Python's own files of what changes in it are not kept."""
+def printed(copy: Path, *scripts: str) -> list[str]:
+    """What each script prints, one after the other in a process that imports the copy.
+
+    Python's own files of what changes in it are not kept.
+    """
     environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     check = f"import obseq\nassert obseq.__file__.startswith({str(copy)!r})\n"
+    program = check + f"print({BETWEEN!r}, end='')\n".join(scripts)
     done = subprocess.run(
-        [sys.executable, "-c", check + script], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout
+    return done.stdout.split(BETWEEN)
 
 
+BETWEEN = "next script\n"
 WITHOUT_COMPILER = "import sys\nsys.modules['numba'] = None\n"
 TURNED = "(builder, a, b, [0, 4, 2, 6])", "(builder, a, b, [4, 0, 6, 2])"
 CASES = {
@@ -119,17 +124,16 @@ def test_every_compiled_room_has_a_case() -> None:
     assert {"generated"} | rooms - {"compilation"} == CASES.keys()
 
 
-@pytest.mark.slow  # three processes each; at first two compilations
-@pytest.mark.parametrize(("script", "file", "before", "after"), CASES.values(), ids=CASES)
-def test_a_change_in_what_is_called_is_seen(
-    copy: Path, script: str, file: str, before: str, after: str
-) -> None:
-    first = printed(copy, script)
-    path = copy / "obseq" / file
-    text = path.read_text(encoding="utf-8")
-    assert before in text
-    path.write_text(text.replace(before, after), encoding="utf-8")
-    changed = printed(copy, script)
-    assert changed != first
-    path.write_text(text, encoding="utf-8")
-    assert printed(copy, WITHOUT_COMPILER + script) == first
+@pytest.mark.slow  # seven processes; at first two compilations of each loop
+def test_a_change_in_what_is_called_is_seen(copy: Path) -> None:
+    """One change after the other is seen; what was compiled before is as good when all is as it was."""
+    everything = [script for script, *_ in CASES.values()]
+    first = printed(copy, *everything)
+    for place, (script, file, before, after) in enumerate(CASES.values()):
+        path = copy / "obseq" / file
+        text = path.read_text(encoding="utf-8")
+        assert before in text
+        path.write_text(text.replace(before, after), encoding="utf-8")
+        assert printed(copy, script) != [first[place]], file
+        path.write_text(text, encoding="utf-8")
+    assert printed(copy, WITHOUT_COMPILER, *everything)[1:] == first

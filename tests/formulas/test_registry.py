@@ -107,7 +107,7 @@ def called(text: str) -> list[str]:
 
 @each_formula
 def test_hashes_are_current(formula: Formula, seen: Seen) -> None:
-    if f"hashes/{formula.name}" in seen:
+    if f"hashes/{formula.name}" in seen or "the folder" in seen:  # whose files hold them
         return
     text = Path(calculator(formula.name).kernel.module.__file__ or "").read_text("utf-8")
     (found,) = re.findall(

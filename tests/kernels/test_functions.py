@@ -63,7 +63,7 @@ AROUND_AXIS = _vectors(
     np.concatenate([_logarithmic(1e-60, 1e3, 60), _uniform(0, 4, 60)]),
     _signed(np.concatenate([_logarithmic(1e-3, 1e3, 10), _uniform(0, 2, 10)])),
 )
-RATIOS = np.array([float(_angle_ratio(mpmath.mpf(s), z)) for s, z in zip(*AROUND_AXIS, strict=True)])
+RATIOS = np.arctan2(np.sqrt(AROUND_AXIS[0]), AROUND_AXIS[1]) / np.sqrt(AROUND_AXIS[0])
 
 CASES = {
     "sin": (mpmath.sin, (WIDE,), 0.8),

@@ -10,7 +10,7 @@ import numpy as np
 from obseq.geometry import exponential
 from obseq.leastsquares import LeastSquares
 
-PENDING = 5.0
+PENDING = 0.5
 """Seconds in which a signal that was sent arrives."""
 
 
@@ -22,6 +22,7 @@ def interrupted(work, delay):
         timer.start()
         work()
         done = True
+        timer.join()
         time.sleep(PENDING)
     except KeyboardInterrupt:
         timer.join()
