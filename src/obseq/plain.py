@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 Reader = Callable[[object], object]
+_SIMPLE = frozenset((float, int, bool, str, type(None)))
+"""Types whose values are plain as they are."""
 
 
 class _WrongValueError(Exception):
@@ -86,7 +88,7 @@ def _plain(value: object) -> object:
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return list(value) if _SIMPLE.issuperset(map(type, value)) else [_plain(item) for item in value]
     return to_plain(value)
 
 

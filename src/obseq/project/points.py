@@ -23,7 +23,7 @@ UNCODED = "NONE"
 """What the names of targets begin with that carry no code: they are no tie between images."""
 NO_SYSTEM = "LocalNONE"
 ENDINGS = (".xml", ".json")
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_UPPER = np.triu_indices(3)
 
 
 def read_image_measures(folder: str | Path, images: Iterable[str] | None = None) -> ImagePoints:
@@ -89,14 +89,12 @@ def read_control_points(
     Raises:
         InputError: no file, a field that is wrong, a name given twice.
     """
-    names, places, covariances = [], [], []
-    for one in _point_entries(folder):
-        name = one.text("Name")
-        if is_chosen(name, one.text("AdditionalInfo", "")):
-            names.append(name)
-            places.append(one.numbers("Pt", 3))
-            covariances.append(_covariance(one))
-    return _control(names, np.array(places, dtype=np.float64).reshape(-1, 3), covariances)
+    chosen = [
+        one for one in _point_entries(folder) if is_chosen(one.text("Name"), one.text("AdditionalInfo", ""))
+    ]
+    places = np.array([one.numbers("Pt", 3) for one in chosen], dtype=np.float64).reshape(-1, 3)
+    plain = ControlPoints.of([one.text("Name") for one in chosen], places)
+    return ControlPoints(plain.names, plain.coordinates, _covariances(chosen))
 
 
 def read_entries(folder: str | Path) -> dict[str, Tree]:
@@ -136,7 +134,7 @@ def points_text(
             "AdditionalInfo": "",
         }
         if np.isfinite(covariance).all():
-            entry["__Opt__Sigma2"] = tuple(float(covariance[index]) for index in _UPPER)
+            entry["__Opt__Sigma2"] = _floats(covariance[_UPPER])
         elif not np.isinf(np.diag(covariance)).all():
             raise InputError(f"control point {one}: a project holds points known in x, y and z, or free")
         entries.append(_kept(known.get(one, {}), entry))
@@ -200,24 +198,22 @@ def _pixel_sigmas(one: Reader) -> tuple[float, float]:
     return float(xx) ** 0.5, float(yy) ** 0.5
 
 
-def _covariance(one: Reader) -> FloatArray:
-    """Infinite variances where the file gives none."""
-    matrix = np.zeros((3, 3))
-    if not one.has("Sigma2"):
-        np.fill_diagonal(matrix, np.inf)
-        return matrix
-    for (i, j), value in zip(_UPPER, one.numbers("Sigma2", 6), strict=True):
-        matrix[i, j] = matrix[j, i] = value
-    if np.linalg.eigvalsh(matrix)[0] < 0.0:
+def _covariances(entries: list[Reader]) -> FloatArray:
+    """(n, 3, 3) of points; infinite variances where the file gives none."""
+    found = np.zeros((len(entries), 3, 3))
+    found[:, range(3), range(3)] = np.inf
+    given = [k for k, one in enumerate(entries) if one.has("Sigma2")]
+    upper = np.array([entries[k].numbers("Sigma2", 6) for k in given], dtype=np.float64).reshape(-1, 6)
+    rows, columns = _UPPER
+    matrices = np.empty((len(given), 3, 3))
+    matrices[:, rows, columns] = matrices[:, columns, rows] = upper
+    negative = np.linalg.eigvalsh(matrices)[:, 0] < 0.0
+    if negative.any():
+        one = entries[given[int(negative.argmax())]]
         raise InputError(f"{one.where}: point {one.text('Name')}: Sigma2 is no covariance: not positive")
-    return matrix
-
-
-def _control(names: list[str], places: FloatArray, covariances: list[FloatArray]) -> ControlPoints:
-    whole = np.array(covariances).reshape(-1, 3, 3)
-    plain = ControlPoints.of(names, places)
-    return ControlPoints(plain.names, plain.coordinates, whole)
+    found[given] = matrices
+    return found
 
 
 def _floats(values: FloatArray) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
+    return tuple(values.tolist())

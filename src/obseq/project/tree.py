@@ -11,7 +11,7 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from obseq.errors import InputError
 
@@ -32,6 +32,10 @@ OPTIONAL = ("__Opt__", "Opt:")
 """What marks a field that may be missing, today and in older files."""
 _COMMENT = re.compile(r"<!--comment\d+-->")
 _PAIR, _KEY = "Pair", "K"
+_LISTED = frozenset(("el", _PAIR))
+"""Tags of the parts of a list, in XML."""
+_MOST = sys.float_info.max
+"""Numbers fit in double precision, though whole ones may be of any size."""
 _NEXT_TEXT = re.compile(r'(?<!\\)"\s+"')
 """Between the texts of a pair of names."""
 
@@ -114,16 +118,15 @@ class Reader:
     def numbers(self, name: str, count: int | None = None) -> tuple[Number, ...]:
         """Numbers, as many as wanted."""
         found = self.value(name)
-        numbers = _numbers(found)
-        if not isinstance(found, tuple) or len(numbers) != (len(found) if count is None else count):
+        if not _are_numbers(found) or len(found) != (len(found) if count is None else count):
             raise InputError(f"{self.where}: {name} should be {count or 'some'} numbers")
-        return numbers
+        return found
 
     def series(self, name: str) -> tuple[Number, ...]:
         """Numbers of a vector, which XML writes as a list and JSON as a row."""
         found = self.value(name)
         parts = found if isinstance(found, list) else [found]
-        numbers = tuple(number for part in parts for number in _numbers(part))
+        numbers = tuple(number for part in parts if _are_numbers(part) for number in part)
         if any(not isinstance(part, tuple) for part in parts) or not numbers:
             raise InputError(f"{self.where}: {name} should be a list of numbers")
         return numbers
@@ -164,10 +167,9 @@ class Reader:
         return found
 
 
-def _numbers(value: Tree) -> tuple[Number, ...]:
-    """The numbers of a tuple; none of anything else."""
-    parts = value if isinstance(value, tuple) else ()
-    return tuple(part for part in parts if not isinstance(part, str))
+def _are_numbers(value: Tree) -> TypeGuard[tuple[Number, ...]]:
+    """Whether a value is a tuple of numbers: one of texts has nothing else either."""
+    return isinstance(value, tuple) and not (value and isinstance(value[0], str))
 
 
 def pairs(values: list[Tree], where: str) -> list[tuple[Tree, Tree]]:
@@ -241,47 +243,45 @@ def _from_xml(path: Path, data: bytes) -> Tree:
 def _element(node: Element, where: str, depth: int) -> Tree:
     if depth > DEEPEST:
         raise InputError(f"{where}: is nested deeper than {DEEPEST} levels")
-    children = list(node)
-    if not children:
-        return _leaf(node.text or "", f"{where}: {node.tag}")
-    if {child.tag for child in children} <= {"el", _PAIR}:
-        return [_element(child, where, depth + 1) for child in children]
+    if not len(node):
+        return _leaf(node, where)
+    if node[0].tag in _LISTED and all(child.tag in _LISTED for child in node):
+        return [_element(child, where, depth + 1) for child in node]
     found: dict[str, Tree] = {}
-    for child in children:
+    for child in node:
         if child.tag in found:
             raise InputError(f"{where}: {child.tag} stands twice in {node.tag}")
         found[child.tag] = _element(child, where, depth + 1)
     return found
 
 
-def _leaf(text: str, where: str) -> Tree:
+def _leaf(node: Element, where: str) -> Tree:
     """A quoted text, several of them, numbers, or nothing."""
-    bare = text.strip()
+    bare = (node.text or "").strip()
     if not bare:
         return []
-    if bare[0] == '"':
-        if len(bare) < 2 or bare[-1] != '"':
-            raise InputError(f"{where}: the quotes of {bare[:40]!r} are not closed")
-        texts = tuple(part.replace('\\"', '"') for part in _NEXT_TEXT.split(bare[1:-1]))
-        return texts if len(texts) > 1 else texts[0]
-    return tuple(_number(word, where) for word in bare.split())
+    if bare[0] != '"':
+        return tuple([_number(word, node, where) for word in bare.split()])
+    if len(bare) < 2 or bare[-1] != '"':
+        raise InputError(f"{where}: {node.tag}: the quotes of {bare[:40]!r} are not closed")
+    if '"' not in bare[1:-1]:
+        return bare[1:-1]
+    texts = tuple(part.replace('\\"', '"') for part in _NEXT_TEXT.split(bare[1:-1]))
+    return texts if len(texts) > 1 else texts[0]
 
 
-def _number(word: str, where: str) -> Number:
+def _number(word: str, node: Element, where: str) -> Number:
     try:
         value: Number = int(word) if word.lstrip("+-").isdecimal() else float(word)
     except ValueError:
         if (lowered := word.lower()) in ("true", "false"):
             return int(lowered == "true")
-        raise InputError(f"{where}: {word[:40]!r} is not a number (texts stand in quotes)") from None
-    if not _is_finite(value):
-        raise InputError(f"{where}: {word[:40]!r} is not a finite number")
+        raise InputError(
+            f"{where}: {node.tag}: {word[:40]!r} is not a number (texts stand in quotes)"
+        ) from None
+    if not abs(value) <= _MOST:
+        raise InputError(f"{where}: {node.tag}: {word[:40]!r} is not a finite number")
     return value
-
-
-def _is_finite(value: Number) -> bool:
-    """Whether a number fits in double precision: whole ones may be of any size."""
-    return abs(value) <= sys.float_info.max
 
 
 def _from_json(path: Path, data: bytes) -> Tree:
@@ -314,7 +314,7 @@ def _plain(value: Any, where: str, depth: int) -> Tree:
 
 
 def _finite(value: Number, where: str) -> Number:
-    if not _is_finite(value):
+    if not abs(value) <= _MOST:
         raise InputError(f"{where}: a number above 1.8e308 is not a finite number here")
     return int(value) if isinstance(value, bool) else value
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,7 +113,7 @@ def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
 
 
 def _defined(values: FloatArray) -> tuple[float | None, ...]:
-    return tuple(value if np.isfinite(value) else None for value in values.tolist())
+    return tuple(value if math.isfinite(value) else None for value in values.tolist())
 
 
 def _tested(found: MeasureReliability, row: int) -> TestedPointRecord:
