@@ -1,5 +1,6 @@
 """The short way through numba gives the machine code of the whole one."""
 
+import gc
 import re
 from contextlib import nullcontext
 
@@ -46,6 +47,8 @@ def test_nothing_stays_of_the_shortcuts() -> None:
     usual = [getattr(owner, name) for owner, name, _ in front_end._shortcuts()]
     with front_end.hurrying():
         hurried = [getattr(owner, name) for owner, name, _ in front_end._shortcuts()]
+        assert not gc.isenabled()
+    assert gc.isenabled()
     assert [getattr(owner, name) for owner, name, _ in front_end._shortcuts()] == usual
     assert not any(one is other for one, other in zip(hurried, usual, strict=True))
 

@@ -9,6 +9,7 @@ instruction, should it fail, is not said.
 
 from __future__ import annotations
 
+import gc
 import operator
 from contextlib import ExitStack, contextmanager, nullcontext
 from functools import cache
@@ -19,6 +20,10 @@ from numba.core import base, interpreter, ir, lowering, typeinfer
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.types.functions import BaseFunction
 from numba.core.types.misc import unliteral
+from numba.core.typing.context import BaseContext as TypingContext
+from numba.np import arrayobj
+
+from obseq.compilation.array_values import of_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -82,9 +87,13 @@ class ShortForKernels(Short):
 def hurrying() -> Iterator[None]:
     """Inside, numba takes shortcuts to the same results. For who holds its lock.
 
-    Another release of numba goes its own way where it does not have what is replaced here.
+    Python does not look for garbage meanwhile: what numba makes is needed until it is done. Another release
+    of numba goes its own way where it does not have what is replaced here.
     """
     with ExitStack() as usual:
+        if gc.isenabled():
+            usual.callback(gc.enable)
+            gc.disable()
         for owner, name, shortened in _shortcuts():
             if hasattr(owner, name):
                 usual.callback(setattr, owner, name, getattr(owner, name))
@@ -97,6 +106,10 @@ def _shortcuts() -> list[tuple[Value, str, Callable[[Value], Value]]]:
     silent = nullcontext()
     return [
         (BaseFunction, "get_call_type", _remembering),
+        (TypingContext, "refresh", _once_for_each),
+        (base.BaseContext, "refresh", _once_for_each),
+        (base.BaseContext, "get_abi_sizeof", _by_text),
+        (arrayobj, "make_array", of_values),
         (base, "_has_loc", cache),
         (ir.Inst, "_rec_list_vars", lambda _: _variables),
         (ir.Assign, "__str__", lambda _: object.__repr__),  # asked for each time, for a message nobody sees
@@ -123,6 +136,24 @@ def _variables(instruction: Value, value: Value) -> list[Value]:
         elif type(part) not in WITHOUT_VARIABLES:
             found += _variables(instruction, part)
     return found
+
+
+def _once_for_each(refresh: Value) -> Value:
+    """Looks for what has been registered when a compilation begins, not again for each part of it."""
+    return cache(refresh)
+
+
+def _by_text(size_of: Value) -> Value:
+    """Sizes of LLVM's types: each is otherwise found by parsing a module that has one of them."""
+    found: dict[str, int] = {}
+
+    def get_abi_sizeof(context: Context, kind: Value) -> int:
+        text = str(kind)
+        if text not in found:
+            found[text] = size_of(context, kind)
+        return found[text]
+
+    return get_abi_sizeof
 
 
 def _remembering(find: Value) -> Value:

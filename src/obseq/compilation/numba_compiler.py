@@ -114,7 +114,7 @@ def assembled(function: Function, signature: Signature, symbol: str) -> Value:
             library.finalize()
         finally:
             context._internal_codegen = usual
-        return llvm.parse_assembly(str(library.get_llvm_str()))
+        return library._final_module
 
 
 def optimise(module: Value, machine: Value, symbol: str, signature: Signature) -> Value:
