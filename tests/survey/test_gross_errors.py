@@ -13,7 +13,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST
-from obseq.survey.screening import groups, search
+from obseq.survey.screening import search, trials
 from obseq.survey.screening.findings import Cause
 from obseq.survey.screening.values import GON, explain, variants
 
@@ -118,7 +118,7 @@ def test_what_was_not_tried_on_a_large_network_is_said(planted, tmp_path, monkey
     middle = np.nanmean(network.points.coordinates, axis=0)
     wrong = middle + 1.37 * (network.points.coordinates - middle)
     network = replace(network, points=replace(network.points, coordinates=wrong))
-    monkeypatch.setattr(groups, "_MOST_WORK", 1)
+    monkeypatch.setattr(trials, "_MOST_WORK", 1)
     (error,) = network.gross_errors()
     assert "no single cause explains them (not tried, since the network is large: " in error.text
     assert "more mistakes of known points" in error.text and "groups from all " in error.text

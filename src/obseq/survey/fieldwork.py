@@ -73,7 +73,8 @@ class Fieldwork:
                 return found
             points = more
 
-    def _model(self) -> Model:
+    def model(self) -> Model:
+        """How initial values and equations are made, where gross errors are looked for."""
         from obseq.report.units import Units
         from obseq.survey.screening.robust import Model
 
@@ -83,7 +84,7 @@ class Fieldwork:
         """What contradicts the rest grossly, with likely causes, the worst first."""
         from obseq.survey.screening.search import gross_errors
 
-        return gross_errors(self._model(), self.point_system, self.points, self.book)
+        return gross_errors(self.model(), self.point_system, self.points, self.book)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
@@ -113,7 +114,7 @@ class Fieldwork:
         from obseq.survey.screening.names import mistyped_names
 
         found = adjustment.points, adjustment.left_out
-        told, notes = mistyped_names(self._model(), self.points, self.book, *found)
+        told, notes = mistyped_names(self.model(), self.points, self.book, *found)
         return replace(adjustment, warnings=(*told, *adjustment.warnings), notes=(*adjustment.notes, *notes))
 
     def _blame_names(self, error: ObseqError) -> NoReturn:
@@ -171,7 +172,7 @@ class Fieldwork:
             blame(error, errors or self._errors_among_determined(given, computation))
         if not errors:
             errors = () if adjustment.is_honest else self._errors_among_determined(given, computation)
-            errors = errors or common_factor(self._model(), computation, given, adjustment)
+            errors = errors or common_factor(self.model(), computation, given, adjustment)
             if strict and errors:
                 refuse(errors)
         told = () if errors else one_after_the_other(computation, given, adjustment)

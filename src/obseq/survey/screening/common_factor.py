@@ -15,8 +15,8 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.screening.distances import LEAST, changed, described
-from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import QUICK
+from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.adjusted import Adjustment

@@ -13,15 +13,15 @@ import numpy as np
 
 from obseq.geometry import closest_rotation
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.groups import estimated
 from obseq.survey.screening.robust import GROSS, QUICK
+from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import Points
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
 _LEAST_KNOWN = 6
 """Known points from which they can be said to be wrong together."""

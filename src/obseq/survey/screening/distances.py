@@ -17,9 +17,10 @@ from obseq.survey.screening.robust import GROSS
 if TYPE_CHECKING:
     from obseq.report.units import Units
     from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
@@ -35,18 +36,18 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     rows = trials.found.book.observations
     slopes = codes_where(lambda kind: kind.horizontal is not None)
     mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
-    if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any():
+    if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any() or not trials.may_lie_in(mine):
         return None
     best: tuple[float, str, Estimate] | None = None
     for what in (_HORIZONTAL, "constant", "scale"):
         book = changed(trials.found.book, mine, what)
         if book is None:
             continue
-        corrected = trials.tried(trials.found.points, book)
+        corrected = trials.explaining(trials.found.points, book, _start(trials.found, mine, what))
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
-        if trials.explains(left) and (best is None or left < best[0] - 0.3):
+        if best is None or left < best[0] - 0.3:
             best = left, what, corrected
     if best is None:
         return None
@@ -55,6 +56,12 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     values = [value for part, value in corrected.instruments if part == what]
     units = trials.found.units
     return described(trials.found.book, mine, what, values, size, system, units), corrected
+
+
+def _start(found: Estimate, rows: Rows, what: str) -> Determined | None:
+    """Where distances with an unknown start, which changes no initial values; None for horizontal ones."""
+    book = None if what == _HORIZONTAL else changed(found.start.book, rows, what)
+    return None if book is None else replace(found.start, book=book)
 
 
 def described(

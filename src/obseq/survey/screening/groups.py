@@ -8,18 +8,16 @@ one.
 from __future__ import annotations
 
 import math
-from dataclasses import field, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import ObseqError
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes, codes_where
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
+from obseq.survey.screening.robust import GROSS, WELL_CONTROLLED, Estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
 
 if TYPE_CHECKING:
@@ -27,100 +25,28 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import FieldBook
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
-REMAINS = 0.35
-"""Share of the contradictions that may remain once the right cause has been found."""
-_PROMISING = 0.8
-"""Share of the contradictions at first sight, with initial values only, that a cause worth trying leaves."""
 _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
 _FEW, _SUSPECT_OF_FEW = 300, 0.15
 """Observations up to which a group is small, and the share of suspects from which small ones are tried."""
+_MOST_THERE = 0.5
+"""Share of the contradictions that observations from one point must have part in, to be tried as a group."""
 _SEVERAL = 4
 """Suspects from which small groups are tried whatever that share."""
-_MOST_TRIALS, _FEWEST_TRIALS = 60, 4
-_MOST_WORK = 600_000
-"""Observations in all trials of groups, and of known points: about a minute."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Observations that may share one mistake, and what they are called."""
+    """Observations that may share one mistake, what they are called, the point they are all from or -1."""
 
     rows: Rows
     name: str
-
-
-@dataclass
-class Trials:
-    """Causes tried one after the other on a network: how much each leaves unexplained.
-
-    Attributes:
-        model: how the network is computed.
-        found: the network as it is.
-        before: contradictions of it.
-        untried: what was not tried, since the network is large.
-    """
-
-    model: Model
-    found: Estimate
-    untried: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.model = self.model.for_trials()
-        self.before = self.found.disagreement(GROSS)
-
-    @cached_property
-    def _at_start(self) -> float:
-        """Contradictions of the network as it is, at first sight."""
-        at_start = estimated(self.model, self.found.points, self.found.book, GLANCE)
-        return math.inf if at_start is None else at_start.disagreement(GROSS)
-
-    @property
-    def most(self) -> int:
-        """How many groups are tried, and how many mistakes of known points."""
-        affordable = _MOST_WORK // max(len(self.found.book.observations), 1)
-        return max(_FEWEST_TRIALS, min(_MOST_TRIALS, affordable))
-
-    def tried(self, points: Points, book: FieldBook) -> Estimate | None:
-        """The network with points or observations put right; None when that does not help at first sight."""
-        promising = _PROMISING * self._at_start
-        try:
-            start = self.model.start(points, book)
-            first = estimate(self.model, points, book, GLANCE, start)
-            if first.disagreement(GROSS) > promising:
-                return None
-            return estimate(self.model, points, book, QUICK, start)
-        except ObseqError:
-            return None
-
-    def is_decisive(self, left: float) -> bool:
-        """Whether hardly any contradiction is left, so that no other cause need be tried."""
-        return left <= max(0.5, 0.03 * self.before)
-
-    def explains(self, left: float) -> bool:
-        """Whether a cause that leaves so many contradictions explains the network."""
-        return left <= REMAINS * self.before and self.before - left >= min(1.5, 0.65 * self.before)
-
-    def is_more_than_scaled(self, corrected: Estimate, factor: float) -> bool:
-        """Whether misfits became smaller by more than a factor makes everything smaller: a loop's as well.
-
-        Their sum is taken, which does not depend on how a misclosure is shared out.
-        """
-        if factor == 1.0:
-            return True
-        return float(corrected.ratios.sum()) <= REMAINS * factor * float(self.found.ratios.sum())
-
-
-def estimated(model: Model, points: Points, book: FieldBook, stages: Stages) -> Estimate | None:
-    """An estimate; None when nothing of the network can be computed."""
-    try:
-        return estimate(model, points, book, stages)
-    except ObseqError:
-        return None
+    origin: int = -1
 
 
 def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
@@ -132,12 +58,10 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
             trials.untried.append(f"groups from {group.name} on")
             break
         observations = replace(found.book.observations, values=values)
-        corrected = trials.tried(found.points, replace(found.book, observations=observations))
-        if corrected is None:
+        corrected = trials.explaining(found.points, replace(found.book, observations=observations))
+        if corrected is None or not trials.is_more_than_scaled(corrected, mistake.factor):
             continue
         left = corrected.disagreement(GROSS)
-        if not (trials.explains(left) and trials.is_more_than_scaled(corrected, mistake.factor)):
-            continue
         key = (round(left, 1), -len(group.rows))
         if best is None or key < best[:2]:
             best = (*key, group, mistake.text, mistake.cause, corrected)
@@ -218,9 +142,22 @@ def _groups(found: Estimate) -> Iterator[Group]:
         key = group.rows.tobytes()
         share = float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
         least = _least_share(found, group)
-        if len(group.rows) >= 2 and key not in seen and share > least:
+        is_new = len(group.rows) >= 2 and key not in seen
+        if is_new and share > least and _is_among_contradictions(found, group):
             seen.add(key)
             yield group
+
+
+def _is_among_contradictions(found: Estimate, group: Group) -> bool:
+    """Whether most contradictions of a well controlled network are at the point that a group is from, if any.
+
+    All that it sees, and what else is measured to it, may contradict the others if it sees wrongly.
+    """
+    if group.origin < 0 or found.control <= WELL_CONTROLLED:
+        return True
+    observations, sizes = found.book.observations, found.contradictions(GROSS)
+    there = (observations.from_points == group.origin) | (observations.to_points == group.origin)
+    return float(sizes[there].sum()) >= _MOST_THERE * float(sizes.sum())
 
 
 def _least_share(found: Estimate, group: Group) -> float:
@@ -228,7 +165,7 @@ def _least_share(found: Estimate, group: Group) -> float:
 
     Wrong angles contradict each other; lengths in another unit may contradict nothing but what is known.
     """
-    if len(group.rows) > _FEW:
+    if len(group.rows) > _FEW or found.has_shape:
         return _SUSPECT
     is_angle = IS_ANGLE[found.book.observations.types[group.rows]].any()
     return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
@@ -261,5 +198,5 @@ def _origins_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
     order = np.argsort(origins[mine], kind="stable")
     starts = np.flatnonzero(np.diff(origins[mine[order]], prepend=-1))
     for rows in np.split(mine[order], starts[1:]) if len(mine) else ():
-        point = book.point_names[origins[rows[0]]]
-        yield Group(np.sort(rows), f"all {len(rows)} {name} from {point}")
+        origin = int(origins[rows[0]])
+        yield Group(np.sort(rows), f"all {len(rows)} {name} from {book.point_names[origin]}", origin)

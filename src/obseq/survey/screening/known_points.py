@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import Points
-    from obseq.survey.screening.groups import Trials
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
@@ -47,12 +47,14 @@ class _Trial:
 def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """The wrong known point that explains most contradictions, with the network without it."""
     found = trials.found
+    if not trials.may_lie_in_known_points:
+        return None
     best: tuple[float, _Trial, Estimate] | None = None
     all_trials = list(_trials(system, found))
     if len(all_trials) > trials.most:
         trials.untried.append(f"{len(all_trials) - trials.most} more mistakes of known points")
     for trial in all_trials[: trials.most]:
-        corrected = trials.tried(trial.points, found.book)
+        corrected = trials.explaining(trial.points, found.book)
         if corrected is None or not np.isfinite(corrected.coordinates[list(trial.rows)]).all():
             continue
         left = corrected.disagreement(GROSS)
@@ -60,7 +62,7 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
             best = (left, trial, corrected)
         if trials.is_decisive(left):
             break
-    if best is None or not trials.explains(best[0]):
+    if best is None:
         return None
     return _described(system, found, best[1], best[2]), best[2]
 

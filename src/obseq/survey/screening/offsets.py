@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 

@@ -8,6 +8,7 @@ residuals have no effect at all.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,12 @@ _FOLLOW = 3
 GROSS = 10.0
 """Misfit, in sigmas, from which an observation is called gross: noise of any honest sigma stays below."""
 
+_ENDLESS = 1e9
+"""Ratio beyond which a contradiction is a whole one."""
+WELL_CONTROLLED = 0.6
+"""Redundancy for each observation from which the majority is right."""
+_MOST_WRONG = 0.06
+"""Share of gross misfits up to which a network that is well controlled has its shape."""
 _LARGEST_SCALE = 4.0
 """Sigmas may be too small by so much; when misfits are larger still, something is wrong."""
 
@@ -81,6 +88,7 @@ class Estimate:
     Attributes:
         points: the points.
         book: the observations.
+        start: what could be computed of them, where the iterations started.
         coordinates: (n, 3) of all points of the frame; NaN where nothing determines them.
         rotations: (m, 3, 3) instrument -> frame of all stations; NaN where unknown.
         misfits: (k,) computed minus observed, m or rad; NaN where it is not known.
@@ -93,6 +101,7 @@ class Estimate:
 
     points: Points
     book: FieldBook
+    start: Determined
     coordinates: FloatArray
     rotations: FloatArray
     misfits: FloatArray
@@ -101,6 +110,14 @@ class Estimate:
     instruments: tuple[tuple[str, float], ...] = ()
     control: float = 1.0
     units: Units = METRIC
+
+    @cached_property
+    def settled(self) -> Determined:
+        """What could be computed, where it came to rest: coordinates of points, rotations of stations."""
+        points = [self.points.index[name] for name in self.start.points.names]
+        rotations = self.rotations[_kept_stations(self.book, self.start.book)]
+        initial = replace(self.start.initial, coordinates=self.coordinates[points], rotations=rotations)
+        return replace(self.start, initial=initial)
 
     @property
     def computed(self) -> FloatArray:
@@ -120,13 +137,23 @@ class Estimate:
         rows = np.flatnonzero(self.ratios > self.limit)
         return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
 
+    @property
+    def has_shape(self) -> bool:
+        """Whether nearly all observations agree, and enough are spare for that to say something."""
+        wrong = np.count_nonzero(self.ratios > GROSS)
+        active = np.count_nonzero(self.book.observations.active)
+        return self.control > WELL_CONTROLLED and bool(wrong <= _MOST_WRONG * active)
+
     def disagreement(self, limit: float) -> float:
         """How many observations contradict the others, counted softly, or cannot be compared."""
-        active = self.book.observations.active
-        sizes = np.where(np.isnan(self.misfits), np.inf, self.ratios)[active] / limit
-        with np.errstate(invalid="ignore"):
-            counts = np.where(np.isfinite(sizes), sizes**2 / (1.0 + sizes**2), 1.0)
-        return float(counts.sum())
+        lost = np.count_nonzero(np.isnan(self.misfits) & self.book.observations.active)
+        return float(lost) + float(self.contradictions(limit).sum())
+
+    def contradictions(self, limit: float) -> FloatArray:
+        """(k,) from 0 to 1, how much each observation contradicts the others; 0 where it is not known."""
+        seen = self.book.observations.active & ~np.isnan(self.misfits)
+        squares = np.square(np.fmin(np.where(seen, self.ratios / limit, 0.0), _ENDLESS))
+        return np.asarray(squares / (1.0 + squares))
 
 
 def estimate(
@@ -210,6 +237,7 @@ def _estimate(
     return Estimate(
         points,
         book,
+        start,
         coordinates,
         rotations,
         misfits,

@@ -15,7 +15,7 @@ from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.groups import Trials, group_cause
+from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.offsets import offset_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
@@ -23,6 +23,7 @@ from obseq.survey.screening.setups import setup_cause
 from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
+from obseq.survey.screening.trials import Trials
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations

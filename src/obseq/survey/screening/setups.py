@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.survey.model import FieldBook
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
@@ -40,11 +40,11 @@ def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         if number == trials.most:
             trials.untried.append("set-ups that are two")
             break
-        corrected = trials.tried(trials.found.points, _split(trials.found.book, int(rows[first])))
+        corrected = trials.explaining(trials.found.points, _split(trials.found.book, int(rows[first])))
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
-        if trials.explains(left) and (best is None or left < best[0]):
+        if best is None or left < best[0]:
             best = left, rows, first, corrected
     if best is None:
         return None

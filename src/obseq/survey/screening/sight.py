@@ -15,29 +15,25 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError, gap_of
-from obseq.survey.screening.groups import estimated
-from obseq.survey.screening.robust import GROSS, QUICK
+from obseq.survey.screening.robust import GROSS, QUICK, WELL_CONTROLLED
 from obseq.survey.screening.substitutes import tolerance_of
+from obseq.survey.screening.trials import estimated, lost, unweighted
 from obseq.survey.screening.values import difference, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
-    from obseq.survey.model import FieldBook
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
-_NO_WEIGHT = 1e5
-"""By which sigmas are multiplied of what is to have no weight."""
 _EQUAL = 0.3
 """Contradictions by which equally good explanations may differ."""
 _NAMED = 6
-_WELL_CONTROLLED = 0.6
-"""Redundancy for each observation from which the majority is right, and only the worst suspects are tried."""
 _FEW = 3
+"""The worst suspects, which are tried where the majority is right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +48,7 @@ class _Without:
 def sight_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The wrong sight, or the one of several, with the network without it; None when there is none."""
     found: list[_Without] = []
-    choices = _worst if trials.found.control > _WELL_CONTROLLED else _choices
+    choices = _worst if trials.found.control > WELL_CONTROLLED else _choices
     for number, rows in enumerate(choices(trials.found)):
         if number == trials.most:
             trials.untried.append("sights one by one")
@@ -95,26 +91,22 @@ def _choices(found: Estimate) -> Iterator[Rows]:
 
 def _without(trials: Trials, rows: Rows) -> _Without | None:
     """The network without some observations, or with no weight of theirs where a start needs them."""
-    mask = np.zeros(len(trials.found.book.observations), np.bool_)
+    found = trials.found
+    mask = np.zeros(len(found.book.observations), np.bool_)
     mask[rows] = True
-    for book in (trials.found.book.without(mask), _unweighted(trials.found, rows)):
-        estimate = trials.tried(trials.found.points, book)
-        if estimate is not None and trials.explains(estimate.disagreement(GROSS)):
-            return _Without(rows, estimate.disagreement(GROSS), estimate)
-    return None
-
-
-def _unweighted(found: Estimate, rows: Rows) -> FieldBook:
-    sigmas = found.book.observations.sigmas.copy()
-    sigmas[rows] *= _NO_WEIGHT
-    return replace(found.book, observations=replace(found.book.observations, sigmas=sigmas))
+    book = found.book.without(mask)
+    start = trials.start(found.points, book)
+    estimate = None if start is None else trials.explaining(found.points, book, start)
+    if estimate is None and (start is None or lost(book, start) > lost(found.book, found.start)):
+        estimate = trials.explaining(found.points, unweighted(found.book, rows))
+    return None if estimate is None else _Without(rows, estimate.disagreement(GROSS), estimate)
 
 
 def _computed(trials: Trials, one: _Without) -> FloatArray:
     """(k,) what each observation should have been; NaN where it cannot be said."""
     points, located = trials.found.points, np.isfinite(one.estimate.coordinates)
     there = replace(points, coordinates=np.where(located, one.estimate.coordinates, points.coordinates))
-    found = estimated(trials.model, there, _unweighted(trials.found, one.rows), QUICK)
+    found = estimated(trials.model, there, unweighted(trials.found.book, one.rows), QUICK)
     return np.full(len(located), np.nan) if found is None else found.computed
 
 

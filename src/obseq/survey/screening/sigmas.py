@@ -14,8 +14,8 @@ from obseq.survey.screening.robust import GROSS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.survey.screening.groups import Trials
     from obseq.survey.screening.robust import Estimate
+    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
@@ -36,8 +36,8 @@ def sigmas_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         sigmas = observations.sigmas.copy()
         sigmas[rows] *= larger
         changed = replace(observations, sigmas=sigmas)
-        corrected = trials.tried(trials.found.points, replace(trials.found.book, observations=changed))
-        if corrected is None or not trials.explains(corrected.disagreement(GROSS)):
+        corrected = trials.explaining(trials.found.points, replace(trials.found.book, observations=changed))
+        if corrected is None:
             continue
         left = corrected.ratios[rows]
         spread = 1.4826 * float(np.median(left))

@@ -1,0 +1,170 @@
+"""Causes tried one after the other: each is put right, and the network is computed anew.
+
+A mistake changes nothing of what it does not concern: where that contradicts itself as much as before, from
+where the network was found, the mistake explains nothing, and need not be tried in its many forms.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import ObseqError
+from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import FieldBook, Points
+
+REMAINS = 0.35
+"""Share of the contradictions that may remain once the right cause has been found."""
+_PROMISING = 0.8
+"""Share of the contradictions at first sight, with initial values only, that a cause worth trying leaves."""
+_MOST_TRIALS, _FEWEST_TRIALS = 60, 4
+_MOST_WORK = 600_000
+"""Observations in all trials of groups, and of known points: about a minute."""
+NO_WEIGHT = 1e5
+"""By which sigmas are multiplied of what is to have no weight."""
+_LEAST_SIGMA = 1e-3
+"""Sigma (m) that stands for smaller ones of coordinates that are to have no weight."""
+
+
+@dataclass
+class Trials:
+    """Causes tried one after the other on a network: how much each leaves unexplained.
+
+    Attributes:
+        model: how the network is computed.
+        found: the network as it is.
+        before: contradictions of it.
+        untried: what was not tried, since the network is large.
+    """
+
+    model: Model
+    found: Estimate
+    untried: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.model = self.model.for_trials()
+        self.before = self.found.disagreement(GROSS)
+
+    @cached_property
+    def _at_start(self) -> float:
+        """Contradictions of the network as it is, at first sight."""
+        at_start = estimated(self.model, self.found.points, self.found.book, GLANCE, self.found.start)
+        return math.inf if at_start is None else at_start.disagreement(GROSS)
+
+    @property
+    def most(self) -> int:
+        """How many groups are tried, and how many mistakes of known points."""
+        affordable = _MOST_WORK // max(len(self.found.book.observations), 1)
+        return max(_FEWEST_TRIALS, min(_MOST_TRIALS, affordable))
+
+    def start(self, points: Points, book: FieldBook) -> Determined | None:
+        """What can be computed of a network that is tried; None for nothing."""
+        try:
+            return self.model.start(points, book)
+        except ObseqError:
+            return None
+
+    def tried(
+        self, points: Points, book: FieldBook, start: Determined | None = None, *, most_lost: float = math.inf
+    ) -> Estimate | None:
+        """The network with points or observations put right; None when that does not help at first sight.
+
+        Args:
+            points: of the network that is tried.
+            book: its observations.
+            start: what `Model.start` gives of them, where that is known.
+            most_lost: observations that may be left out for nothing determining where they are.
+        """
+        promising = _PROMISING * self._at_start
+        try:
+            start = start or self.model.start(points, book)
+            if lost(book, start) > min(promising, most_lost):
+                return None
+            first = estimate(self.model, points, book, GLANCE, start)
+            if first.disagreement(GROSS) > promising:
+                return None
+            return estimate(self.model, points, book, QUICK, start)
+        except ObseqError:
+            return None
+
+    def explaining(self, points: Points, book: FieldBook, start: Determined | None = None) -> Estimate | None:
+        """The network with points or observations put right, where that explains it; None else."""
+        corrected = self.tried(points, book, start, most_lost=REMAINS * self.before)
+        explains = corrected is not None and self.explains(corrected.disagreement(GROSS))
+        return corrected if explains else None
+
+    def may_lie_in(self, rows: IntArray) -> bool:
+        """Whether mistakes of these observations may explain the network: the others agree without them."""
+        if not self.found.has_shape:
+            return True
+        there = self.found.settled
+        book = unweighted(there.book, rows)
+        others = estimated(self.model, there.points, book, QUICK, replace(there, book=book))
+        left = 0.0 if others is None else np.delete(others.contradictions(GROSS), rows).sum()
+        return bool(left <= REMAINS * self.before)
+
+    @cached_property
+    def may_lie_in_known_points(self) -> bool:
+        """Whether mistakes of known points may explain the network: its observations agree without these."""
+        if not self.found.has_shape:
+            return True
+        there = self.found.settled
+        points = _hardly_known(there.points, there.initial.coordinates)
+        free = estimated(self.model, points, there.book, QUICK, replace(there, points=points))
+        left = 0.0 if free is None else free.contradictions(GROSS).sum()
+        return bool(left <= REMAINS * self.before)
+
+    def is_decisive(self, left: float) -> bool:
+        """Whether hardly any contradiction is left, so that no other cause need be tried."""
+        return left <= max(0.5, 0.03 * self.before)
+
+    def explains(self, left: float) -> bool:
+        """Whether a cause that leaves so many contradictions explains the network."""
+        return left <= REMAINS * self.before and self.before - left >= min(1.5, 0.65 * self.before)
+
+    def is_more_than_scaled(self, corrected: Estimate, factor: float) -> bool:
+        """Whether misfits became smaller by more than a factor makes everything smaller: a loop's as well.
+
+        Their sum is taken, which does not depend on how a misclosure is shared out.
+        """
+        if factor == 1.0:
+            return True
+        return float(corrected.ratios.sum()) <= REMAINS * factor * float(self.found.ratios.sum())
+
+
+def estimated(
+    model: Model, points: Points, book: FieldBook, stages: Stages, start: Determined | None = None
+) -> Estimate | None:
+    """An estimate; None when nothing of the network can be computed."""
+    try:
+        return estimate(model, points, book, stages, start)
+    except ObseqError:
+        return None
+
+
+def lost(book: FieldBook, start: Determined) -> int:
+    """Observations that cannot be compared, since nothing determines where they are."""
+    return int(np.count_nonzero(book.observations.active & ~start.book.observations.active))
+
+
+def _hardly_known(points: Points, coordinates: FloatArray) -> Points:
+    """The points, what is known of their coordinates replaced by others, which have no weight."""
+    known = ~points.is_free
+    sigmas = np.where(known, NO_WEIGHT * np.maximum(points.sigmas, _LEAST_SIGMA), points.sigmas)
+    return replace(points, coordinates=np.where(known, coordinates, points.coordinates), sigmas=sigmas)
+
+
+def unweighted(book: FieldBook, rows: IntArray) -> FieldBook:
+    """The observations, some of them with no weight."""
+    sigmas = book.observations.sigmas.copy()
+    sigmas[rows] *= NO_WEIGHT
+    return replace(book, observations=replace(book.observations, sigmas=sigmas))
