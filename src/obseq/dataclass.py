@@ -55,6 +55,9 @@ def _filling(cls: type) -> Callable[..., None]:
     known, count, has_more = frozenset(names), len(names), hasattr(cls, "__post_init__")
     is_plain = len(names) == len(fields)
     defaults = {field.name: field.default for field in fields if field.default is not MISSING}
+    factories = {
+        field.name: field.default_factory for field in fields if field.default_factory is not MISSING
+    }
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
@@ -66,6 +69,9 @@ def _filling(cls: type) -> Callable[..., None]:
         values.update(defaults)
         values.update(zip(names, given, strict=False))
         values.update(named)
+        for name, make in factories.items():
+            if name not in values:
+                values[name] = make()
         is_complete = is_plain and len(values) == count >= len(given)
         if not is_complete or (named and not named.keys() <= known.difference(names[: len(given)])):
             values.clear()

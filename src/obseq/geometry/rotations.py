@@ -14,15 +14,18 @@ RANK_TOLERANCE = 1e-13
 TINY = np.finfo(np.float64).tiny
 """Radians: an angle that may be divided by and turns nothing."""
 IDENTITY = np.eye(3)
+GENERATORS = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
+    dtype=np.float64,
+)
+"""(3, 9) the matrices [e]x of the three axes, row by row."""
 
 
 def skew(w: npt.ArrayLike) -> FloatArray:
     """[w]x (..., 3, 3), with [w]x a = w x a."""
     vector = np.asarray(w, dtype=np.float64)
-    found = np.zeros((*vector.shape, 3))
-    found[..., (2, 0, 1), (1, 2, 0)] = vector
-    found[..., (1, 2, 0), (2, 0, 1)] = -vector
-    return found
+    matrices: FloatArray = (vector @ GENERATORS).reshape(*vector.shape, 3)
+    return matrices
 
 
 def exponential(w: npt.ArrayLike) -> FloatArray:

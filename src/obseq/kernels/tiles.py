@@ -44,8 +44,9 @@ def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float],
     size = n_tiles * n_rows * STRIDE
     raw = np.zeros(size + 8)
     tiles = raw[(-raw.ctypes.data // 8) % 8 :][:size]
-    for row, value in constants:
-        tiles.reshape(n_tiles, n_rows, STRIDE)[:, row, :] = value
+    if constants:
+        rows, values = zip(*constants, strict=True)
+        tiles.reshape(n_tiles, n_rows, STRIDE)[:, rows, :] = np.array(values)[:, None]
     return tiles
 
 

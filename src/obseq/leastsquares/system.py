@@ -297,7 +297,7 @@ class LeastSquares:
         cofactors: Cofactors | None,
     ) -> LeastSquaresResult:
         equations = analysis.equations
-        misfits = {batch: frozen(self.residuals(batch)) for batch in equations.batches}
+        misfits = {batch: frozen(equations.raw_residuals(batch)) for batch in equations.batches}
         equations.reweight(misfits)
         squares = equations.sums_of_squares(misfits)
         overall, held = sigma0_of(squares, None, redundancy), analysis.substitution

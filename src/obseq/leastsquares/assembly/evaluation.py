@@ -11,7 +11,7 @@ from obseq.leastsquares.loops.loop_arguments import BatchArrays, Present, Span
 from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.batches import Batch
@@ -53,17 +53,30 @@ def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[
     return used
 
 
-def raw_residuals(table: UnknownTable, batch: Batch, threads: int = 1) -> FloatArray:
-    """(n, n_residuals) computed minus observed, at the current values, in their units."""
-    rows = _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads)
-    return np.ascontiguousarray(rows.T)
+def raw_residuals(
+    table: UnknownTable, batch: Batch, threads: int = 1, tile: Callable[[int], FloatArray] | None = None
+) -> FloatArray:
+    """(n, n_residuals) computed minus observed, at the current values, in their units.
+
+    Args:
+        table: the unknowns.
+        batch: the observations.
+        threads: how many share them.
+        tile: gives each share a tile of the formula to work in; they are made anew when None.
+    """
+    return np.ascontiguousarray(residual_rows(table, batch, threads, tile).T)
+
+
+def residual_rows(
+    table: UnknownTable, batch: Batch, threads: int = 1, tile: Callable[[int], FloatArray] | None = None
+) -> FloatArray:
+    """(n_residuals, n) the same; arguments as of `raw_residuals`."""
+    return _evaluated(table, batch, batch.shape.value_kernel(), batch.shape.n_residuals, threads, tile)
 
 
 def whitened(batch: Batch, raw: FloatArray) -> FloatArray:
     """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
-    if not batch.is_correlated and batch.clusters is None:
-        return raw
-    return np.ascontiguousarray(batch.whitened(raw.T[:, None])[:, 0].T)
+    return np.ascontiguousarray(whitened_residual_rows(batch, raw.T).T)
 
 
 def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
@@ -79,16 +92,29 @@ def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
     return np.concatenate([batch.whitened(rows[:m, None])[:, 0], derivatives])
 
 
-def _evaluated(table: UnknownTable, batch: Batch, kernel: int, rows: int, threads: int = 1) -> FloatArray:
+def whitened_residual_rows(batch: Batch, rows: FloatArray) -> FloatArray:
+    """(n_residuals, n) what the sigmas stand for, of `residual_rows`."""
+    return batch.whitened(rows[:, None])[:, 0] if batch.is_correlated or batch.clusters is not None else rows
+
+
+def _evaluated(
+    table: UnknownTable,
+    batch: Batch,
+    kernel: int,
+    rows: int,
+    threads: int = 1,
+    tile: Callable[[int], FloatArray] | None = None,
+) -> FloatArray:
     from obseq.leastsquares.loops.accumulation import evaluate
 
     results = np.empty((rows, padded_length(batch.n)))
-    bounds = share_bounds([batch.n], threads)[:, 0]
+    bounds = share_bounds([batch.n], threads)[:, 0].tolist()
     arrays, present = batch_arrays(batch), present_values(table)
 
     def evaluate_share(share: int) -> None:
-        span = Span(int(bounds[share]), int(bounds[share + 1]))
-        evaluate(kernel, batch.shape.new_tile(), arrays, span, present, rows, results)
+        span = Span(bounds[share], bounds[share + 1])
+        room = tile(share) if tile else batch.shape.new_tile()
+        evaluate(kernel, room, arrays, span, present, rows, results)
 
     in_threads(evaluate_share, len(bounds) - 1)
     return results[:, : batch.n]

@@ -17,8 +17,10 @@ from obseq.leastsquares.assembly.evaluation import (
     jacobian_rows,
     present_values,
     raw_residuals,
+    residual_rows,
     used_blocks,
     whitened,
+    whitened_residual_rows,
 )
 from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
 from obseq.leastsquares.assembly.prior_rows import PriorRows
@@ -86,7 +88,8 @@ class NormalEquations:
         self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = aligned_zeros(self._shares.size)
-        self._rooms: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
+        self._tiles: dict[tuple[int, int], FloatArray] = {}
+        self._records: dict[tuple[int, int], FloatArray] = {}
         self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
 
     @property
@@ -175,7 +178,7 @@ class NormalEquations:
         squares: dict[str, float] = {}
         self._clean()
         for batch, total in zip(self.batches, self._added_up(), strict=True):
-            if not np.isfinite(total):
+            if not math.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         values, gradient = self._matrix_and_gradient()
@@ -226,7 +229,7 @@ class NormalEquations:
         """
         for batch in self.batches:
             if batch.loss is not None:
-                known = raw[batch] if raw else raw_residuals(self.table, batch, self._threads)
+                known = raw[batch] if raw else self.raw_residuals(batch)
                 batch.reweight(whitened(batch, known))
 
     def step(self, solved: FloatArray, linearisation: Linearisation) -> FloatArray:
@@ -252,10 +255,13 @@ class NormalEquations:
         """
         self.evaluations += 1
         squares: dict[str, float] = {}
-        for batch in self.batches:
-            with np.errstate(over="ignore", invalid="ignore"):
-                total = float(np.sum(np.square(self._weighted(batch, raw[batch] if raw else None))))
-            if not np.isfinite(total):
+        with np.errstate(over="ignore", invalid="ignore"):
+            totals = [
+                float(np.square(self._weighted(batch, raw[batch].T if raw else None)).sum())
+                for batch in self.batches
+            ]
+        for batch, total in zip(self.batches, totals, strict=True):
+            if not math.isfinite(total):
                 raise DivergenceError(self._explain(batch))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         for prior in self.priors:
@@ -268,12 +274,16 @@ class NormalEquations:
         priors = [prior.residuals(self.table.values) * prior.weights for prior in self.priors]
         return np.concatenate([*(self._weighted(batch).ravel() for batch in self.batches), *priors])
 
-    def _weighted(self, batch: Batch, raw: FloatArray | None = None) -> FloatArray:
+    def raw_residuals(self, batch: Batch) -> FloatArray:
+        """(n, n_residuals) computed minus observed, at the current values, in their units."""
+        return raw_residuals(self.table, batch, self._threads, partial(self._tile, batch))
+
+    def _weighted(self, batch: Batch, rows: FloatArray | None = None) -> FloatArray:
+        """(n_residuals, n) weighted residuals, from those (n_residuals, n) that are known."""
         weights = batch.weights[:, : batch.n]
-        if raw is None:
-            raw = raw_residuals(self.table, batch, self._threads)
-        misfits = whitened(batch, raw).T
-        return np.where(weights != 0.0, misfits * weights, 0.0)
+        if rows is None:
+            rows = residual_rows(self.table, batch, self._threads, partial(self._tile, batch))
+        return np.where(weights != 0.0, whitened_residual_rows(batch, rows) * weights, 0.0)
 
     def _added_up(self) -> list[float]:
         """Adds all batches to the store; returns their sums of weighted squared residuals."""
@@ -302,9 +312,16 @@ class NormalEquations:
     def _room(self, share: int, batch: Batch, table: BlockTable) -> tuple[FloatArray, FloatArray]:
         """A tile and room for records, of one thread and for one formula: kept, since batches are many."""
         key = share, id(batch.shape)
-        if key not in self._rooms:
-            self._rooms[key] = batch.shape.new_tile(), aligned_zeros(table.scratch)
-        return self._rooms[key]
+        if key not in self._records:
+            self._records[key] = aligned_zeros(table.scratch)
+        return self._tile(batch, share), self._records[key]
+
+    def _tile(self, batch: Batch, share: int) -> FloatArray:
+        """A tile of one thread and for one formula, kept too."""
+        key = share, id(batch.shape)
+        if key not in self._tiles:
+            self._tiles[key] = batch.shape.new_tile()
+        return self._tiles[key]
 
     def _matrix_and_gradient(self) -> tuple[FloatArray, FloatArray]:
         """The values of the matrix with all blocks of their own added, and the gradient."""

@@ -11,7 +11,7 @@ equations and frozen unknowns, without loops over observations.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from obseq.leastsquares.problem.numbering import free_unknowns
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows
+    from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows, PositionArray
     from obseq.leastsquares.assembly.bodies import Fill
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.loops.loop_arguments import Groups
@@ -94,9 +94,9 @@ class _Places:
 class _Addresses:
     """What the loops are told of each distinct pair, and as last entry of the spare block."""
 
-    position: IntArray
-    height: IntArray
-    diagonal: IntArray
+    position: PositionArray
+    height: PositionArray
+    diagonal: PositionArray
     spare: int
 
 
@@ -132,7 +132,8 @@ def store_layout(
     height[:-1][direct] += (pairs.rows < pairs.columns)[direct]
     if has_loose:
         height[:-1] += is_turned(table, pairs, loose)
-    addressed = _Addresses(position, height, places.diagonal, places.spare)
+    diagonal = places.diagonal.astype(np.uint32)
+    addressed = _Addresses(position.astype(np.uint32), height.astype(np.uint32), diagonal, places.spare)
     stored = np.array([places.pair, pairs.rows, pairs.columns, offsets]).T[kept & ~direct]
     stored = stored[np.minimum(stored[:, 1], stored[:, 2]).argsort(kind="stable")]
     return StoreLayout(
@@ -243,42 +244,44 @@ def _batch_layouts(
 
 
 def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BlockTable:
-    sizes, widths, part, record_rows = _record(tuple((role.row, role.size) for role in batch.shape.roles))
-    pairs: list[tuple[int, ...]] = []
-    positions: list[IntArray] = []
-    heights: list[IntArray] = []
-    for p, ids in enumerate(batch.blocks):
-        at = places.diagonal[ids]
-        if at.any():
-            positions.append(np.where(at == 0, places.spare, at) // 4)
-            pairs.append((part[p], part[p], widths[p] // 4, sizes[p] + 1, -1, _runs(positions[-1])))
-    for (p, q), found in zip(role_pairs(len(sizes)), occurrence, strict=True):
-        if (found < 0).all():
-            continue
-        threes = sizes[p] == 3 and sizes[q] == 3
-        positions.append(places.position[found] if threes else places.position[found] // 4)
-        row = len(heights) if threes else -1
-        pairs.append((part[p], part[q], widths[p] // 4, sizes[q], row, _runs(positions[-1])))
-        if threes:
-            heights.append(places.height[found])
-    width = len(record_rows)
+    record = _record(tuple((role.row, role.size) for role in batch.shape.roles))
+    diagonal = places.diagonal[batch.blocks]
+    own, joined = np.where(diagonal == 0, places.spare, diagonal) // 4, places.position[occurrence]
+    np.floor_divide(joined, 4, out=joined, where=~record.threes[:, None])
+    kept = np.append(diagonal.any(axis=1), (occurrence >= 0).any(axis=1))
+    positions = np.concatenate([own, joined])[kept]
+    threes = record.threes & kept[len(own) :]
+    pairs = record.pairs[kept]
+    pairs[pairs[:, 4] == 0, 4] = np.arange(np.count_nonzero(threes))
+    pairs[:, 5] = 2 * (positions[:, 1:] == positions[:, :-1]).sum(axis=1) > batch.n
+    width = len(record.rows)
     return BlockTable(
-        record_rows,
-        np.array(pairs, dtype=np.int64).reshape(-1, 6),
-        np.array(positions, dtype=np.uint32).reshape(-1, batch.n),
-        np.array(heights, dtype=np.uint32).reshape(-1, batch.n),
+        record.rows,
+        pairs,
+        positions,
+        places.height[occurrence[threes]],
         batch.shape.n_residuals * (LANES * width + STRIDE * (1 + batch.shape.n_unknowns)) + STRIDE,
     )
 
 
-def _runs(positions: IntArray) -> int:
-    """1 when most observations share their block with the one before."""
-    return int(2 * np.count_nonzero(positions[1:] == positions[:-1]) > len(positions))
+class _Record(NamedTuple):
+    """The parts of the records of a formula.
+
+    Attributes:
+        rows: as of `BlockTable.record_rows`.
+        pairs: (n_roles + n_role_pairs, 6) as of `BlockTable`, of the roles, then of pairs of roles; 0 for the
+            row of the height of threes, and whether blocks come in runs.
+        threes: (n_role_pairs,) True where both roles have three unknowns.
+    """
+
+    rows: IntArray
+    pairs: IntRows
+    threes: BoolArray
 
 
 @lru_cache
-def _record(roles: tuple[tuple[int, int], ...]) -> tuple[list[int], list[int], list[int], IntArray]:
-    """Sizes, widths and places of the parts of a record, by roles (row, size), and `record_rows`."""
+def _record(roles: tuple[tuple[int, int], ...]) -> _Record:
+    """The record of roles (row, size)."""
     sizes = np.array([size for _, size in roles], dtype=np.int64)
     widths = part_width(sizes)
     part = widths.cumsum() - widths
@@ -286,7 +289,11 @@ def _record(roles: tuple[tuple[int, int], ...]) -> tuple[list[int], list[int], l
     for (row, size), first in zip(roles, part, strict=True):
         rows[first : first + size] = 1 + row + np.arange(size)
         rows[first + size] = 0
-    return sizes.tolist(), widths.tolist(), part.tolist(), rows
+    p, q = np.array(role_pairs(len(roles)), dtype=np.int64).reshape(-1, 2).T
+    threes, none = (sizes[p] == 3) & (sizes[q] == 3), np.zeros_like(sizes)
+    own = np.array([part, part, widths // 4, sizes + 1, none - 1, none]).T
+    joined = np.array([part[p], part[q], widths[p] // 4, sizes[q], threes - 1, none[p]]).T
+    return _Record(rows, np.concatenate([own, joined]), threes)
 
 
 def aligned_zeros(n: int) -> FloatArray:

@@ -82,7 +82,7 @@ def parts(
 
 
 def _part(table: UnknownTable, free: FreeUnknowns, kernel: FloatArray, blocks: IntArray) -> Part:
-    places = blocks[table.each(attrgetter("is_point"))[blocks]]
+    places = blocks[table.each(attrgetter("is_point"), blocks)]
     if not places.size:
         return Part(blocks, places, np.zeros((0, 3, 0)))
     dimension = int(table.size[places].max())

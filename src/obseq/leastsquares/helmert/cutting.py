@@ -91,7 +91,7 @@ class _Cutting:
         n = len(self.table)
         self.number = free_unknowns(self.table, used_blocks(self.table, self.batches, self.priors)).number
         self.of_scalar = np.repeat(np.arange(n), self.table.size)
-        self.is_point = self.table.each(lambda kind: kind.is_point)
+        self.is_point = self.table.each(lambda kind: kind.is_point, slice(None))
         points = np.flatnonzero(self.is_point)
         if depth < 1 or len(points) < 2**depth:
             raise InputError(f"{len(points)} points cannot be halved {depth} times: a depth is from 1 on")

@@ -8,7 +8,7 @@ when it says nothing any more: to the statistician, or to the computer.
 
 from __future__ import annotations
 
-from operator import attrgetter
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,8 +70,8 @@ class Arrival:
         if self._first_cost is None:
             self._first_cost = cost
         if redundancy > 0:
-            return float(np.sqrt(cost / redundancy))
-        return float(min(1.0, np.sqrt(self._first_cost)))
+            return math.sqrt(cost / redundancy)
+        return min(1.0, math.sqrt(self._first_cost))
 
     def reach(self, cost: float, redundancy: int, weights: FloatArray) -> float:
         """Length below which a step has arrived without further questions; `weights` as of `resolution`."""
@@ -120,15 +120,17 @@ def resolution(table: UnknownTable, weights: FloatArray) -> float:
         table: the unknowns.
         weights: (n_scalars,) diagonal of N, 0 where frozen.
     """
-    return EPS * float(np.sqrt(weights @ np.square(sizes_of(table))))
+    return EPS * math.sqrt(weights @ np.square(sizes_of(table)))
 
 
 def sizes_of(table: UnknownTable) -> FloatArray:
     """(n_scalars,) what the digits of a step are compared with: values; 1 for rotations and directions."""
     if not table.curved:
         return table.values
-    is_flat = np.repeat(table.each(attrgetter("is_flat")), table.size)
-    return np.where(is_flat, table.values, 1.0)
+    sizes = table.values.copy()
+    for blocks in table.curved:
+        sizes[blocks.scalars] = 1.0
+    return sizes
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:

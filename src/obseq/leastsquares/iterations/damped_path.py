@@ -59,6 +59,7 @@ class DampedPath:
         self._floor = np.zeros(equations.pattern.n)
         self._given = damping
         self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
+        self._scale = np.ones(equations.pattern.n)
         self._lost = 0
         self._is_new = True
         self._stepped: NewtonStep | None = None
@@ -77,6 +78,7 @@ class DampedPath:
         if in_passing:
             return
         self._floor = np.maximum(self._floor, diagonal[self._equations.free.scalars])
+        self._scale = np.where(self._floor > 0.0, self._floor, 1.0)
         if self._is_new:
             self._is_new = False
             self._begin()
@@ -96,7 +98,7 @@ class DampedPath:
     def _bend(self, curvature: Curvature) -> None:
         """Learns the curvature of residuals; steps follow it where it is to be trusted."""
         linearisation = self._equations.damped(0.0)
-        curvature.learn(self._equations, linearisation, self._scale())
+        curvature.learn(self._equations, linearisation, self._scale)
         if curvature.is_trusted(0.0, linearisation.cost):
             step = self._step(0.0)
             self._is_bent = step is not None and curvature.is_trusted(step.length, linearisation.cost)
@@ -197,15 +199,12 @@ class DampedPath:
     def _measure(self, step: NewtonStep, damping: float) -> None:
         """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""
         self._damping, self._norm = damping, self._norm_of(step.inner)
-        pull = self._scale() * step.inner
+        pull = self._scale * step.inner
         fall = float(pull @ self._solve(pull)) if self._norm > 0.0 else 0.0
         self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
 
     def _norm_of(self, inner: FloatArray) -> float:
-        return float(np.sqrt(np.sum(self._scale() * np.square(inner))))
-
-    def _scale(self) -> FloatArray:
-        return np.where(self._floor > 0.0, self._floor, 1.0)
+        return float(np.sqrt(np.sum(self._scale * np.square(inner))))
 
     def _is_within(self, radius: float) -> bool:
         if abs(self._norm - radius) <= NEAR * radius:
@@ -236,11 +235,10 @@ class DampedPath:
         return float(max(np.sqrt(max(low, 1e-6 * high) * high), 1e-3 * high))
 
     def _trial(self, step: NewtonStep) -> Trial:
-        linearisation = self._linearisation
-        weights = linearisation.diagonal.copy()
-        weights[self._equations.free.scalars] = self._scale()
-        damped = linearisation.damping * float(np.sum(weights * np.square(step.move)))
-        promised = step.promised + damped
-        return Trial(
-            step.move, step.length, self._norm, promised, self._is_least and not self._is_bent, linearisation
-        )
+        linearisation, promised = self._linearisation, step.promised
+        if linearisation.damping:
+            weights = linearisation.diagonal.copy()
+            weights[self._equations.free.scalars] = self._scale
+            promised += linearisation.damping * float(np.sum(weights * np.square(step.move)))
+        is_full = self._is_least and not self._is_bent
+        return Trial(step.move, step.length, self._norm, promised, is_full, linearisation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -50,7 +51,7 @@ def sigma0_of(squares: dict[str, float], groups: Collection[str] | None, redunda
     if redundancy <= 0:
         return None
     total = sum(value for group, value in squares.items() if groups is None or group in groups)
-    return float(np.sqrt(total / redundancy))
+    return math.sqrt(total / redundancy)
 
 
 def recorded(

@@ -70,7 +70,9 @@ def truths(given: ArrayLike, shape: tuple[int, ...], what: str) -> BoolArray:
     array = plain(given, what)
     if array.shape != shape:
         raise InputError(f"{what} has shape {array.shape}; expected {shape}")
-    if array.dtype.kind not in "biu" or not np.isin(array, (0, 1)).all():
+    if array.dtype.kind == "b":
+        return array.astype(np.bool_)
+    if array.dtype.kind not in "iu" or not np.isin(array, (0, 1)).all():
         raise InputError(f"{what}: True or False are wanted, not {_described(given, array)}")
     return array.astype(np.bool_)
 

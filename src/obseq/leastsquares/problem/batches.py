@@ -214,7 +214,7 @@ class Batch:
             InputError: a sigma is no positive number any more.
         """
         sigmas, active = self._weighed
-        if not (np.array_equal(sigmas, self._sigmas) and np.array_equal(active, self._active)):
+        if not ((sigmas == self._sigmas).all() and (active == self._active).all()):
             self._sigmas = self._checked_sigmas(self._sigmas)
             self._weigh()
 
@@ -315,7 +315,7 @@ class Batch:
         """The weights that the loops over tiles take: none where clusters are added otherwise."""
         return self.weights if self.clusters is None else np.zeros_like(self.weights)
 
-    def whitened(self, rows: FloatArray, chosen: ArrayLike | None = None) -> FloatArray:
+    def whitened(self, rows: FloatArray, chosen: IntArray | slice | None = None) -> FloatArray:
         """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.
 
         Args:
@@ -334,7 +334,7 @@ class Batch:
             return rows
         m = self.shape.n_residuals
         roots = np.zeros((m, m, rows.shape[2]))
-        entries = self.roots[:, : self.n] if chosen is None else self.roots[:, np.asarray(chosen)]
+        entries = self.roots[:, : self.n] if chosen is None else self.roots[:, chosen]
         roots[np.triu_indices(m)] = entries
         return np.asarray(np.einsum("rsn,skn->rkn", roots, rows))
 
@@ -386,7 +386,7 @@ class Batch:
         contexts = table.context_start[self.blocks]
         if any(role.transposed for role in shape.roles):
             asks = np.array([role.transposed for role in shape.roles])[:, None]
-            contexts += asks * table.each(attrgetter("transposed_at"))[self.blocks]
+            contexts += asks * table.each(attrgetter("transposed_at"), self.blocks)
         self.roles = np.array(
             [(role.row, role.size, role.context_row, role.context_size) for role in shape.roles],
             dtype=np.int64,

@@ -47,7 +47,7 @@ def stretched_columns(shape: Shape, columns: list[IntArray], n: int) -> IntArray
 def _checked_role(table: UnknownTable, shape: Shape, role: Role, ids: ArrayLike) -> IntArray:
     what = f"{shape.name}, {role.name}"
     array = table.checked(ids, what)
-    accepted = table.each(role.takes)[array] & (table.size[array] == role.size)
+    accepted = table.each(role.takes, array) & (table.size[array] == role.size)
     wrong = np.flatnonzero(~accepted)
     if wrong.size:
         block = array[wrong[0]]

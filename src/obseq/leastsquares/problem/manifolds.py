@@ -26,7 +26,7 @@ from obseq.geometry.rotations import absorb, logarithm
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,9 @@ class Rotations(Curved):
 
     def context(self, values: FloatArray) -> FloatArray:
         """(n, 18) of matrices."""
-        n = len(values)
-        return np.hstack([values.reshape(n, 9), np.swapaxes(values, 1, 2).reshape(n, 9)])
+        context = np.empty((len(values), 2, 3, 3))
+        context[:, 0], context[:, 1] = values, values.swapaxes(1, 2)
+        return context.reshape(-1, 18)
 
     def values(self, context: FloatArray) -> FloatArray:
         """(n, 3, 3) matrices."""
@@ -244,6 +245,21 @@ class Directions(Curved):
         return self.context(unit + step[:, :1] * first + step[:, 1:] * second)
 
 
+@dataclass(frozen=True, eq=False)
+class CurvedBlocks:
+    """The blocks of a curved kind.
+
+    Attributes:
+        manifold: the kind.
+        scalars: (n, size) positions of their unknowns in the values.
+        places: (n, context size) positions of their context.
+    """
+
+    manifold: Manifold
+    scalars: IntArray
+    places: IntArray
+
+
 POINT3 = Manifold("Point3", ("x", "y", "z"), is_point=True)
 POINT2 = Manifold("Point2", ("x", "y"), is_point=True)
 ROTATION = Rotations("Rotation", ("rotation.x", "rotation.y", "rotation.z"))
@@ -256,6 +272,9 @@ MANIFOLDS: tuple[Manifold, ...] = (POINT3, POINT2, ROTATION, DIRECTION, VECTOR, 
 """Those that every system knows."""
 
 
+ONE_AND_A_HALF = 1.5 * np.eye(3)
+
+
 def orthonormalised(matrices: FloatArray) -> FloatArray:
     """Rotations from matrices (n, 3, 3) that rounding moved away: one step of Newton's iteration."""
-    return np.asarray(matrices @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(matrices, 1, 2) @ matrices))
+    return np.asarray(matrices @ (ONE_AND_A_HALF - (0.5 * matrices.swapaxes(1, 2)) @ matrices))

@@ -194,7 +194,7 @@ def turns_of(shape: Shape, table: UnknownTable, blocks: IntArray) -> tuple[IntAr
         (k, 2) first unknown of the centre and of the rotation; (k, n) where the turns are in the context.
     """
     rows, starts = {role.name: role.row for role in shape.roles}, table.context_start
-    at = table.each(attrgetter("turn_at"))[blocks]
+    at = table.each(attrgetter("turn_at"), blocks)
     pairs, places = [], []
     for role, ids, shift in zip(shape.roles, blocks, at, strict=True):
         centre = rows.get(role.name.removesuffix("rotation") + "centre")

@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
 from obseq.leastsquares.problem.growing import GrowingArray
-from obseq.leastsquares.problem.manifolds import MANIFOLDS
+from obseq.leastsquares.problem.manifolds import MANIFOLDS, CurvedBlocks
 from obseq.leastsquares.problem.owner import Owner
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class UnknownTable:
         self._context = GrowingArray(np.float64)
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
-        self._curved: tuple[int, list[tuple[Manifold, IntArray]]] = (0, [])
+        self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
 
     def __len__(self) -> int:
         return len(self.names)
@@ -68,9 +68,9 @@ class UnknownTable:
         """The kind of a block."""
         return self.manifolds[int(self._kind.view[block])]
 
-    def each(self, question: Callable[[Manifold], object]) -> Array:
-        """(n_blocks,) what the kind of each block answers."""
-        return np.array([question(manifold) for manifold in self.manifolds])[self._kind.view]
+    def each(self, question: Callable[[Manifold], object], blocks: IntArray | slice) -> Array:
+        """What the kind of each of some blocks answers, in their shape."""
+        return np.array([question(manifold) for manifold in self.manifolds])[self._kind.view[blocks]]
 
     def of_manifolds(self) -> Iterator[tuple[Manifold, IntArray]]:
         """Each kind with its blocks."""
@@ -78,13 +78,19 @@ class UnknownTable:
             yield manifold, np.flatnonzero(self._kind.view == number)
 
     @property
-    def curved(self) -> list[tuple[Manifold, IntArray]]:
-        """Each curved kind that there are blocks of, with these blocks."""
+    def curved(self) -> list[CurvedBlocks]:
+        """The blocks of each curved kind that there are any of."""
         n, found = self._curved
         if n != len(self):
-            found = [(kind, ids) for kind, ids in self.of_manifolds() if ids.size and not kind.is_flat]
+            found = [
+                self._places(*kind) for kind in self.of_manifolds() if len(kind[1]) and not kind[0].is_flat
+            ]
             self._curved = len(self), found
         return found
+
+    def _places(self, manifold: Manifold, ids: IntArray) -> CurvedBlocks:
+        scalars = self.consecutive(ids, int(self.size[ids[0]]))
+        return CurvedBlocks(manifold, scalars, self._context_places(ids, manifold))
 
     @property
     def start(self) -> IntArray:
@@ -243,7 +249,7 @@ class UnknownTable:
         if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
             raise InputError(f"{what}: block ids must be a 1-D array of integers")
         array = array.astype(np.int64)
-        if array.size and not 0 <= array.min() <= array.max() < len(self):
+        if array.size and array.view(np.uint64).max() >= len(self):  # the negative ones are the largest
             wrong = np.flatnonzero((array < 0) | (array >= len(self)))
             raise InputError(
                 f"{what}: row {wrong[0]} has block id {array[wrong[0]]}; ids go from 0 to {len(self) - 1}"
@@ -257,7 +263,7 @@ class UnknownTable:
             raise InputError(f"{what}: no block ids")
         kind, size = self._kind.view[array], self.size[array]
         other = (kind != kind[0]) | (size != size[0])
-        if other.any():
+        if len(array) > 1 and other.any():
             raise InputError(
                 f"{what}: {self._described(array[0])} and {self._described(array[other][0])} are not alike; "
                 "treat them in two calls"
@@ -349,18 +355,19 @@ class UnknownTable:
     def move(self, step: FloatArray) -> None:
         """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
         values = self.values + step
-        for manifold, ids in self.curved:
-            self._absorb(ids, manifold, values)
+        for blocks in self.curved:
+            self._absorb(blocks, values)
         self.values[:] = values
 
-    def _absorb(self, ids: IntArray, manifold: Manifold, values: FloatArray) -> None:
-        scalars = self.consecutive(ids, int(self.size[ids[0]]))
-        small = values[scalars]
-        moved = np.any(small != 0.0, axis=1)
-        values[scalars] = 0.0
-        if moved.any():
-            places = self._context_places(ids[moved], manifold)
-            self._context.view[places] = manifold.moved(self._context.view[places], small[moved])
+    def _absorb(self, blocks: CurvedBlocks, values: FloatArray) -> None:
+        small, places = values[blocks.scalars], blocks.places
+        moved = small.any(axis=1)
+        if not moved.any():
+            return
+        values[blocks.scalars] = 0.0
+        if not moved.all():
+            small, places = small[moved], places[moved]
+        self._context.view[places] = blocks.manifold.moved(self._context.view[places], small)
 
 
 def _component(known: tuple[str, ...], component: str | int, size: int, what: str) -> int:

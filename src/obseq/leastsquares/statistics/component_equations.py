@@ -80,6 +80,21 @@ class Sampled:
         return np.asarray((traces + traces.T) / 2.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Share:
+    """What the components have in the variance of one source.
+
+    Attributes:
+        source: the batch or the prior.
+        of_components: (k + 1, m) diagonals of D_k, zero where inactive; m scalar observations.
+        leverages: (m,) theirs.
+    """
+
+    source: Batch | Prior
+    of_components: FloatArray
+    leverages: FloatArray
+
+
 class ComponentEquations:
     """Everything that the equations of some components need of a system, laid out once.
 
@@ -102,52 +117,49 @@ class ComponentEquations:
             priors = _clones(equations.priors, of_priors, k)
             self._clones.append([*batches, *priors])
             clones = [clone for _, clone in batches], [clone for _, clone in priors]
-            self._normals.append(NormalEquations(equations.table, *clones))
+            self._normals.append(_Normal(NormalEquations(equations.table, *clones), equations))
 
     def variances(self, factors: FloatArray) -> list[tuple[Batch | Prior, FloatArray]]:
         """Variances of all observations for factors (k,)."""
-        extended = np.append(factors, 1.0)
+        extended = np.append(factors, 1.0)[None]
         return [
-            (source, np.tensordot(extended, parts, 1))
+            (source, (extended @ parts.reshape(parts.shape[0], -1)).reshape(parts.shape[1:]))
             for source, parts in zip(self._sources, self._parts, strict=True)
         ]
 
-    def sums(self, state: FinalState, factors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(k,) sums of squares v' D_k v of normalised residuals, (k,) traces of D_k R and (k,) of D_k."""
-        squares, redundancy, weight = (np.zeros(len(factors)) for _ in range(3))
-        each = zip(self._shares(state, factors), state.all_normalised(), strict=True)
-        for (_, shares, leverages), normalised in each:
-            residuals = np.square(normalised)
-            squares += np.tensordot(shares[:-1], residuals, 2)
-            redundancy += np.tensordot(shares[:-1], 1.0 - leverages, 2)
-            weight += shares[:-1].sum(axis=(1, 2))
-        return squares, redundancy, weight
-
-    def matrix(self, state: FinalState, factors: FloatArray, traces: Traces) -> tuple[FloatArray, FloatArray]:
-        """(k, k) traces of D_k R D_l R, and (k,) what given variances explain of the sums of squares."""
-        n = len(factors) + 1
-        whole = np.zeros((n, n))
-        for source, shares, leverages in self._shares(state, factors):
-            flat = shares.reshape(n, -1)
-            whole += (flat * (1.0 - 2.0 * leverages.ravel())) @ flat.T
-            for k, pairs in enumerate(self._clones):
-                for original, clone in pairs:
-                    if original is source:
-                        clone.weights = source.times_weights(np.sqrt(shares[k]))
-        whole += traces(state, [self._part(state, normal) for normal in self._normals])
-        return whole[:-1, :-1], whole[:-1, -1]
-
-    def _shares(
-        self, state: FinalState, factors: FloatArray
-    ) -> list[tuple[Batch | Prior, FloatArray, FloatArray]]:
-        """For each source: (k + 1, n, n_residuals) diagonals of D_k, zero where inactive; its leverages."""
+    def shares(self, state: FinalState, factors: FloatArray) -> list[Share]:
+        """What the components have in the variance of each source, for factors (k,)."""
         result = []
         each = zip(self.variances(factors), self._parts, state.all_leverages(), strict=True)
         for (source, variances), parts, leverages in each:
             shares = parts / variances
-            shares[:, ~source.active] = 0.0
-            result.append((source, shares, leverages))
+            if not source.active.all():
+                shares[:, ~source.active] = 0.0
+            result.append(Share(source, shares.reshape(len(parts), -1), leverages.ravel()))
         return result
+
+    def sums(self, state: FinalState, shares: list[Share]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k,) sums of squares v' D_k v of normalised residuals, (k,) traces of D_k R and (k,) of D_k."""
+        sums = np.zeros((3, len(self.names)))
+        for share, normalised in zip(shares, state.all_normalised(), strict=True):
+            described = share.of_components[:-1]
+            sums[0] += described @ np.square(normalised.ravel())
+            sums[1] += described @ (1.0 - share.leverages)
+            sums[2] += described.sum(axis=1)
+        return sums[0], sums[1], sums[2]
+
+    def matrix(self, state: FinalState, shares: list[Share], traces: Traces) -> tuple[FloatArray, FloatArray]:
+        """(k, k) traces of D_k R D_l R, and (k,) what given variances explain of the sums of squares."""
+        whole = np.zeros((len(self.names) + 1,) * 2)
+        for share in shares:
+            flat, source = share.of_components, share.source
+            whole += (flat * (1.0 - 2.0 * share.leverages)) @ flat.T
+            for pairs, own in zip(self._clones, flat, strict=True):
+                for original, clone in pairs:
+                    if original is source:
+                        clone.weights = source.times_weights(np.sqrt(own).reshape(source.sigmas.shape))
+        whole += traces(state, [normal.assembled() for normal in self._normals])
+        return whole[:-1, :-1], whole[:-1, -1]
 
     @staticmethod
     def _parts_of(source: Batch | Prior, components: Sequence[Component]) -> FloatArray:
@@ -161,17 +173,24 @@ class ComponentEquations:
             parts[-1] = np.square(source.sigmas)
         return parts
 
-    @staticmethod
-    def _part(state: FinalState, normal: NormalEquations) -> csc_array:
-        """The matrix G = A' D A of one component, in the numbering of the whole system."""
+
+class _Normal:
+    """The matrix G = A' D A of one component, in the numbering of the whole system."""
+
+    def __init__(self, own: NormalEquations, whole: NormalEquations) -> None:
         from scipy.sparse import csc_array
 
-        n = state.equations.n_unknowns
-        if not (normal.batches or normal.priors):
-            return csc_array((n, n))
-        local = normal.pattern.matrix(normal.assemble().values.copy()).tocoo()
-        number = state.equations.free.number[normal.free.scalars]
-        return csc_array((local.data, (number[local.row], number[local.col])), shape=(n, n))
+        self._own, n = own, whole.n_unknowns
+        places = own.pattern.matrix(np.arange(1.0, own.pattern.nnz + 1.0)).tocoo()
+        number = whole.free.number[own.free.scalars]
+        self._matrix = csc_array((places.data, (number[places.row], number[places.col])), shape=(n, n))
+        self._places = self._matrix.data.astype(np.int64) - 1
+
+    def assembled(self) -> csc_array:
+        """The matrix at the current values and weights; the same object at each call."""
+        if len(self._places):
+            self._matrix.data = self._own.assemble().values[self._places]
+        return self._matrix
 
 
 def _clones(sources: Sequence[Source], parts: list[FloatArray], k: int) -> list[tuple[Source, Source]]:

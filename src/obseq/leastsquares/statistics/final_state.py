@@ -81,14 +81,14 @@ class FinalState:
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
         inverse = self._inverse()
-        largest = int(np.max(roles[:, 1], initial=0))
+        largest = max(role.size for role in batch.shape.roles)
         block, row = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
         for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
-            chosen = np.arange(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
+            chosen = slice(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
             weights = np.ascontiguousarray(root_weights(batch.sigmas[chosen], batch.active[chosen]).T)
             starts = np.ascontiguousarray(batch.starts[:, chosen])
             rows = EquationRows(self._derivatives(batch, chosen), weights, starts, roles)
-            leverages(rows, inverse, crossed, results[chosen[0] : chosen[-1] + 1], block, row)
+            leverages(rows, inverse, crossed, results[chosen], block, row)
         return results.reshape(batch.n, k, k) if crossed else results
 
     def _inverse(self) -> SparseInverse:
@@ -99,7 +99,7 @@ class FinalState:
 
     def cluster_rows(self, batch: Batch) -> csr_array:
         """(n n_residuals, n_free) whitened rows of observations that are correlated with one another."""
-        raw = self._raw_rows(batch, np.arange(batch.n))
+        raw = self._raw_rows(batch, slice(0, batch.n))
         return whitened_rows(self.equations.table, self.equations.free, batch, raw)
 
     def _cluster_leverages(self, batch: Batch) -> FloatArray:
@@ -189,28 +189,38 @@ class FinalState:
         result[self.equations.free.scalars] = free
         return result
 
-    def _derivatives(self, batch: Batch, index: IntArray) -> FloatArray:
+    def _derivatives(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
         """(n_residuals n_unknowns, k) derivatives of chosen observations (k,), residual by residual."""
         shape = batch.shape
-        derivatives = self._raw_rows(batch, index)[shape.n_residuals :]
-        whitened = batch.whitened(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1), index)
-        return np.ascontiguousarray(whitened.reshape(derivatives.shape))
+        derivatives = self._raw_rows(batch, chosen)[shape.n_residuals :]
+        if batch.is_correlated:
+            rows = derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1)
+            derivatives = batch.whitened(rows, chosen).reshape(derivatives.shape)
+        return np.ascontiguousarray(derivatives)
 
-    def _raw_rows(self, batch: Batch, index: IntArray) -> FloatArray:
+    def _raw_rows(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
         """(n_residuals + n_residuals n_unknowns, k) residuals and derivatives of chosen observations (k,)."""
         from obseq.leastsquares.loops.accumulation import evaluate
 
-        shape, padded = batch.shape, np.append(index, np.repeat(index[-1:], -len(index) % LANES))
-        results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(len(index))))
+        shape, (count, padded) = batch.shape, _in_tiles(chosen)
+        results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(count)))
         arrays = batch_arrays(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
             contexts=np.ascontiguousarray(batch.contexts[:, padded]),
             turn_starts=np.ascontiguousarray(batch.turn_starts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
         )
-        span, present = Span(0, len(index)), Present(self._values, self._context)
+        span, present = Span(0, count), Present(self._values, self._context)
         evaluate(shape.kernel(), shape.new_tile(), arrays, span, present, len(results), results)
-        return results[:, : len(index)]
+        return results[:, :count]
+
+
+def _in_tiles(chosen: IntArray | slice) -> tuple[int, IntArray | slice]:
+    """The number of observations, and their places with some behind that fill the last tile."""
+    if isinstance(chosen, slice):
+        count = chosen.stop - chosen.start
+        return count, slice(chosen.start, chosen.start + padded_length(count))
+    return len(chosen), np.append(chosen, np.repeat(chosen[-1:], -len(chosen) % LANES))
 
 
 def whitening(batch: Batch, chosen: IntArray | None = None) -> FloatArray:

@@ -212,11 +212,12 @@ class _Rounds:
     ) -> tuple[FloatArray | None, FloatArray, FloatArray]:
         """Matrix and right-hand side of the equations of the factors, and traces of D_k R."""
         state = final_state(self.system, result)
-        squares, redundancy, weight = self.equations.sums(state, factors)
+        shares = self.equations.shares(state, factors)
+        squares, redundancy, weight = self.equations.sums(state, shares)
         self._refuse_uncontrolled(redundancy, weight)
         if self.method is Method.REDUNDANCY:
             return None, squares, redundancy
-        matrix, known = self.equations.matrix(state, factors, self.traces)
+        matrix, known = self.equations.matrix(state, shares, self.traces)
         return matrix, squares - known, redundancy
 
     def _improved(self, factors: FloatArray, result: LeastSquaresResult) -> FloatArray:
