@@ -1,6 +1,7 @@
 """Conversion of points from one coordinate system to another."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +45,7 @@ class Transformer:
         """Whether the two systems are equal."""
         return self.source == self.target
 
-    @property
+    @cached_property
     def turn(self) -> FloatArray | None:
         """(3, 3) that makes coordinates of one of two Local systems those of the other; None elsewhere."""
         source, target = self.source, self.target

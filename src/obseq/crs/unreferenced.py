@@ -1,6 +1,7 @@
 """Systems without a place on the Earth: Local, and an RTL whose origin is still to be chosen."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
@@ -24,7 +25,7 @@ class UnreferencedSystem(CoordinateSystem):
     the west; so are the other pairs of directions, and these convert to each other.
     """
 
-    @property
+    @cached_property
     def axes(self) -> FloatArray | None:
         """(3, 3) its axes, by rows, in east, north and up; None for a system of unknown axes."""
         name, _, letters = self.definition.partition("*")

@@ -115,7 +115,7 @@ class Equations:
         self._site = replace(self._site, plumb=self._plumb, book=book)
         self.system.set_values(self.points, initial.coordinates)
         self.instruments.restart(self.system, self._plumb, initial)
-        self.known.restart(self.system, points)
+        self.known.restart(points, initial.coordinates)
         for family, batch in self._families:
             batch.active[:] = book.observations.active[family.rows]
             batch.observations = self._measured(family, initial.coordinates)
@@ -253,7 +253,10 @@ class Equations:
 
     def _grid_scales(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) lengths at the height of the station for one at height 0: differences of grid coordinates."""
-        result, stations = np.ones(len(rows)), self._book.observations.stations[rows]
+        result = np.ones(len(rows))
+        if not self._has_grid:
+            return result
+        stations = self._book.observations.stations[rows]
         grid = np.flatnonzero(stations >= 0)
         grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID]
         if grid.size and not self._frame.is_plane:
@@ -279,8 +282,8 @@ class Equations:
 
     def follow(self, system: LeastSquares, _number: int) -> None:
         """Before an evaluation: turns instruments with their verticals, renews what depends on positions."""
-        self.known.follow(system)
         coordinates = system.values(self.points)
+        self.known.follow(coordinates)
         if not np.array_equal(coordinates, self._followed):
             self._followed = coordinates
             self.instruments.follow(system, coordinates)
@@ -301,9 +304,10 @@ class Equations:
         """(n,) residuals of all observations, NaN for inactive ones, and the sigmas of the adjustment."""
         residuals = np.full(len(self._book.observations), np.nan)
         sigmas = self._book.observations.sigmas.copy()
+        coordinates = solution.values(self.points)
         for rows, batch in self.batches.values():
             found = solution.residuals(batch)
-            scales = self._grid_scales(rows, solution.values(self.points))
+            scales = self._grid_scales(rows, coordinates)
             sigmas[rows] = sigmas_of(batch) / scales
             for kind, chosen in family_of(self._book.observations, rows).kinds:
                 residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]

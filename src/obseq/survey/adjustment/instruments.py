@@ -90,8 +90,8 @@ class Instruments:
         return np.asarray((verticals @ self.rotations(solution)).transpose(0, 2, 1))
 
     def follow(self, system: LeastSquares, coordinates: FloatArray) -> None:
-        """Turns them with the verticals at coordinates of the points."""
-        if self._plumb.frame.has_vertical and self.ids.size:
+        """Turns them with the verticals at coordinates of the points; in a plane these are all alike."""
+        if self._plumb.turn and self.ids.size:
             before, self._verticals = self._verticals, self._plumb.axes(self._origins, coordinates)
             turned = self._verticals.transpose(0, 2, 1) @ before @ self.rotations(system)
             self.turn_to(system, self._along_grid(turned), coordinates)

@@ -45,6 +45,23 @@ class CoordinateResiduals:
         return len(self.points)
 
 
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """Coordinates of some points in their system, and how these change there.
+
+    Attributes:
+        here: (k, 3) coordinates in the frame.
+        computed: (k, 3) in the system of the points, in its units.
+        axes: (k, 3, 3) derivatives, metres in that system by metres in the frame.
+        metres: (k, 3) metres in one unit of each coordinate.
+    """
+
+    here: FloatArray
+    computed: FloatArray
+    axes: FloatArray
+    metres: FloatArray
+
+
 class Labels(Sequence[str]):
     """What known coordinates are called in messages, made when somebody asks."""
 
@@ -79,6 +96,8 @@ class KnownCoordinates:
         independent[self._correlated] = False
         self._rows, self._components = np.nonzero(independent)
         self._held_rows, self._held_components = self._freeze(system)
+        self._known = np.unique(np.concatenate([self._rows, self._correlated[0], self._held_rows]))
+        self._first = self._tangents_at(self._linearised_at[self._known])
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
         self._together = self._add_together(system)
@@ -114,7 +133,7 @@ class KnownCoordinates:
     ) -> Batch | None:
         if not rows.size:
             return None
-        equations = self._linearised(system, rows, components)
+        equations = self._linearised(rows, components)
         return system.add_linear(
             [self._ids[rows]],
             [equations[:, :3]],
@@ -129,44 +148,57 @@ class KnownCoordinates:
         rows, components = self._held_rows, self._held_components
         if not rows.size:
             return None
-        equations = self._linearised(system, rows, components)
+        equations = self._linearised(rows, components)
         labels = Labels(self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
 
-    def _linearised(self, system: LeastSquares, rows: IntArray, components: IntArray) -> FloatArray:
+    def _linearised(self, rows: IntArray, components: IntArray) -> FloatArray:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
-        found, position = np.unique(rows, return_inverse=True)
-        here = system.values(self._ids[found])
-        computed, axes, metres = self._system.coordinates_and_axes(here)
-        gaps = self._system.differences(self._values[found], computed) * metres
-        coefficients = axes[position, components]
-        values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here[position])
-        return np.column_stack([coefficients, values])
+        tangents, position = self._tangents(), np.searchsorted(self._known, rows)
+        gaps = self._system.differences(self._values[self._known], tangents.computed) * tangents.metres
+        coefficients, here = tangents.axes[position, components], tangents.here[position]
+        values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here)
+        return np.concatenate([coefficients, values[:, None]], axis=1)
 
-    def follow(self, system: LeastSquares) -> None:
-        """Linearises at the current positions; along axes of the frame nothing changes."""
-        here = system.values(self._ids)
-        if self._system.is_along_frame or np.abs(here - self._linearised_at).max(initial=0.0) < SAME_PLACE:
-            return
-        self._linearise(system)
+    def _tangents(self) -> Tangents:
+        """Of the points of the equations, where these are linearised.
 
-    def restart(self, system: LeastSquares, points: Points) -> None:
-        """Takes the coordinates and sigmas of other points, of which the same components are known."""
+        Trials start where the equations were made, again and again: those are kept.
+        """
+        here = self._linearised_at[self._known]
+        return self._first if np.array_equal(here, self._first.here) else self._tangents_at(here)
+
+    def _tangents_at(self, here: FloatArray) -> Tangents:
+        return Tangents(here, *self._system.coordinates_and_axes(here))
+
+    def follow(self, coordinates: FloatArray) -> None:
+        """Linearises at coordinates of all points; along axes of the frame nothing changes."""
+        moved = np.abs(coordinates - self._linearised_at).max(initial=0.0)
+        if not self._system.is_along_frame and not moved < SAME_PLACE:
+            self._linearise(coordinates)
+
+    def restart(self, points: Points, coordinates: FloatArray) -> None:
+        """Takes the coordinates and sigmas of other points, of which the same components are known.
+
+        Args:
+            points: These points.
+            coordinates: (n, 3) where all points start.
+        """
         if not np.array_equal(points.coordinates, self._points.coordinates, equal_nan=True):
             self._values = _given(points, self._system)
         self._points, self._sigmas = points, points.sigmas
         if self._soft is not None:
             self._soft.sigmas = self._sigmas[self._rows, self._components]
-        self._linearise(system)
+        self._linearise(coordinates)
 
-    def _linearise(self, system: LeastSquares) -> None:
-        self._linearised_at = system.values(self._ids)
+    def _linearise(self, coordinates: FloatArray) -> None:
+        self._linearised_at = coordinates
         if self._soft is not None:
-            self._soft.observations = self._linearised(system, self._rows, self._components)
+            self._soft.observations = self._linearised(self._rows, self._components)
         if self._together is not None:
-            self._together.observations = self._linearised(system, *self._correlated)
+            self._together.observations = self._linearised(*self._correlated)
         if self._hard is not None:
-            self._hard.observations = self._linearised(system, self._held_rows, self._held_components)
+            self._hard.observations = self._linearised(self._held_rows, self._held_components)
 
     def residuals(self, solution: LeastSquaresResult) -> CoordinateResiduals:
         """How the coordinates given with a sigma fit a solution."""
