@@ -150,3 +150,12 @@ def test_of_one_height_difference_the_heights_are_known_to_half_its_sigma(shared
     scale = np.sqrt(adjusted.solution.variance_factor)
     assert scale == pytest.approx(0.2, rel=1e-4)
     np.testing.assert_allclose(inner, scale * np.array([[0.0, 0.0, 0.5]] * 2), atol=1e-6)
+
+
+def test_what_nothing_observes_has_no_precision_but_that_of_the_datum(shared_data):
+    """The difference of x of two points is switched off: verticals alone see it, with 1e-10 of a metre."""
+    path = shared_data / "comp3d-centering" / "project.comp"
+    adjusted = Network.read_project(path, encoding="latin-1").adjust(quality=INNER)
+    observed = np.sqrt(np.diagonal(adjusted.inner, axis1=1, axis2=2))
+    np.testing.assert_allclose(observed, [[0.0, 0.0005, 0.0005]] * 2, atol=1e-6)
+    assert not adjusted.inner[:, 0].any()

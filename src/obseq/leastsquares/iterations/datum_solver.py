@@ -38,6 +38,9 @@ ALIKE = 1e-6
 NEW = 0.1
 """Share of a loose direction outside the kernel from which it is another one: verticals bend it less."""
 
+ROUNDING = 1e-14
+"""Share of a variance that the datum leaves as rounding: what it alone determines has none."""
+
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
 
@@ -166,14 +169,15 @@ class DatumSolver:
         if self._pattern is None:
             raise InputError("call analyse(pattern) first")
         entries = self._solver.selected_inverse()
+        before = entries[self._pattern.diagonal]
         across = self._solver.solve(np.ascontiguousarray(self._to_kernel.T))
         within = self._to_kernel @ across
         rows, columns = self._pattern.indices, self._pattern.columns()
         half = across - 0.5 * self._kernel @ within
         for kernel, shift in zip(self._kernel.T, half.T, strict=True):
             entries -= kernel[rows] * shift[columns] + shift[rows] * kernel[columns]
-        variances = self._pattern.diagonal  # of what the datum alone determines: zero, to the rounding
-        entries[variances] = np.maximum(entries[variances], 0.0)
+        is_none = ~(entries[self._pattern.diagonal] > ROUNDING * before)
+        entries[is_none[rows] | is_none[columns]] = 0.0
         return entries
 
     def defect(self) -> Defect:

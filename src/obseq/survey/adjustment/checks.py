@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.survey.kinds.registry import IS_ANGLE, codes_where
+from obseq.survey.kinds.registry import IS_ANGLE, among, codes_where
 
 if TYPE_CHECKING:
     from obseq.survey.initial.initial_values import InitialValues
@@ -23,11 +23,10 @@ SHORTEST_HORIZONTAL = 1e-5
 
 def check_datum(points: Points, book: FieldBook) -> None:
     """Raises InputError when no coordinate of any point is known, or observed, or carries a datum."""
-    observed = (
-        np.isin(book.observations.types, codes_where(lambda kind: kind.is_absolute))
-        & book.observations.active
-    )
-    if points.is_free.all() and not points.in_datum.any() and not observed.any():
+    if not points.is_free.all() or points.in_datum.any():
+        return
+    absolute = among(book.observations.types, codes_where(lambda kind: kind.is_absolute))
+    if not (absolute & book.observations.active).any():
         raise InputError(
             "no point is known: nothing fixes the position of the network. Give at least one point of the "
             "point file as known (flag 1) with its sigma"

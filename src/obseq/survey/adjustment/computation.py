@@ -222,8 +222,7 @@ class Computation:
         )
 
     def _points(self, start: Determined, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
-        given = self.point_system.coordinates(coordinates, start.points.names)
-        axes, _ = self.point_system.axes(coordinates)
+        given, axes, _ = self.point_system.coordinates_and_axes(coordinates, start.points.names)
         turned = axes @ covariances @ axes.transpose(0, 2, 1)
         precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
         return AdjustedPoints(start.points, coordinates, covariances, given, precisions)

@@ -11,7 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.adjustment.links import is_one_part
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.kinds.registry import among, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def freed(points: Points, coordinates: FloatArray, datum: Datum) -> Points:
 def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
     """The observations without azimuths, which orient a network from outside; and a sentence about them."""
     from_north = codes_where(lambda kind: kind.is_from_north)
-    azimuths = np.isin(book.observations.types, from_north) & book.observations.active
+    azimuths = among(book.observations.types, from_north) & book.observations.active
     count = int(np.count_nonzero(azimuths))
     if not count:
         return book, ()
@@ -120,14 +120,14 @@ def is_held(book: FieldBook, known: BoolArray) -> bool:
     Differences of height do not: such points may be anywhere.
     """
     padded = np.append(known, np.zeros(len(book.point_names) - len(known), np.bool_))
-    levelled = np.isin(book.observations.types, codes_where(lambda kind: kind.is_levelled))
+    levelled = among(book.observations.types, codes_where(lambda kind: kind.is_levelled))
     return bool((book.naming(padded) & book.observations.active & ~levelled).any())
 
 
 def combinations_of(book: FieldBook) -> IntArray:
     """The active rows that combine the coordinates of many points."""
     codes = codes_where(lambda kind: kind.is_combination)
-    return np.flatnonzero(np.isin(book.observations.types, codes) & book.observations.active)
+    return np.flatnonzero(among(book.observations.types, codes) & book.observations.active)
 
 
 def normal_rows_turn(book: FieldBook, motion: FloatArray) -> bool:
@@ -156,9 +156,9 @@ def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[n
     reading = codes_where(lambda kind: kind.needs_station and bool(kind.orients))
     at = np.maximum(rows.stations, 0)
     turns = np.isin(orientations, (Orientation.VERT, Orientation.BASC))
-    follows = np.isin(rows.types, reading) & (rows.stations >= 0)
+    follows = among(rows.types, reading) & (rows.stations >= 0)
     follows &= turns[at] if len(turns) else False
-    return bool((rows.active & ~follows & ~np.isin(rows.types, alike)).any())
+    return bool((rows.active & ~follows & ~among(rows.types, alike)).any())
 
 
 def moves_freely(
@@ -175,6 +175,6 @@ def moves_freely(
         orientations: (m,) values of `Orientation` of the stations.
     """
     bound = codes_where(lambda kind: not kind.moves_freely)
-    if not points.is_free.all() or (np.isin(book.observations.types, bound) & book.observations.active).any():
+    if not points.is_free.all() or (among(book.observations.types, bound) & book.observations.active).any():
         return False
     return is_one_part(book) and not is_oriented(book, orientations)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.kinds.registry import among, codes_where
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
@@ -68,9 +68,11 @@ def _joined(book: FieldBook) -> tuple[IntArray, IntArray]:
 def _observed(book: FieldBook, kinds: list[int]) -> IntArray:
     """The points of which there are active observations of these kinds."""
     rows = book.observations
-    return np.asarray(rows.from_points[rows.active & np.isin(rows.types, kinds)])
+    return np.asarray(rows.from_points[rows.active & among(rows.types, kinds)])
 
 
 def _linked(part: IntArray, known: BoolArray, observed: IntArray) -> BoolArray:
     """(n,) whether a part has a point that is known (a mask), or one of those observed."""
-    return np.asarray(np.isin(part, part[np.concatenate([np.flatnonzero(known), observed])]))
+    holds = np.zeros(len(part), np.bool_)
+    holds[part[np.flatnonzero(known)]] = holds[part[observed]] = True
+    return np.asarray(holds[part])

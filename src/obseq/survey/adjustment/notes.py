@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.adjustment.frame import MEAN_RADIUS
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.kinds.registry import among, codes_where
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,7 +70,7 @@ def _listed(names: Sequence[str], count: int) -> str:
 def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Iterator[str]:
     observations = book.observations
     refracted = codes_where(lambda kind: kind.is_refracted)
-    rows = np.flatnonzero(np.isin(observations.types, refracted) & observations.active)
+    rows = np.flatnonzero(among(observations.types, refracted) & observations.active)
     if not rows.size:
         return
     corrections = frame.refraction(book, rows, coordinates)

@@ -86,13 +86,15 @@ class PointSystem:
         """
         return self.coordinates_and_axes(points)[1:]
 
-    def coordinates_and_axes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def coordinates_and_axes(
+        self, points: FloatArray, names: Sequence[str] | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """`coordinates` of points (n, 3) of the frame, then both of `axes`."""
         if self.turn is not None or not len(points):
             turn = np.eye(3) if self.turn is None else self.turn
             along = np.broadcast_to(turn, (len(points), 3, 3))
-            return self.coordinates(points), along, np.ones((len(points), 3))
-        there = self.coordinates((points[:, None] + AROUND).reshape(-1, 3)).reshape(-1, 7, 3)
+            return self.coordinates(points, names), along, np.ones((len(points), 3))
+        there = self._around(points, names)
         differences = self.differences(there[:, 1:4].reshape(-1, 3), there[:, 4:].reshape(-1, 3))
         rows = differences.reshape(-1, 3, 3).transpose(0, 2, 1) / (2.0 * STEP)
         metres = np.empty((len(points), 3))
@@ -100,6 +102,14 @@ class PointSystem:
         if self.system.plan_unit.is_angle:
             metres[:, :2] = 1.0 / np.linalg.norm(rows[:, :2], axis=2)
         return there[:, 0], rows * metres[:, :, None], metres
+
+    def _around(self, points: FloatArray, names: Sequence[str] | None) -> FloatArray:
+        """(n, 7, 3) coordinates in the system at steps `AROUND` from points of the frame."""
+        try:
+            return self.coordinates((points[:, None] + AROUND).reshape(-1, 3)).reshape(-1, 7, 3)
+        except crs.CrsError:
+            self.coordinates(points, names)  # its message names the point
+            raise
 
     def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
         """(n, 3) coordinates minus others, in the units of the system; also across the date line."""
