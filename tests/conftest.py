@@ -6,6 +6,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import settings
 sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
 
 from outside import OutsideData
+from vectorised import judging
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
@@ -50,3 +52,10 @@ def pytest_collection_finish() -> None:
 def shared_data() -> OutsideData:
     """The outside values: `shared_data / "nist-strd-dev"` is the folder of a data set."""
     return OutsideData()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
+    with judging(pytestconfig):
+        yield

@@ -66,7 +66,7 @@ ABOUT_ONE = (
 )
 FAMILIES = {
     "A kind of survey observation": ("space", "topography", "special_topography"),
-    "An output format": ("space", "topography", "special_topography"),
+    "An output format": ("space", "topography"),
 }
 """Those that the tests of a section need, where the first one is not enough."""
 

@@ -1,7 +1,7 @@
 """Computes nodes of an expression graph on numbers, to test what the generator does to it."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,7 @@ from obseq.formulas import functions
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from unchanged import Seen  # these lie beside the folder
-from vectorised import judging
+from unchanged import Seen  # it lies beside the folder
 
 ARITHMETIC = {
     "add": lambda a, b: a + b,
@@ -58,10 +57,3 @@ def evaluate() -> Callable[[ExpressionGraph, int, Mapping[str, Any]], Any]:
 def seen(pytestconfig: pytest.Config) -> Seen:
     """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
     return Seen(getattr(pytestconfig, "cache", None))
-
-
-@pytest.fixture(scope="package", autouse=True)
-def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
-    """Kernels that are compiled here need not be compiled again to see whether they are vectorised."""
-    with judging(pytestconfig):
-        yield

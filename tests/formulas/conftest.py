@@ -1,7 +1,7 @@
 """Shared by the tests of formulas: exact derivatives, from high precision."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mpmath
@@ -12,8 +12,7 @@ from obseq.formulas import Formula
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from unchanged import Seen  # these lie beside the folder
-from vectorised import judging
+from unchanged import Seen  # it lies beside the folder
 
 DIGITS = 80
 
@@ -45,10 +44,3 @@ def _exact(
 def seen(pytestconfig: pytest.Config) -> Seen:
     """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
     return Seen(getattr(pytestconfig, "cache", None))
-
-
-@pytest.fixture(scope="package", autouse=True)
-def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
-    """Kernels that are compiled here need not be compiled again to see whether they are vectorised."""
-    with judging(pytestconfig):
-        yield
