@@ -172,7 +172,7 @@ class Fieldwork:
             blame(error, errors or self._errors_among_determined(given, computation))
         if not errors:
             errors = () if adjustment.is_honest else self._errors_among_determined(given, computation)
-            errors = errors or common_factor(self.model(), computation, given, adjustment)
+            errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
             if strict and errors:
                 refuse(errors)
         told = () if errors else one_after_the_other(computation, given, adjustment)

@@ -91,6 +91,15 @@ class Computation:
         )
         return replace(self, quality=quality)
 
+    def solved(self, start: Determined) -> LeastSquaresResult:
+        """The solution of a network, without precisions.
+
+        Raises:
+            ObseqError: there is none.
+        """
+        equations = self._equations(start)
+        return equations.system.solve(**self._solving(equations))
+
     @cached_property
     def point_system(self) -> PointSystem:
         """The coordinates of points in the system of the results."""

@@ -35,6 +35,8 @@ _PLANTED = 100.0
 """Size of the error, in sigmas, with which correlations are found: its effects are linear."""
 _SAME = 25.0
 """Weighted squares by which one explanation must be worse than another to be told from it: five sigmas."""
+_DIGITS = 3
+"""Decimals of such squares that count: explanations that are as good come in the order of the files."""
 _STIFF = 0.01
 """Sigma of coordinates that are held, as a share of the smallest sigma of a length."""
 _ITERATIONS = 8
@@ -107,7 +109,7 @@ def alternatives(model: Model, found: Estimate, row: int, suspects: list[int]) -
     every = [*_observations(tested), *_coordinates(tested)]
     losses = [(size**2 * (1.0 - min(1.0, (one / w[row]) ** 2)), item) for one, item in every]
     scale = float(found.ratios[row]) / _PLANTED
-    same = sorted((pair for pair in losses if pair[0] <= _SAME), key=lambda pair: pair[0])
+    same = sorted((pair for pair in losses if pair[0] <= _SAME), key=lambda pair: round(pair[0], _DIGITS))
     return [replace(item, off=scale * item.off) for _, item in same]
 
 

@@ -19,8 +19,10 @@ from obseq.survey.screening.robust import QUICK
 from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation
+    from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.findings import GrossError
@@ -39,7 +41,11 @@ _SHARE = 0.95
 
 
 def common_factor(
-    model: Model, computation: Computation, given: Determined, adjustment: Adjustment
+    model: Model,
+    computation: Computation,
+    given: Determined,
+    equations: Equations,
+    adjustment: Adjustment,
 ) -> tuple[GrossError, ...]:
     """The factor or constant of all distances with which an adjustment is accepted; none else.
 
@@ -47,20 +53,25 @@ def common_factor(
         model: how the network is estimated.
         computation: how it was adjusted.
         given: the network.
+        equations: its equations.
         adjustment: what came out.
     """
     rows = given.book.observations
     slopes = codes_where(lambda kind: kind.horizontal is not None)
     mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
-    if len(mine) < LEAST or len(rows) > _LARGEST or _is_accepted(adjustment):
+    if len(mine) < LEAST or len(rows) > _LARGEST or _is_accepted(adjustment.solution):
         return ()
-    accepted = _accepted(computation, given, mine)
+    if len(adjustment.left_out) > len(given.left_out):
+        return ()  # what its observations leave undetermined stays so
+    accepted = _accepted(computation, _settled(given, equations, adjustment), mine)
     if accepted is None:
         return ()
     left, what, book = accepted
     gain = adjustment.solution.cost - left
+    if gain < max(_SIGNIFICANT, _SHARE * _of_one(adjustment)):
+        return ()
     estimate = estimated(model, given.points, book, QUICK)
-    if estimate is None or gain < max(_SIGNIFICANT, _SHARE * _of_one(adjustment)):
+    if estimate is None:
         return ()
     values = [value for part, value in estimate.instruments if part == what]
     size = float(np.max(np.abs(np.nan_to_num(adjustment.normalised_residuals[mine]))))
@@ -68,25 +79,34 @@ def common_factor(
     return (replace(error, text=f"{error.text}{_or(adjustment, gain)}"),)
 
 
-def _accepted(computation: Computation, given: Determined, mine: Rows) -> tuple[float, str, FieldBook] | None:
+def _settled(given: Determined, equations: Equations, adjustment: Adjustment) -> Determined:
+    """The network at its adjustment, from where one more unknown moves it little."""
+    initial = replace(
+        given.initial,
+        coordinates=adjustment.points.coordinates,
+        rotations=equations.instruments.rotations(adjustment.solution),
+    )
+    return replace(given, initial=initial)
+
+
+def _accepted(computation: Computation, start: Determined, mine: Rows) -> tuple[float, str, FieldBook] | None:
     """The unknown with which the adjustment is accepted: weighted squares, name, observations; the best."""
     found: list[tuple[float, str, FieldBook]] = []
     for what in ("scale", "constant"):
-        book = changed(given.book, mine, what)
+        book = changed(start.book, mine, what)
         if book is None:
             continue
         try:
-            corrected = computation.plain().determined(replace(given, book=book), strict=True)
+            solution = computation.solved(replace(start, book=book))
         except ObseqError:
             continue
-        if corrected.solution.redundancy >= _LEAST_REDUNDANCY and _is_accepted(corrected):
-            found.append((corrected.solution.cost, what, book))
+        if solution.redundancy >= _LEAST_REDUNDANCY and _is_accepted(solution):
+            found.append((solution.cost, what, book))
     return min(found, key=lambda one: one[0], default=None)
 
 
-def _is_accepted(adjustment: Adjustment) -> bool:
+def _is_accepted(solution: LeastSquaresResult) -> bool:
     """Whether the residuals are not larger than the sigmas announce."""
-    solution = adjustment.solution
     if not solution.redundancy:
         return True
     test = global_test(solution)
