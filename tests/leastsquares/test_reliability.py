@@ -261,7 +261,7 @@ def test_errors_say_what_is_missing():
 @pytest.mark.slow
 def test_a_million_and_a_half_observations():
     rng = np.random.default_rng(0)
-    side = 160
+    side, repeats = 100, 26
     x, y = np.meshgrid(np.arange(side), np.arange(side))
     heights = rng.normal(0, 1.0, side * side)  # as uneven as wide: few iterations
     grid = np.column_stack([x.ravel(), y.ravel(), heights]).astype(float)
@@ -270,7 +270,7 @@ def test_a_million_and_a_half_observations():
     pairs = [(number[max(0, -b) :, :][: side - abs(b), : side - a], a, b) for a, b in steps]
     i = np.concatenate([part.ravel() for part, _, _ in pairs])
     j = np.concatenate([(part + b * side + a).ravel() for part, a, b in pairs])
-    i, j = np.tile(i, 10), np.tile(j, 10)
+    i, j = np.tile(i, repeats), np.tile(j, repeats)
     system = obseq.LeastSquares()
     points = system.add_points([str(k) for k in range(side * side)], grid)
     true = np.linalg.norm(grid[i] - grid[j], axis=1)
@@ -280,7 +280,7 @@ def test_a_million_and_a_half_observations():
     assert len(i) > 1_450_000
     quality = reliability(system, result)
     assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy, rel=1e-9)
-    assert quality.of(batch).redundancy.min() > 0.5
+    assert quality.of(batch).redundancy.min() > 1 - 1 / repeats  # of n alike, none says more than an nth
 
 
 def test_robust_weights_count_and_outliers_stand_out():
