@@ -1,4 +1,4 @@
-"""Causes that all measures share: lines counted upwards, another unit of the focal length; or none."""
+"""Causes that all measures share: axes of images, another unit of the focal length; or none."""
 
 from dataclasses import replace
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import scenes
 
+from obseq.errors import InputError
+from obseq.images import BundleAdjustment, ImagePoints
 from obseq.images.adjustment import causes
 from obseq.images.adjustment.causes import common_cause
 
@@ -16,7 +18,15 @@ def _cause(block):
 
 def _upwards(block):
     (part,) = block.sets
-    xy = np.column_stack([part.measures.xy[:, 0], scenes.CAMERA.height - part.measures.xy[:, 1]])
+    _measured(block, np.column_stack([part.measures.xy[:, 0], scenes.CAMERA.height - part.measures.xy[:, 1]]))
+
+
+def _exchanged(block):
+    _measured(block, block.sets[0].measures.xy[:, ::-1].copy())
+
+
+def _measured(block, xy):
+    (part,) = block.sets
     block.sets = [replace(part, measures=replace(part.measures, xy=xy))]
 
 
@@ -33,6 +43,49 @@ def test_lines_that_were_counted_upwards_are_named():
     cause = _cause(block)
     assert cause.startswith("the lines of all images were counted upwards")
     assert (block.sets, block.poses) == before
+
+
+@pytest.mark.parametrize("n_control", [3, 12])
+def test_exchanged_image_coordinates_are_named(n_control):
+    """With three control points the block does not converge; with twelve, b1 = -2 makes mirror images fit."""
+    block, _, _ = scenes.block(n_control=n_control)
+    _exchanged(block)
+    assert _cause(block).startswith("x and y of all image points are exchanged")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [(_upwards, "the lines of all images were"), (_exchanged, "x and y of all image points")],
+)
+def test_what_keeps_images_from_being_placed_is_named(change, said):
+    block, _, _ = scenes.block()
+    change(block)
+    block.poses = block.poses.select([])
+    with pytest.raises(
+        InputError, match=f"cannot be placed; .*; {said} .*: so changed, all images can be placed"
+    ):
+        block.initialise()
+
+
+def test_images_that_no_convention_places_get_no_hint():
+    block, _, _ = scenes.block(n_images=3, n_points=10)
+    rng = np.random.default_rng(3)
+    _measured(block, rng.uniform(0.0, 1500.0, block.sets[0].measures.xy.shape))
+    block.poses = block.poses.select([])
+    with pytest.raises(InputError) as refused:
+        block.initialise()
+    assert "so changed" not in str(refused.value)
+
+
+def test_measures_that_are_in_their_images_when_exchanged_are_told_so():
+    block = BundleAdjustment()
+    block.add_cameras(scenes.CAMERA)
+    block.add_poses(["a"], [[0.0, 0.0, 9.0]], [[0.0, 0.0, 0.0]], form="opk")
+    names, xy = ["1", "2", "3"], [[100.0, 1900.0], [700.0, 800.0], [50.0, 1700.0]]
+    with pytest.raises(InputError, match=r"2 measures are\); with x and y exchanged all are inside"):
+        block.add_measures(ImagePoints.of(["a"] * 3, names, xy))
+    with pytest.raises(InputError, match="counted from the upper left corner here"):
+        block.add_measures(ImagePoints.of(["a"] * 3, names, [*xy[:2], [1900.0, 1700.0]]))
 
 
 def test_a_focal_length_of_another_unit_is_named_with_the_one_that_fits():
@@ -53,10 +106,11 @@ def test_a_good_block_and_a_single_gross_error_have_no_common_cause():
 
 
 def _steps(block):
-    """How often it is told what is being tried: lines counted upwards, another focal length."""
+    """How often it is told what is being tried, for each of the trials."""
     said = []
     assert common_cause(block, block.solve(), block.poses, said.append) == ""
-    tried = [f"the block does not fit: trying {what}" for what in ("lines counted upwards", "another focal")]
+    trials = ("lines counted upwards", "x and y exchanged", "another focal")
+    tried = [f"the block does not fit: trying {what}" for what in trials]
     steps = [sum(line.startswith(what) for line in said) for what in tried]
     assert len(said) == sum(steps)
     return steps

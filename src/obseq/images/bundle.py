@@ -15,6 +15,7 @@ from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.adjustment.verdicts import check_datum, check_scale, in_words
 from obseq.images.block import Block
+from obseq.images.initial.conventions import convention_that_fits
 from obseq.images.initial.growth import place_images
 from obseq.images.measures import ImagePoints
 from obseq.leastsquares import LeastSquares
@@ -131,13 +132,17 @@ class BundleAdjustment(Block):
         measures = functools.reduce(ImagePoints.joined, (part.measures for part in self.sets))
         cameras = {image: self.cameras[name] for image, name in self.camera_of.items()}
         given = self.poses.select([image for image in self.poses.images if image in measured])
+        asked = measures, self.control, cameras, given
         try:
-            growth = place_images(measures, self.control, cameras, given)
+            growth = place_images(*asked)
         except InputError as error:
-            raise InputError(f"{self.source}{error}") from None
+            raise InputError(f"{self.source}{error}{convention_that_fits(*asked)}") from None
         lost = growth.waiting()
         if lost:
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
-            raise InputError(f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}")
+            raise InputError(
+                f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}"
+                f"{convention_that_fits(*asked)}"
+            )
         self.add_poses(growth.as_poses().select(waiting))
         return tuple(waiting)

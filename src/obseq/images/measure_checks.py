@@ -57,7 +57,8 @@ def check_frames(cameras: Sequence[Camera], measures: ImagePoints) -> None:
         camera = cameras[measures.image[row]]
         raise RowError(
             f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
-            f"{camera.height} pixels ({wrong.size} measures are)" + _origin(wrong.size, len(measures)),
+            f"{camera.height} pixels ({wrong.size} measures are)"
+            + _convention(measures, wrong.size, low, size),
             row,
         )
 
@@ -84,10 +85,13 @@ def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
     return bool((low >= lowest.max()).all() and (high <= sizes.min(axis=0) + MARGIN).all())
 
 
-def _origin(outside: int, measures: int) -> str:
+def _convention(measures: ImagePoints, outside: int, low: FloatArray, size: FloatArray) -> str:
     """What many measures outside their images may mean."""
-    if outside < MANY * measures:
+    if outside < MANY * len(measures):
         return ""
+    exchanged = measures.xy[:, ::-1]
+    if ((exchanged >= low) & (exchanged <= size + MARGIN)).all():
+        return "; with x and y exchanged all are inside: x goes to the right here, y down"
     return CONVENTION
 
 

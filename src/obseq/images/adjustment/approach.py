@@ -95,6 +95,8 @@ def _place_lost(equations: Equations) -> None:
     if not equations.measures:
         return
     point, misses = _misses(equations)
+    if misses.max() <= LOST * ROUGH:
+        return
     squares = np.bincount(point, misses**2, len(equations.start.points))
     usual = max(ROUGH, float(np.median(misses)))
     counts = np.maximum(np.bincount(point, minlength=len(squares)), 1)
@@ -108,7 +110,7 @@ def _misses(equations: Equations) -> tuple[IntArray, FloatArray]:
     measures = [(item, item.batch.active) for item in equations.measures]
     residuals = [equations.system.residuals(item.batch)[active] for item, active in measures]
     points = [equations.start.sets[item.part].point[item.rows[active]] for item, active in measures]
-    return np.concatenate(points), np.linalg.norm(np.concatenate(residuals), axis=1)
+    return np.concatenate(points), np.hypot(*np.concatenate(residuals).T)
 
 
 def _are_free(equations: Equations) -> BoolArray:
@@ -133,7 +135,8 @@ def _put_again(equations: Equations, free: BoolArray) -> tuple[float, dict[int, 
     coordinates[free] = np.nan
     reasons, off = put_points(coordinates, free, poses, _present_cameras(equations), start.points, start.sets)
     placed = free & np.isfinite(coordinates).all(axis=1)
-    system.set_values(equations.points[placed], coordinates[placed])
+    if placed.any():
+        system.set_values(equations.points[placed], coordinates[placed])
     return off, reasons
 
 
