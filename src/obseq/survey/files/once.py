@@ -37,6 +37,8 @@ def require_distinct(paths: Sequence[str | Path]) -> None:
     Raises:
         InputError: naming both.
     """
+    if len(paths) < 2:
+        return
     files = [Path(path) for path in paths]
     places: dict[Path, Path] = {}
     for file in files:
@@ -71,8 +73,10 @@ def repeated_runs(book: FieldBook) -> tuple[str, ...]:
     of runs that honest readings would show with a chance of more than `LEAST_CHANCE`.
     """
     rows = np.flatnonzero(book.observations.active & ~book.in_groups(GroupKind.UNKNOWNS))
-    chances = _log_chances(book, rows)
-    runs = [run for run in _runs(_labels(book, rows)) if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
+    runs = list(_runs(_labels(book, rows)))
+    if runs:
+        chances = _log_chances(book, rows)
+        runs = [run for run in runs if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
     if not runs:
         return ()
     count = sum(len(again) for again, _ in runs)
