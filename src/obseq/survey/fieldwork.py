@@ -165,13 +165,14 @@ class Fieldwork:
         with computation.watch.phase("equations"):
             equations = self._equations(given)
         check_scales(given, equations, self._equations, computation.whole)
-        errors = self._announced(given, equations, computation, strict=strict)
+        announced = self._announced(given, equations, computation, strict=strict)
         try:
             adjustment = computation.determined(given, equations, strict=strict)
         except ObseqError as error:
-            blame(error, errors or self._errors_among_determined(given, computation))
+            blame(error, self._looked_for(announced, given, computation))
+        errors = announced or ()
         if not errors:
-            errors = () if adjustment.is_honest else self._errors_among_determined(given, computation)
+            errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
             if strict and errors:
                 refuse(errors)
@@ -200,18 +201,24 @@ class Fieldwork:
         lost = start.book.observations.active & ~kept
         return replace(self, book=self.book.without(lost)).gross_errors()
 
+    def _looked_for(
+        self, announced: tuple[GrossError, ...] | None, start: Determined, computation: Computation
+    ) -> tuple[GrossError, ...]:
+        """The gross errors, looked for unless that was done, be it in vain, for the announcement."""
+        return self._errors_among_determined(start, computation) if announced is None else announced
+
     def _announced(
         self, start: Determined, equations: Equations, computation: Computation, *, strict: bool
-    ) -> tuple[GrossError, ...]:
-        """The gross errors, looked for where some observation does not fit the initial values."""
+    ) -> tuple[GrossError, ...] | None:
+        """The gross errors, looked for where some observation does not fit the initial values; else None."""
         from obseq.survey.screening.search import is_doubtful, refuse
 
         check_sights(start.book, start.initial)
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
         with computation.watch.phase("gross errors"):
             doubtful = is_doubtful(start, equations)
-            errors = self._errors_among_determined(start, computation) if doubtful else ()
-        for error in errors:
+            errors = self._errors_among_determined(start, computation) if doubtful else None
+        for error in errors or ():
             _LOG.info("%s", error.sentence())
         if strict and errors:
             refuse(errors)
