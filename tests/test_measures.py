@@ -20,7 +20,7 @@ LEAST_DOCUMENTED = 0.97
 MOST_ANY, MOST_IGNORED = 106, 19
 """Half of what the library had before its rooms were drawn, when it was less than half as large."""
 
-THEIRS = {"_codegen", "_data_layout", "_getvalue"}
+THEIRS = {"_codegen", "_data_layout", "_final_module", "_getvalue"}
 """Of numba, for which there are no other names."""
 
 NAMED_TUPLE = {"_asdict", "_fields", "_make", "_replace"}

@@ -96,7 +96,10 @@ class KnownCoordinates:
         independent[self._correlated] = False
         self._rows, self._components = np.nonzero(independent)
         self._held_rows, self._held_components = self._freeze(system)
-        self._known = np.unique(np.concatenate([self._rows, self._correlated[0], self._held_rows]))
+        is_known = np.zeros(len(ids), bool)
+        for rows in (self._rows, self._correlated[0], self._held_rows):
+            is_known[rows] = True
+        self._known = np.flatnonzero(is_known)
         self._first = self._tangents_at(self._linearised_at[self._known])
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
