@@ -73,7 +73,7 @@ class Analysis:
 
     def fits(self, eliminated: BoolArray) -> bool:
         """Whether the problem is what it was, its values, weights and measurements apart."""
-        return np.array_equal(eliminated, self._eliminated) and self._state == _Structure(self._problem)
+        return _are_equal(eliminated, self._eliminated) and self._state == _Structure(self._problem)
 
     @cached_property
     def solver(self) -> Solver:
@@ -226,8 +226,8 @@ class _Structure:
             and self.constraints == other.constraints
             and self.viscosities == other.viscosities
             and self.datum is other.datum
-            and np.array_equal(self.frozen, other.frozen)
-            and np.array_equal(self.used, other.used)
+            and _are_equal(self.frozen, other.frozen)
+            and _are_equal(self.used, other.used)
         )
 
     __hash__ = None  # type: ignore[assignment]  # its arrays may be compared, not looked up
@@ -240,6 +240,10 @@ class _Structure:
         untouched = np.flatnonzero(free & ~self.used)
         if untouched.size:
             raise untouched_error(table, untouched)
+
+
+def _are_equal(first: BoolArray, second: BoolArray) -> bool:
+    return len(first) == len(second) and bool((first == second).all())
 
 
 def _refuse_clusters(problem: Problem, eliminated: BoolArray) -> None:

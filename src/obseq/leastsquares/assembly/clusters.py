@@ -37,23 +37,17 @@ def whitened_rows(table: UnknownTable, free: FreeUnknowns, batch: Batch, raw: Fl
         batch: observations with clusters.
         raw: (n_residuals + n_residuals n_unknowns, n) residuals, then derivatives, as they are.
     """
-    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse import csr_array
 
     m, u = batch.shape.n_residuals, batch.shape.n_unknowns
-    starts = table.start[batch.blocks]
-    columns = np.concatenate(
-        [
-            free.number[start + np.arange(role.size)[:, None]]
-            for start, role in zip(starts, batch.shape.roles, strict=True)
-        ]
-    )
-    rows = np.arange(m)[:, None, None] + m * np.arange(batch.n)
-    row, column = np.broadcast_arrays(rows, columns[None])
-    value = raw[m:].reshape(m, u, batch.n)
-    kept = (column >= 0) & batch.active
-    entries = (value[kept], (row[kept], column[kept]))
-    plain = coo_array(entries, shape=(m * batch.n, len(free.scalars))).tocsr()
-    return csr_array(batch.whitening_matrix() @ plain)
+    each = zip(batch.blocks, batch.shape.roles, strict=True)
+    columns = np.hstack([free.number[table.consecutive(ids, role.size)] for ids, role in each])
+    kept = (columns >= 0) & batch.active[:, None]
+    value = raw[m:].reshape(m, u, batch.n).transpose(2, 0, 1)[np.repeat(kept[:, None], m, axis=1)]
+    column = np.repeat(columns[:, None], m, axis=1)[np.repeat(kept[:, None], m, axis=1)]
+    ends = np.append(0, np.cumsum(np.repeat(kept.sum(axis=1), m)))
+    plain = csr_array((value, column, ends), shape=(m * batch.n, len(free.scalars)))
+    return batch.whitening_matrix() @ plain
 
 
 def add_cluster(
@@ -72,12 +66,12 @@ def add_cluster(
         values: its values.
         gradient: (n_free,).
     """
-    from scipy.sparse import tril
-
-    product = tril(rows.T @ rows).tocoo()
+    transposed = rows.T.tocsr()
+    product = transposed @ rows
+    row = np.repeat(np.arange(pattern.n), np.diff(product.indptr))
+    lower = row >= product.indices
     keys = pattern.columns() * pattern.n + pattern.indices
-    np.add.at(
-        values, np.searchsorted(keys, product.col.astype(np.int64) * pattern.n + product.row), product.data
-    )
-    gradient += rows.T @ residuals
+    found = product.indices[lower].astype(np.int64) * pattern.n + row[lower]
+    values[np.searchsorted(keys, found)] += product.data[lower]
+    gradient += transposed @ residuals
     return float(residuals @ residuals)

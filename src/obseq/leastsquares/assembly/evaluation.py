@@ -47,7 +47,7 @@ def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[
     """(n_blocks,) True for the blocks that an active observation or a prior touches."""
     used = np.zeros(len(table), dtype=bool)
     for batch in batches:
-        used[batch.blocks[:, batch.active]] = True
+        used[batch.blocks if batch.active.all() else batch.blocks[:, batch.active]] = True
     for prior in priors:
         used[prior.ids] = True
     return used

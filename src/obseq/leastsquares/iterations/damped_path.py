@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -204,7 +205,7 @@ class DampedPath:
         self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
 
     def _norm_of(self, inner: FloatArray) -> float:
-        return float(np.sqrt(np.sum(self._scale * np.square(inner))))
+        return math.sqrt((self._scale * np.square(inner)).sum())
 
     def _is_within(self, radius: float) -> bool:
         if abs(self._norm - radius) <= NEAR * radius:

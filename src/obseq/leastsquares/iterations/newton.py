@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,5 +75,5 @@ def newton_step(
     inner = solver.settle(inner)
     if not np.isfinite(inner).all():
         raise DivergenceError("the step of the unknowns is not finite")
-    length = float(np.sqrt(max(0.0, drop + quadratic)))
+    length = math.sqrt(max(0.0, drop + quadratic))
     return NewtonStep(equations.step(inner, linearisation), inner, length, promised)

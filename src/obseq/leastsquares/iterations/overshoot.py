@@ -51,7 +51,7 @@ class Overshoot:
 
     def _found(self, step: FloatArray, last: FloatArray, weights: FloatArray) -> float:
         pairs = ((step, last), (last, last), (step, step))
-        both, before, now = (float(np.sum(weights * a * b)) for a, b in pairs)
+        both, before, now = (float((weights * a * b).sum()) for a, b in pairs)
         if both * both < PARALLEL**2 * before * now:
             return self._share if now <= SLOW**2 * before else 1.0
         rate, known = 1.0 - (1.0 - both / before) / self._share, self._rate

@@ -162,9 +162,10 @@ class Batch:
                 f"{self.name}: observations have shape {array.shape}; expected ({self.n}, {width})"
             )
         array = array.reshape(self.n, width)
-        wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
-        if wrong.size:
-            raise InputError(f"{self.label(wrong[0])}: the observation is not finite: {array[wrong[0]]}")
+        is_finite = np.isfinite(array)
+        if not is_finite.all():
+            wrong = int(is_finite.all(axis=1).argmin())
+            raise InputError(f"{self.label(wrong)}: the observation is not finite: {array[wrong]}")
         self.observation_tiles[:] = _padded(array.T, np.float64)
 
     @property
@@ -218,14 +219,13 @@ class Batch:
             self._sigmas = self._checked_sigmas(self._sigmas)
             self._weigh()
 
-    def _weigh(self, factors: FloatArray | float = 1.0) -> None:
-        """Weight = active / sigma, times the roots of robust weights (n, 1)."""
+    def _weigh(self) -> None:
+        """Weight = active / sigma."""
         self._weighed = (self._sigmas.copy(), self._active.copy())
         if self.clusters is not None:
             self._whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
-        weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
-        weights[:, : self.n] = root_weights(self._sigmas, self._active, factors).T
-        self.weights = weights
+        self.weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
+        self.weights[:, : self.n] = root_weights(self._sigmas, self._active).T
 
     @property
     def is_correlated(self) -> bool:
@@ -245,11 +245,13 @@ class Batch:
         """
         if self._loss is None:
             return
-        norm = np.linalg.norm(residuals / self._sigmas, axis=1)
-        if self.clusters is not None:
-            of_residuals = self.clusters.norms((residuals / self._sigmas).ravel())
-            norm = of_residuals.reshape(residuals.shape)[:, 0]
-        self._weigh(np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))[:, None])
+        ratios = residuals / self._sigmas
+        if self.clusters is None:
+            norm = np.sqrt(np.square(ratios).sum(axis=1))
+        else:
+            norm = self.clusters.norms(ratios.ravel()).reshape(ratios.shape)[:, 0]
+        roots = np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))
+        self.weights[:, : self.n] = root_weights(self._sigmas, self._active, roots[:, None]).T
 
     def correlate(self, covariances: ArrayLike) -> None:
         """Gives the residuals of each observation a full covariance, (m, m) or (n, m, m), in their units.

@@ -48,11 +48,11 @@ def _checked_role(table: UnknownTable, shape: Shape, role: Role, ids: ArrayLike)
     what = f"{shape.name}, {role.name}"
     array = table.checked(ids, what)
     accepted = table.each(role.takes, array) & (table.size[array] == role.size)
-    wrong = np.flatnonzero(~accepted)
-    if wrong.size:
-        block = array[wrong[0]]
+    if not accepted.all():
+        wrong = int(accepted.argmin())
+        block = array[wrong]
         raise InputError(
-            f"{what}: row {wrong[0]} gives {table.names[block]!r}, a {table.manifold(block).label} of "
+            f"{what}: row {wrong} gives {table.names[block]!r}, a {table.manifold(block).label} of "
             f"{table.size[block]}; the formula wants a {role.kind} of {role.size}"
         )
     return array

@@ -21,7 +21,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry.rotations import absorb, logarithm
+from obseq.geometry.rotations import IDENTITY, absorb, logarithm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -141,10 +141,12 @@ class Rotations(Curved):
 
     def checked(self, values: FloatArray, names: Sequence[str], what: str) -> FloatArray:
         """Matrices checked to be rotations to 1e-6, and made so to rounding."""
-        gap = np.abs(values @ np.swapaxes(values, 1, 2) - np.eye(3)).max(axis=(1, 2))
-        wrong = np.flatnonzero((gap > 1e-6) | (np.linalg.det(values) < 0.0))
-        if wrong.size:
-            raise InputError(f"{what}: row {wrong[0]} is not a rotation matrix (R R^T = I, det R = 1)")
+        gap = np.abs(values @ values.swapaxes(1, 2) - IDENTITY).max(axis=(1, 2))
+        is_wrong = (gap > 1e-6) | (np.linalg.det(values) < 0.0)
+        if is_wrong.any():
+            raise InputError(
+                f"{what}: row {is_wrong.argmax()} is not a rotation matrix (R R^T = I, det R = 1)"
+            )
         return orthonormalised(orthonormalised(values))
 
     def context(self, values: FloatArray) -> FloatArray:
@@ -272,7 +274,7 @@ MANIFOLDS: tuple[Manifold, ...] = (POINT3, POINT2, ROTATION, DIRECTION, VECTOR, 
 """Those that every system knows."""
 
 
-ONE_AND_A_HALF = 1.5 * np.eye(3)
+ONE_AND_A_HALF = 1.5 * IDENTITY
 
 
 def orthonormalised(matrices: FloatArray) -> FloatArray:

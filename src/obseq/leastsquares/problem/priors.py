@@ -109,7 +109,7 @@ class Prior:
 
     def sum_of_squares(self, values: FloatArray) -> float:
         """Sum of squared residuals over sigmas."""
-        return float(np.sum(np.square(self.residuals(values) * self.weights)))
+        return float(np.square(self.residuals(values) * self.weights).sum())
 
 
 @dataclass(frozen=True)

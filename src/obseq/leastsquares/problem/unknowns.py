@@ -245,7 +245,7 @@ class UnknownTable:
 
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
-        array = np.atleast_1d(plain(ids, what))
+        array = ids if type(ids) is np.ndarray and ids.ndim else np.atleast_1d(plain(ids, what))
         if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
             raise InputError(f"{what}: block ids must be a 1-D array of integers")
         array = array.astype(np.int64)

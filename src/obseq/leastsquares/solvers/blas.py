@@ -77,7 +77,12 @@ def _call(routine: int, arguments: Sequence[str | float | NDArray[np.float64]], 
     """Letters have their lengths behind all other arguments."""
     passed = [_by_reference(value) for value in arguments]
     lengths = [ctypes.c_size_t(1) for value in arguments if isinstance(value, str)]
-    ctypes.CFUNCTYPE(None)(int(routine_addresses()[routine]))(*passed, *more, *lengths)
+    _function(routine)(*passed, *more, *lengths)
+
+
+@lru_cache(maxsize=len(ROUTINES))
+def _function(routine: int) -> Callable[..., None]:
+    return ctypes.CFUNCTYPE(None)(int(routine_addresses()[routine]))
 
 
 def _by_reference(value: str | float | NDArray[np.float64]) -> Any:

@@ -11,7 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.clusters import whitened_rows
-from obseq.leastsquares.assembly.evaluation import batch_arrays
+from obseq.leastsquares.assembly.evaluation import batch_arrays, whitened_residual_rows
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, Span, SparseInverse
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
@@ -257,7 +257,7 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
 def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
     cost = sum(prior.sum_of_squares(result.state.values) for prior in equations.priors)
     for batch in equations.batches:
-        scaled = result.whitened_residuals(batch) * batch.weights[:, : batch.n].T
-        cost += float(np.sum(np.square(scaled[batch.active])))
-    if not np.isclose(cost, result.cost, rtol=1e-6, atol=1e-12):
+        rows = whitened_residual_rows(batch, result.residuals(batch).T) * batch.weights[:, : batch.n]
+        cost += float(np.square(rows if batch.active.all() else rows[:, batch.active]).sum())
+    if not abs(cost - result.cost) <= 1e-12 + 1e-6 * result.cost:
         raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")
