@@ -114,6 +114,16 @@ def test_free_point_keeps_the_coordinates_of_the_file(tmp_path):
     assert solution.method("P") == "given"
 
 
+def test_steps_name_the_observations_of_each_point_and_station(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P).full("A", "B", "P", g0=0.7)
+    values = sketch.solve("A", "B").values
+    # Hz, zenith angle and distance of each target, in the order of the sketch: to B are rows 0, 2, 4
+    assert values.point_steps[2] == ("azimuth and distance", (1, 3, 5))
+    assert values.point_steps[:2] == (("given", ()), ("given", ()))
+    assert [step.method for step in values.station_steps] == ["azimuth of a known point"]
+    assert values.station_steps[0].observations == (0,)
+
+
 def test_two_distances_and_heights_with_a_deciding_direction(tmp_path):
     sketch = Sketch(tmp_path, A=A, B=B, P=P).dist("P", "A", "B").dh("A", "P")
     assert "several positions" in sketch.solve("A", "B").reason("P")

@@ -1,4 +1,4 @@
-"""Relations of first values say what the formulas of the same observations say."""
+"""Relations of first values and their derivatives: they say what the formulas of the observations say."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from obseq.formulas.topography import TopoDist, TopoDistHz, TopoDX, TopoDY, TopoDZ, TopoHz, TopoZen
 from obseq.geometry import exponential, rotation_z
 from obseq.survey.initial.known import Known, as_matrix
-from obseq.survey.initial.relations import Measured, Relation, misfit
+from obseq.survey.initial.relations import Measured, Relation, gradient, misfit
 
 POINT, OTHER, G0 = (101.0, 207.0, 13.0), (95.0, 203.0, 18.5), 0.7
 STATION = {
@@ -69,3 +69,25 @@ def test_horizontal_lengths(kind, known, verticals):
     (expected,) = TopoDistHz().evaluate((*origin, *target), (*verticals[at_point][2], 4.5))
     found = misfit(known, Relation(kind, 0, 4.5, (0,)), POINT, as_matrix(verticals[1]), 0.0)
     assert found == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", Measured, ids=lambda kind: kind.name)
+def test_derivatives_are_those_of_the_misfits(kind, known, verticals):
+    relation, vertical, step = Relation(kind, 0, 0.123, (0,)), as_matrix(verticals[1]), 1e-3
+
+    def at(offset):
+        return misfit(known, relation, tuple(np.add(POINT, offset)), vertical, G0)
+
+    # central differences of the sixth order
+    weights = {1: 45.0, 2: -9.0, 3: 1.0}
+    expected = [
+        sum(w * (at(k * step * axis) - at(-k * step * axis)) for k, w in weights.items()) / (60.0 * step)
+        for axis in np.eye(3)
+    ]
+    np.testing.assert_allclose(gradient(known, relation, POINT, vertical), expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", Measured, ids=lambda kind: kind.name)
+def test_derivatives_are_finite_where_one_point_is_above_the_other(kind, known, verticals):
+    above = tuple(np.add(OTHER, 5.0 * verticals[0][2]))
+    assert np.isfinite(gradient(known, Relation(kind, 0, 0.123, (0,)), above, as_matrix(verticals[0]))).all()

@@ -79,9 +79,8 @@ class Approximations:
         local = self._local(start, coordinates[observations.to_points[rows]] - start)
         flat = np.hypot(local[:, 0], local[:, 1])
         length = np.hypot(flat, local[:, 2])
-        is_plumb = ~np.isin(
-            observations.stations[rows], np.flatnonzero(self.orientations == Orientation.BASC)
-        )
+        # the last one is for observations without station
+        is_plumb = np.append(self.orientations != Orientation.BASC, True)[observations.stations[rows]]
         zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
         wrong = _gives(kinds, Start.DISTANCE) & (np.abs(length - values) > _FAR * np.abs(values))
         wrong |= _gives(kinds, Start.FLAT) & (np.abs(flat - values) > _FAR * np.abs(values))

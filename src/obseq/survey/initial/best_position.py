@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -19,7 +20,7 @@ from obseq.survey.initial.refinement import Refined, agreeing, contradictions, r
 from obseq.survey.initial.relations import Relation, disagreement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
@@ -36,11 +37,10 @@ _SAME = 0.02
 
 @dataclass(frozen=True)
 class Fit:
-    """A candidate made to fit its relations, and how much all relations speak against it."""
+    """A candidate made to fit its relations."""
 
     candidate: Candidate
     refined: Refined
-    disagreement: float
 
 
 @dataclass(frozen=True)
@@ -97,31 +97,28 @@ def thinned(known: Known, relations: list[Relation]) -> list[Relation]:
 
 
 def _fits(
-    around: Surroundings, candidates: Iterable[Candidate], sigmas: Sequence[float], least_strength: float
+    around: Surroundings, candidates: list[Candidate], sigmas: Sequence[float], least_strength: float
 ) -> tuple[list[Fit], float]:
     """The few least contradicted candidates that are well determined, and the greatest strength seen."""
-    ranked = sorted(
-        ((_disagreement(around, candidate), k, candidate) for k, candidate in enumerate(candidates)),
-        key=lambda item: item[:2],
-    )
     fits: list[Fit] = []
     strongest = 0.0
-    for _, _, candidate in ranked:
+    if len(candidates) > 1:
+        candidates = sorted(candidates, key=partial(_disagreement, around))
+    for candidate in candidates:
         if any(_is_same(around, candidate, fit.candidate) for fit in fits):
             continue
         axes = (0, 1, 2) if candidate.has_height else (0, 1)
         refined = refine(around.known, candidate.used, candidate.position, sigmas, axes)
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
-            fits.append(_fit(around, candidate, refined))
+            fits.append(_fit(candidate, refined))
         if len(fits) == _MOST_REFINED:
             break
     return fits, strongest
 
 
-def _fit(around: Surroundings, candidate: Candidate, refined: Refined) -> Fit:
-    better = Candidate(refined.position, candidate.method, candidate.used, candidate.has_height)
-    return Fit(better, refined, _disagreement(around, better))
+def _fit(candidate: Candidate, refined: Refined) -> Fit:
+    return Fit(Candidate(refined.position, candidate.method, candidate.used, candidate.has_height), refined)
 
 
 def _disagreement(around: Surroundings, candidate: Candidate) -> float:
@@ -145,7 +142,9 @@ def _decide(
     """The least contradicted position, unless another fits as well."""
     if not fits:
         return BestPosition(None, strongest)
-    rivals = _rivals(around, fits, [fit.disagreement for fit in fits])
+    rivals = fits
+    if len(rivals) > 1:
+        rivals = _rivals(around, fits, [_disagreement(around, fit.candidate) for fit in fits])
     if len(rivals) > 1:
         counts = [contradictions(around.known, around.relations, fit.refined, sigmas) for fit in rivals]
         rivals = _rivals(around, rivals, counts)
@@ -175,7 +174,7 @@ def averaged(known: Known, relations: list[Relation], sigmas: Sequence[float], f
     if not (refined.point_sigma <= fit.refined.point_sigma and moved <= _FARTHEST * fit.refined.point_sigma):
         return fit
     better = Candidate(refined.position, candidate.method, tuple(chosen))
-    return Fit(better, refined, fit.disagreement)
+    return Fit(better, refined)
 
 
 def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> BestPosition:
@@ -215,7 +214,7 @@ def best_height(
         refined = refine(known, (relation,), start, sigmas, axes=(2,))
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
-            fits.append(_fit(around, Candidate(start, "height", (relation,)), refined))
+            fits.append(_fit(Candidate(start, "height", (relation,)), refined))
     return _decide(around, fits, strongest, None, sigmas)
 
 

@@ -113,8 +113,10 @@ def _firsts(measured: Measured, n_points: int) -> Measured:
     """The first observation of each pair of points, whichever of these comes first."""
     if not len(measured.rows):
         return measured
-    which = np.unique(_pairs(measured.origins, measured.targets, n_points), return_index=True)[1]
-    return measured.chosen(np.sort(which))
+    first: dict[int, int] = {}
+    for number, pair in enumerate(_pairs(measured.origins, measured.targets, n_points).tolist()):
+        first.setdefault(pair, number)
+    return measured if len(first) == len(measured.rows) else measured.chosen(np.array(list(first.values())))
 
 
 def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
@@ -125,17 +127,14 @@ def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
 def _sights(book: FieldBook, parts: Sequence[Part]) -> tuple[IntRows, Measures]:
     """Station, origin and target (3, n) of each sight, in reading order, and its measures."""
     rows = np.sort(_together([measured for _, measured in parts]).rows)
-    observations = book.observations
-    stations, targets = observations.stations[rows].astype(np.int64), observations.to_points[rows]
-    _, firsts, pairs = np.unique(
-        stations * len(book.point_names) + targets, return_index=True, return_inverse=True
-    )
-    order = np.argsort(firsts)
+    observations, n_points = book.observations, len(book.point_names)
+    pairs = observations.stations[rows].astype(np.int64) * n_points + observations.to_points[rows]
+    numbers: dict[int, int] = {}
     sight_of = np.empty(len(observations), np.int64)
-    sight_of[rows] = np.argsort(order)[pairs]
-    chosen = firsts[order]
-    ends = np.array((stations[chosen], observations.from_points[rows[chosen]], targets[chosen]))
-    return ends, _measures(book, parts, sight_of, len(chosen))
+    sight_of[rows] = [numbers.setdefault(pair, len(numbers)) for pair in pairs.tolist()]
+    stations, targets = np.divmod(np.array(list(numbers), np.int64), max(n_points, 1))
+    ends = np.array((stations, book.stations.origins[stations], targets))
+    return ends, _measures(book, parts, sight_of, len(numbers))
 
 
 def _measures(book: FieldBook, parts: Sequence[Part], sight_of: IntArray, n: int) -> Measures:

@@ -15,6 +15,7 @@ addresses.
 from __future__ import annotations
 
 import gc
+import math
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -29,7 +30,7 @@ from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.graph_building import build_graph
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
-from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile
+from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
 from obseq.survey.initial.placement import GOOD, REST, Placement
 from obseq.survey.initial.steps import GIVEN, Steps
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
@@ -39,7 +40,7 @@ from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, FloatRows
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.initial.steps import Cause, Step
@@ -185,11 +186,12 @@ def _computed(
     placement = Placement(known, graph, ways, hints)
     _work(placement, LocalFrames(known, graph, ways))
     coordinates = known.coordinates()
-    reconcile(known, graph, coordinates)
+    verticals = verticals_of_stations(known)
+    reconcile(known, graph, coordinates, verticals)
     reasons = explain_points(known, graph, placement.best_positions, book) + explain_stations(
         known, graph, book
     )
-    return _result(known, graph, coordinates, len(book.stations), tuple(reasons))
+    return _result(known, graph, coordinates, verticals[: len(book.stations)], tuple(reasons))
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -278,22 +280,18 @@ def _result(
     known: Known,
     graph: SightGraph,
     coordinates: FloatArray,
-    n_stations: int,
+    verticals: FloatRows,
     unplaced: tuple[Unplaced, ...],
 ) -> InitialValues:
-    m, is_placed = n_stations, known.are_placed()
-    rotations, g0 = np.full((m, 3, 3), np.nan), np.full(m, np.nan)
-    plumb = [s for s in range(m) if known.g0[s] is not None]
-    if plumb:
-        g0[plumb] = [known.g0[s] for s in plumb]
-        vertical = known.verticals_of(np.array(graph.origins)[plumb])
-        rotations[plumb] = plumb_rotation(vertical, g0[plumb])
+    m, is_placed = len(verticals), known.are_placed()
+    g0 = np.array([math.nan if angle is None else angle for angle in known.g0[:m]])
+    rotations = plumb_rotation(verticals, g0)
     for station, rotation in enumerate(known.rotations[:m]):
         origin = graph.origins[station]
         if rotation is not None and known.is_settled[origin]:
             rotations[station], g0[station] = rotation, g0_of(rotation, known.vertical_of(origin))
     return InitialValues(
-        np.where(is_placed[:, None], coordinates, np.nan),
+        coordinates if is_placed.all() else np.where(is_placed[:, None], coordinates, np.nan),
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),

@@ -16,7 +16,7 @@ from obseq.survey.initial.closed_forms import Space
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatRows, IntArray
+    from obseq.arrays import BoolArray, FloatRows
     from obseq.survey.initial.steps import Cause
 
 Matrix = tuple[Space, Space, Space]
@@ -54,6 +54,11 @@ def turned(vector: Space, g0: float) -> Space:
 def minus(a: Space, b: Space) -> Space:
     """Difference of two points."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def scaled(a: Space, factor: float) -> Space:
+    """A vector times a number."""
+    return a[0] * factor, a[1] * factor, a[2] * factor
 
 
 def plus(a: Space, b: Space) -> Space:
@@ -108,6 +113,10 @@ class Known:
         """True when the three coordinates are known, and settled."""
         return bool(self.is_settled[point] and self.has_height[point])
 
+    def is_complete(self) -> bool:
+        """True when all points are placed."""
+        return 0 not in self.is_settled and 0 not in self.has_height
+
     def vertical_at(self, position: Space) -> Matrix:
         """R_(frame -> vertical) at a position."""
         if self.vertical is None:
@@ -158,11 +167,11 @@ class Known:
         self.rotations[station] = self.g0[station] = self.station_steps[station] = None
         self.azimuth_sigmas[station] = 0.0
 
-    def verticals_of(self, points: IntArray) -> FloatRows:
+    def verticals_of(self, points: Sequence[int]) -> FloatRows:
         """(k, 3, 3) R_(frame -> vertical) at settled points."""
         if isinstance(self.vertical, Normals) and len(points) >= _FEW:
-            return self.vertical(np.array([self.positions[point] for point in points.tolist()]))
-        return np.array([self.vertical_of(point) for point in points.tolist()]).reshape(-1, 3, 3)
+            return self.vertical(np.array([self.positions[point] for point in points]))
+        return np.array([self.vertical_of(point) for point in points])
 
     def position_of(self, point: int) -> Space:
         """Position of a point that has one."""
@@ -205,9 +214,14 @@ class Known:
         """Height above the reference point along the mean of the two plumb lines."""
         if self.reference is None:
             return 0.0
-        (a, b, c), (d, e, f) = vertical[2], self.vertical_of(self.reference)[2]
-        x, y, z = minus(position, self.position_of(self.reference))
-        return ((a + d) * x + (b + e) * y + (c + f) * z) / 2.0
+        (a, b, c), (x, y, z) = self.mean_up(vertical), minus(position, self.position_of(self.reference))
+        return a * x + b * y + c * z
+
+    def mean_up(self, vertical: Matrix) -> Space:
+        """Mean of the plumb lines (upwards) at a point and at the reference point; zero without this."""
+        if self.reference is None:
+            return 0.0, 0.0, 0.0
+        return scaled(plus(vertical[2], self.vertical_of(self.reference)[2]), 0.5)
 
     @property
     def reference_height(self) -> float:

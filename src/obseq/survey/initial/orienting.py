@@ -15,7 +15,7 @@ from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, FloatRows, IntArray
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.sight_graph import SightGraph
 
@@ -44,41 +44,52 @@ def orient(known: Known, graph: SightGraph, station: int) -> bool:
     return True
 
 
-def reconcile(known: Known, graph: SightGraph, coordinates: FloatArray) -> None:
+def verticals_of_stations(known: Known) -> FloatRows:
+    """(k, 3, 3) R_(frame -> vertical) at each station whose zero is known; NaN for the others."""
+    verticals = np.full((len(known.g0), 3, 3), np.nan)
+    plumb = [station for station, g0 in enumerate(known.g0) if g0 is not None]
+    if plumb:
+        verticals[plumb] = known.verticals_of([known.origins[station] for station in plumb])
+    return verticals
+
+
+def reconcile(known: Known, graph: SightGraph, coordinates: FloatArray, verticals: FloatRows) -> None:
     """Sets G0 of plumb stations to the value that most of their sights agree on, once all points are known.
 
-    With one or two sights it is that of the first, as in MMVII. The points are at the coordinates (n, 3).
+    With one or two sights it is that of the first, as in MMVII. The points are at the coordinates (n, 3),
+    the verticals (k, 3, 3) those of the stations.
     """
-    stations, angles = _g0s_of_sights(known, graph, coordinates)
+    stations, angles = _g0s_of_sights(known, graph, coordinates, verticals)
     if not len(stations):
         return
-    starts = np.flatnonzero(np.diff(stations, prepend=-1))
+    starts = np.concatenate(([0], (stations[1:] != stations[:-1]).nonzero()[0] + 1))
     for station, g0 in zip(stations[starts].tolist(), _central_angles(angles, starts).tolist(), strict=True):
         known.g0[station] = g0
 
 
-def _g0s_of_sights(known: Known, graph: SightGraph, coordinates: FloatArray) -> tuple[IntArray, FloatArray]:
+def _g0s_of_sights(
+    known: Known, graph: SightGraph, coordinates: FloatArray, verticals: FloatRows
+) -> tuple[IntArray, FloatArray]:
     """(k,) station and G0 of each sight of oriented plumb stations to placed targets, by station."""
     sights = graph.sights
     is_oriented = graph.is_plumb & np.array([step is not None for step in known.station_steps], np.bool_)
     is_compared = is_oriented[sights.stations] & known.are_placed()[sights.targets]
-    rows = np.flatnonzero(is_compared & np.isfinite(sights.readings))
-    if not len(rows):
-        return np.zeros(0, np.int64), np.zeros(0)
-    rows = rows[np.argsort(sights.stations[rows], kind="stable")]
+    rows = (is_compared & np.isfinite(sights.readings)).nonzero()[0]
+    rows = rows[sights.stations[rows].argsort(kind="stable")]
+    stations = sights.stations[rows]
     offsets = coordinates[sights.targets[rows]] - coordinates[sights.origins[rows]]
-    origins, numbers = np.unique(sights.origins[rows], return_inverse=True)
-    east, north, up = np.einsum("nij,nj->in", known.verticals_of(origins)[numbers], offsets)
+    east, north, up = np.einsum("nij,nj->in", verticals[stations], offsets)
     is_usable = np.hypot(east, north) > 1e-6 * np.abs(up) + 1e-9
     angles = np.arctan2(east, north) - sights.readings[rows]
-    return sights.stations[rows[is_usable]], _wrapped(angles[is_usable])
+    return stations[is_usable], _wrapped(angles[is_usable])
 
 
 def _central_angles(angles: FloatArray, starts: IntArray) -> FloatArray:
     """Of each run of angles, the one nearest to its first few; the first of one or two."""
-    counts = np.diff(starts, append=len(angles))
+    counts = np.append(starts[1:], len(angles)) - starts
     blocks = [slice(first, first + _BLOCK) for first in range(0, len(starts), _BLOCK)]
-    return np.concatenate([_central_of_runs(angles, starts[block], counts[block]) for block in blocks])
+    central = [_central_of_runs(angles, starts[block], counts[block]) for block in blocks]
+    return central[0] if len(central) == 1 else np.concatenate(central)
 
 
 def _central_of_runs(angles: FloatArray, starts: IntArray, counts: IntArray) -> FloatArray:

@@ -281,6 +281,8 @@ class Placement:
 
     def _beside(self, located: list[int]) -> set[int]:
         """The points without a place that observations join with new ones."""
+        if not located or self.known.is_complete():
+            return set()
         neighbours, is_placed = self.graph.neighbours, self.known.is_placed
         if len(located) >= _MANY:
             waiting, anew = np.flatnonzero(~self.known.are_placed()).tolist(), set(located)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.closed_forms import Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, plus, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
     READING_AT,
     Relation,
     distance_to,
+    gradient,
     misfit,
     scaled_misfit,
     station_g0s,
@@ -25,9 +25,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.survey.initial.closed_forms import Space
 
 _ITERATIONS = 4
 _SINGULAR = 1e-6
+_CONVERGED = 1e-8
+"""Step, in mean distances, after which the next one is of the size of its square."""
 _AGREES = 5.0
 """A relation agrees with a position when its misfit is at most so many times what is expected."""
 
@@ -70,6 +73,8 @@ def refine(
     """
     position = start
     free_stations = sorted({c.station for c in relations if c.kind == READING_AT and c.g0 is None})
+    if len(relations) < len(axes) + len(free_stations):
+        return Refined(position, 0.0)
     length = _mean_distance(known, relations, start)
     layout = (axes, length, free_stations)
     weights = np.ones(len(relations))
@@ -81,15 +86,14 @@ def refine(
         g0s = station_g0s(known, relations, position, vertical)
         jacobian, residuals = _linearised(known, relations, position, vertical, g0s, layout)
         left, singular, right = np.linalg.svd(jacobian * weights[:, None], full_matrices=False)
-        if jacobian.shape[0] < jacobian.shape[1]:
-            return Refined(position, 0.0)
         if not singular[-1] > _SINGULAR:
             return Refined(position, _SINGULAR)
         step = -(right.T @ ((left.T @ (weights * residuals)) / singular))[: len(axes)]
-        if not np.abs(step).max() < 1.0:
+        largest = np.abs(step).max()
+        if not largest < 1.0:
             return Refined(position, _SINGULAR)
         position = plus(position, _to_frame(vertical, axes, step.tolist(), length))
-        if np.abs(step).max() < 1e-10:
+        if largest < _CONVERGED:
             break
     inverse = (right.T / singular) @ left.T * weights
     relative_sigmas = np.array(_expected_misfits(known, relations, position, sigmas, length))
@@ -193,22 +197,15 @@ def _linearised(
     g0s: dict[int, float],
     layout: tuple[tuple[int, ...], float, list[int]],
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (by differences) and values of the scaled misfits."""
+    """Derivatives and values of the scaled misfits."""
     axes, length, free_stations = layout
-    step = 1e-6
-    moved = [plus(position, _to_frame(vertical, (axis,), [step], length)) for axis in axes]
-    jacobian = np.zeros((len(relations), len(axes) + len(free_stations)))
-    residuals = np.zeros(len(relations))
-    for row, relation in enumerate(relations):
-        g0 = g0s.get(relation.station, 0.0)
+    rows, residuals = [], []
+    for relation in relations:
         unit = 1.0 if relation.kind in ANGLES else 1.0 / length
-        here = misfit(known, relation, position, vertical, g0)
-        residuals[row] = here * unit
-        for column, there in enumerate(moved):
-            difference = misfit(known, relation, there, vertical, g0) - here
-            if relation.kind in ANGLES:
-                difference = wrap(difference)
-            jacobian[row, column] = difference * unit / step
-        if relation.station in free_stations and relation.kind == READING_AT:
-            jacobian[row, len(axes) + free_stations.index(relation.station)] = -1.0
-    return jacobian, residuals
+        x, y, z = gradient(known, relation, position, vertical)
+        along = [(x * a + y * b + z * c) * length * unit for a, b, c in map(vertical.__getitem__, axes)]
+        is_reading = relation.kind == READING_AT
+        own = [-1.0 if is_reading and station == relation.station else 0.0 for station in free_stations]
+        rows.append(along + own)
+        residuals.append(misfit(known, relation, position, vertical, g0s.get(relation.station, 0.0)) * unit)
+    return np.array(rows), np.array(residuals)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import Space, wrap
-from obseq.survey.initial.known import Known, Matrix, minus, times
+from obseq.survey.initial.known import Known, Matrix, minus, scaled, times, transposed_times
 from obseq.survey.initial.sights import direction
 from obseq.survey.model import Orientation
 
@@ -22,6 +22,8 @@ _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a relation speaks against a position."""
 
 
+_ON_VERTICAL = 1e-6
+"""Horizontal distance (m) below which derivatives are those a little aside: a cone has none at its tip."""
 _SIGMA_OF_GIVEN = 1e-4
 """Sigma (m) of a height that the file gives."""
 
@@ -46,6 +48,7 @@ class Measured(enum.IntEnum):
 # made once: `misfit` is the innermost function of all this, and to look a member up takes longer than a sine
 _LEVEL, _DISTANCE, _AZIMUTH, _EAST = Measured.LEVEL, Measured.DISTANCE, Measured.AZIMUTH, Measured.EAST
 READING_AT = Measured.READING_AT
+_BEARINGS = frozenset((Measured.AZIMUTH, Measured.READING_AT))
 _AT = frozenset((Measured.READING_AT, Measured.ZENITH_AT, Measured.HORIZONTAL_AT, Measured.RISE_AT))
 _ZENITHS = frozenset((Measured.ZENITH, Measured.ZENITH_AT))
 _PLUMB = frozenset((Measured.EAST, Measured.NORTH))
@@ -203,6 +206,40 @@ def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, 
     if kind in _PLUMB:
         return (east if kind == _EAST else north) - value
     return (up if kind in _RISES else math.hypot(east, north)) - value
+
+
+def gradient(known: Known, relation: Relation, position: Space, vertical: Matrix) -> Space:
+    """Derivatives (rad/m or m/m) of the misfit of one relation, by the position in the frame."""
+    kind = relation.kind
+    if kind == _LEVEL:
+        return known.mean_up(vertical)
+    offset = minus(position, known.position_of(relation.other))
+    if kind == _DISTANCE:
+        return scaled(offset, 1.0 / (math.hypot(*offset) or 1.0))
+    if kind in _AT:
+        seen = scaled(times(vertical, offset), -1.0)
+        return scaled(transposed_times(vertical, _local_gradient(kind, seen)), -1.0)
+    other = known.vertical_of(relation.other)
+    return transposed_times(other, _local_gradient(kind, times(other, offset)))
+
+
+def _local_gradient(kind: Measured, seen: Space) -> Space:
+    """Derivatives of a measure by the east, north and up of what is seen."""
+    east, north, up = seen
+    if kind in _RISES:
+        return 0.0, 0.0, 1.0
+    if kind in _PLUMB:
+        return (1.0, 0.0, 0.0) if kind == _EAST else (0.0, 1.0, 0.0)
+    flat = math.hypot(east, north)
+    if flat < _ON_VERTICAL:
+        east = north = _ON_VERTICAL
+        flat = math.hypot(east, north)
+    if kind in _BEARINGS:
+        return north / flat / flat, -east / flat / flat, 0.0
+    if kind in _ZENITHS:
+        square = flat * flat + up * up
+        return up * east / flat / square, up * north / flat / square, -flat / square
+    return east / flat, north / flat, 0.0
 
 
 def scaled_misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, g0: float) -> float:

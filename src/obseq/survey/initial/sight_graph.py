@@ -13,7 +13,7 @@ from obseq.survey.initial.sights import lengths
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.initial.sights import Sights
@@ -59,11 +59,12 @@ def _decimals(column: FloatArray) -> list[float]:
     return plain
 
 
-def _numbers_by(groups: IntArray, n: int) -> list[list[int]]:
+def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
     """Of each of n groups, the numbers of its members."""
-    ends = np.cumsum(np.bincount(groups, minlength=n)).tolist()
-    numbers = np.argsort(groups, kind="stable").tolist()
-    return [numbers[first:end] for first, end in zip([0, *ends], ends, strict=False)]
+    found: list[list[int]] = [[] for _ in range(n)]
+    for number, group in enumerate(groups):
+        found[group].append(number)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,27 +143,25 @@ class SightGraph:
     @cached_property
     def sights_from(self) -> list[list[int]]:
         """Sights of each station."""
-        return _numbers_by(self.sights.stations, len(self.origins))
+        return _numbers_by(self.station_of, len(self.origins))
 
     @cached_property
     def sights_to(self) -> list[list[int]]:
         """Sights to each point."""
-        return _numbers_by(self.sights.targets, self.n_points)
+        return _numbers_by(self.target_of, self.n_points)
 
     @cached_property
     def stations_at(self) -> list[list[int]]:
         """Stations on each point."""
-        return _numbers_by(np.array(self.origins, np.int64), self.n_points)
+        return _numbers_by(self.origins, self.n_points)
 
-    def neighbours(self, point: int) -> Iterator[int]:
+    def neighbours(self, point: int) -> list[int]:
         """Points that observations join with one, some of them twice."""
-        for station in self.stations_at[point]:
-            yield from self.targets(station)
-        for number in self.sights_to[point]:
-            yield self.origin_of[number]
+        found = [target for station in self.stations_at[point] for target in self.targets(station)]
+        found += [self.origin_of[number] for number in self.sights_to[point]]
         for joined in (self.distances, self.height_differences, self.flat_distances):
-            for other, _, _ in joined[point]:
-                yield other
+            found += [other for other, _, _ in joined[point]]
+        return found
 
     @cached_property
     def distances(self) -> list[list[Joined]]:

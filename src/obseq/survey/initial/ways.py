@@ -54,7 +54,7 @@ class Views:
         numbers = numbers[np.isfinite(sights.vectors[numbers, 0])]
         own = np.array(stations, np.int64)
         every = np.concatenate((own, sights.stations[numbers]))
-        order = np.argsort(every, kind="stable")
+        order = every.argsort(kind="stable")
         points = np.concatenate(([graph.origins[station] for station in stations], sights.targets[numbers]))
         return cls(
             every[order],
@@ -92,8 +92,9 @@ class _Shared:
     @classmethod
     def ordered(cls, views: IntArray, sights: IntArray, keys: IntArray) -> _Shared:
         """Items whose keys, of their pairs of stations, ascend."""
-        begins = np.diff(keys, prepend=-1) != 0
-        return cls(views, sights, np.flatnonzero(begins), np.cumsum(begins) - 1)
+        begins = np.ones(len(keys), np.bool_)
+        np.not_equal(keys[1:], keys[:-1], out=begins[1:])
+        return cls(views, sights, begins.nonzero()[0], begins.cumsum() - 1)
 
     def chosen(self, which: BoolArray) -> _Shared:
         """Some of the items."""
@@ -102,19 +103,19 @@ class _Shared:
     def least(self, values: FloatArray) -> IntArray:
         """(g,) of each pair of stations, the first item with the least value (k,)."""
         smallest = np.minimum.reduceat(values, self.starts)
-        places = np.flatnonzero(values == smallest[self.pairs])
-        return places[np.searchsorted(self.pairs[places], np.arange(len(self.starts)))]
+        places = (values == smallest[self.pairs]).nonzero()[0]
+        return np.asarray(places[self.pairs[places].searchsorted(np.arange(len(self.starts)))])
 
 
 def _shared(graph: SightGraph, views: Views) -> _Shared:
     """What the stations of the views share with each plumb station."""
     seen_by = [graph.sights_to[point][:_MOST_STATIONS] for point in views.points.tolist()]
     sights = _flat(seen_by)
-    of_views = np.repeat(np.arange(len(seen_by)), list(map(len, seen_by)))
+    of_views = np.arange(len(seen_by)).repeat(list(map(len, seen_by)))
     stations, others = views.stations[of_views], graph.sights.stations[sights]
-    kept = np.flatnonzero(graph.is_plumb[others] & (others != stations))
+    kept = (graph.is_plumb[others] & (others != stations)).nonzero()[0]
     keys = stations[kept] * len(graph.origins) + others[kept]
-    order = np.argsort(keys, kind="stable")
+    order = keys.argsort(kind="stable")
     kept = kept[order]
     return _Shared.ordered(of_views[kept], sights[kept], keys[order])
 
@@ -134,17 +135,12 @@ class Ways:
 
     def __init__(self, graph: SightGraph, views: Views, parts: Sequence[_Part]) -> None:
         self.views = views
-        seen = np.concatenate([part.seen for part in parts])
-        stations = views.stations[seen[:, 0]]
-        order = np.argsort(stations, kind="stable")
-        self.seen = seen[order]
-        self.sights: IntRows = np.concatenate([part.sights for part in parts])[order]
+        part = parts[0] if len(parts) == 1 else _in_order(views, parts)
+        self.seen, self.sights, self.positions, self.relative_sigmas, self.azimuth_sigmas = part
         self.others: IntArray = graph.sights.stations[self.sights[:, 0]]
-        self.positions: FloatRows = np.concatenate([part.positions for part in parts])[order]
-        self.relative_sigmas: FloatArray = np.concatenate([part.relative_sigmas for part in parts])[order]
-        self.azimuth_sigmas: FloatArray = np.concatenate([part.azimuth_sigmas for part in parts])[order]
         self._first, last = int(views.stations[0]), int(views.stations[-1])
-        self._starts = np.searchsorted(stations[order], np.arange(self._first, last + 2)).tolist()
+        stations = views.stations[self.seen[:, 0]]
+        self._starts = stations.searchsorted(np.arange(self._first, last + 2)).tolist()
 
     def of(self, station: int) -> slice:
         """Those of one of the stations."""
@@ -161,10 +157,22 @@ class _Part(NamedTuple):
     relative_sigmas: FloatArray
     azimuth_sigmas: FloatArray
 
-    def chosen(self, which: BoolArray) -> _Part:
+    def chosen(self, which: BoolArray | IntArray) -> _Part:
         """Some of them."""
         sigmas = self.relative_sigmas[which], self.azimuth_sigmas[which]
         return _Part(self.seen[which], self.sights[which], self.positions[which], *sigmas)
+
+
+def _in_order(views: Views, parts: Sequence[_Part]) -> _Part:
+    """Ways of several methods, by the stations that they start from; each part is so ordered."""
+    together = _Part(
+        np.concatenate([part.seen for part in parts]),
+        np.concatenate([part.sights for part in parts]),
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.relative_sigmas for part in parts]),
+        np.concatenate([part.azimuth_sigmas for part in parts]),
+    )
+    return together.chosen(views.stations[together.seen[:, 0]].argsort(kind="stable"))
 
 
 def find_ways(graph: SightGraph, views: Views) -> Ways:
@@ -195,18 +203,18 @@ def _by_sight(graph: SightGraph, views: Views, shared: _Shared) -> tuple[_Part, 
     best = shared.least(azimuth_sigmas)
     is_seen = np.isfinite(azimuth_sigmas[best])
     best, ends = best[is_seen], ends[is_seen]
-    none = np.full(len(best), -1)
-    seen, of_others = np.stack((items[best], none), axis=1), np.stack((shared.sights[best], none), axis=1)
+    seen, of_others = np.full((2, len(best), 2), -1)
+    seen[:, 0], of_others[:, 0] = items[best], shared.sights[best]
     return _Part(seen, of_others, views.vectors[ends], views.sigmas[ends], azimuth_sigmas[best]), is_seen
 
 
 def _views_of_others(graph: SightGraph, views: Views, shared: _Shared) -> IntArray:
     """(g,) of each pair of stations, the view of the other's point; -1 where it is not seen."""
     keys = views.stations * graph.n_points + views.points
-    order = np.argsort(keys, kind="stable")
+    order = keys.argsort(kind="stable")
     first = shared.starts
     wanted = views.stations[shared.views[first]] * graph.n_points + graph.sights.origins[shared.sights[first]]
-    found = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    found = order[np.minimum(keys.searchsorted(wanted, sorter=order), len(keys) - 1)]
     return np.where(keys[found] == wanted, found, -1)
 
 
