@@ -246,9 +246,8 @@ class Batch:
         if self._loss is None:
             return
         ratios = residuals / self._sigmas
-        if self.clusters is None:
-            norm = np.sqrt(np.square(ratios).sum(axis=1))
-        else:
+        norm = np.sqrt(np.square(ratios).sum(axis=1))
+        if self.clusters is not None:
             norm = self.clusters.norms(ratios.ravel()).reshape(ratios.shape)[:, 0]
         roots = np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))
         self.weights[:, : self.n] = root_weights(self._sigmas, self._active, roots[:, None]).T
