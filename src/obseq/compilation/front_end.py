@@ -16,12 +16,12 @@ from functools import cache
 from types import BuiltinFunctionType, NoneType
 from typing import TYPE_CHECKING
 
-from numba.core import base, interpreter, ir, lowering, typeinfer
+from numba.core import base, byteflow, interpreter, ir, lowering, typeinfer
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.types.functions import BaseFunction
 from numba.core.types.misc import unliteral
 from numba.core.typing.context import BaseContext as TypingContext
-from numba.np import arrayobj
+from numba.np import arrayobj, linalg
 
 from obseq.compilation.array_values import of_values
 
@@ -113,6 +113,13 @@ def _shortcuts() -> list[tuple[Value, str, Callable[[Value], Value]]]:
         (base, "_has_loc", cache),
         (ir.Inst, "_rec_list_vars", lambda _: _variables),
         (ir.Assign, "__str__", lambda _: object.__repr__),  # asked for each time, for a message nobody sees
+        (lowering, "_lit_or_omitted", _unless_undefined),
+        (byteflow.Flow, "_run_handle_exception", lambda _: _next_instruction),
+        (
+            linalg,
+            "ensure_blas",
+            lambda _: lambda: None,
+        ),  # an import of SciPy, for matrix products
         (lowering, "new_error_context", lambda _: lambda *_, **__: silent),
         (typeinfer, "new_error_context", lambda _: lambda *_, **__: silent),
         (interpreter, "peep_hole_delete_with_exit", lambda _: lambda text: text),
@@ -154,6 +161,17 @@ def _by_text(size_of: Value) -> Value:
         return found[text]
 
     return get_abi_sizeof
+
+
+def _unless_undefined(usual: Value) -> Value:
+    """The type of a constant operand; that of one that is not constant, which most are, is made once."""
+    undefined = usual(ir.UNDEFINED)
+    return lambda value: undefined if value is ir.UNDEFINED else usual(value)
+
+
+def _next_instruction(flow: Value, runner: Value, state: Value) -> None:
+    """What follows an instruction of a function that catches nothing."""
+    state.advance_pc()
 
 
 def _remembering(find: Value) -> Value:
