@@ -36,7 +36,7 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     rows = trials.found.book.observations
     slopes = codes_where(lambda kind: kind.horizontal is not None)
     mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
-    if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any() or not trials.may_lie_in(mine):
+    if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
     best: tuple[float, str, Estimate] | None = None
     for what in (_HORIZONTAL, "constant", "scale"):

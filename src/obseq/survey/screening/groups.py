@@ -165,8 +165,10 @@ def _least_share(found: Estimate, group: Group) -> float:
 
     Wrong angles contradict each other; lengths in another unit may contradict nothing but what is known.
     """
-    if len(group.rows) > _FEW or found.has_shape:
+    if len(group.rows) > _FEW:
         return _SUSPECT
+    if found.has_shape and group.origin >= 0:
+        return _SUSPECT_OF_FEW  # the other points know the lengths that are seen from this one
     is_angle = IS_ANGLE[found.book.observations.types[group.rows]].any()
     return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
 

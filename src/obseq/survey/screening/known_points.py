@@ -47,8 +47,6 @@ class _Trial:
 def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """The wrong known point that explains most contradictions, with the network without it."""
     found = trials.found
-    if not trials.may_lie_in_known_points:
-        return None
     best: tuple[float, _Trial, Estimate] | None = None
     all_trials = list(_trials(system, found))
     if len(all_trials) > trials.most:

@@ -8,7 +8,6 @@ residuals have no effect at all.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,14 +109,6 @@ class Estimate:
     instruments: tuple[tuple[str, float], ...] = ()
     control: float = 1.0
     units: Units = METRIC
-
-    @cached_property
-    def settled(self) -> Determined:
-        """What could be computed, where it came to rest: coordinates of points, rotations of stations."""
-        points = [self.points.index[name] for name in self.start.points.names]
-        rotations = self.rotations[_kept_stations(self.book, self.start.book)]
-        initial = replace(self.start.initial, coordinates=self.coordinates[points], rotations=rotations)
-        return replace(self.start, initial=initial)
 
     @property
     def computed(self) -> FloatArray:

@@ -1,8 +1,4 @@
-"""Causes tried one after the other: each is put right, and the network is computed anew.
-
-A mistake changes nothing of what it does not concern: where that contradicts itself as much as before, from
-where the network was found, the mistake explains nothing, and need not be tried in its many forms.
-"""
+"""Causes tried one after the other: each is put right, and the network is computed anew."""
 
 from __future__ import annotations
 
@@ -18,7 +14,7 @@ from obseq.errors import ObseqError
 from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import IntArray
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
@@ -31,8 +27,6 @@ _MOST_WORK = 600_000
 """Observations in all trials of groups, and of known points: about a minute."""
 NO_WEIGHT = 1e5
 """By which sigmas are multiplied of what is to have no weight."""
-_LEAST_SIGMA = 1e-3
-"""Sigma (m) that stands for smaller ones of coordinates that are to have no weight."""
 
 
 @dataclass
@@ -102,27 +96,6 @@ class Trials:
         explains = corrected is not None and self.explains(corrected.disagreement(GROSS))
         return corrected if explains else None
 
-    def may_lie_in(self, rows: IntArray) -> bool:
-        """Whether mistakes of these observations may explain the network: the others agree without them."""
-        if not self.found.has_shape:
-            return True
-        there = self.found.settled
-        book = unweighted(there.book, rows)
-        others = estimated(self.model, there.points, book, QUICK, replace(there, book=book))
-        left = 0.0 if others is None else np.delete(others.contradictions(GROSS), rows).sum()
-        return bool(left <= REMAINS * self.before)
-
-    @cached_property
-    def may_lie_in_known_points(self) -> bool:
-        """Whether mistakes of known points may explain the network: its observations agree without these."""
-        if not self.found.has_shape:
-            return True
-        there = self.found.settled
-        points = _hardly_known(there.points, there.initial.coordinates)
-        free = estimated(self.model, points, there.book, QUICK, replace(there, points=points))
-        left = 0.0 if free is None else free.contradictions(GROSS).sum()
-        return bool(left <= REMAINS * self.before)
-
     def is_decisive(self, left: float) -> bool:
         """Whether hardly any contradiction is left, so that no other cause need be tried."""
         return left <= max(0.5, 0.03 * self.before)
@@ -154,13 +127,6 @@ def estimated(
 def lost(book: FieldBook, start: Determined) -> int:
     """Observations that cannot be compared, since nothing determines where they are."""
     return int(np.count_nonzero(book.observations.active & ~start.book.observations.active))
-
-
-def _hardly_known(points: Points, coordinates: FloatArray) -> Points:
-    """The points, what is known of their coordinates replaced by others, which have no weight."""
-    known = ~points.is_free
-    sigmas = np.where(known, NO_WEIGHT * np.maximum(points.sigmas, _LEAST_SIGMA), points.sigmas)
-    return replace(points, coordinates=np.where(known, coordinates, points.coordinates), sigmas=sigmas)
 
 
 def unweighted(book: FieldBook, rows: IntArray) -> FieldBook:
