@@ -136,7 +136,7 @@ class BundleAdjustment(Block):
         try:
             growth = place_images(*asked)
         except InputError as error:
-            raise InputError(f"{self.source}{error}{convention_that_fits(*asked)}") from None
+            raise InputError(f"{self.source}{error}") from None
         lost = growth.waiting()
         if lost:
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
