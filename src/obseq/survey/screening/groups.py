@@ -17,7 +17,7 @@ from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes, codes_where
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.robust import GROSS, WELL_CONTROLLED, Estimate
+from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
 
 if TYPE_CHECKING:
@@ -34,19 +34,16 @@ _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
 _FEW, _SUSPECT_OF_FEW = 300, 0.15
 """Observations up to which a group is small, and the share of suspects from which small ones are tried."""
-_MOST_THERE = 0.5
-"""Share of the contradictions that observations from one point must have part in, to be tried as a group."""
 _SEVERAL = 4
 """Suspects from which small groups are tried whatever that share."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Observations that may share one mistake, what they are called, the point they are all from or -1."""
+    """Observations that may share one mistake, and what they are called."""
 
     rows: Rows
     name: str
-    origin: int = -1
 
 
 def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
@@ -143,21 +140,9 @@ def _groups(found: Estimate) -> Iterator[Group]:
         share = float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
         least = _least_share(found, group)
         is_new = len(group.rows) >= 2 and key not in seen
-        if is_new and share > least and _is_among_contradictions(found, group):
+        if is_new and share > least:
             seen.add(key)
             yield group
-
-
-def _is_among_contradictions(found: Estimate, group: Group) -> bool:
-    """Whether most contradictions of a well controlled network are at the point that a group is from, if any.
-
-    All that it sees, and what else is measured to it, may contradict the others if it sees wrongly.
-    """
-    if group.origin < 0 or found.control <= WELL_CONTROLLED:
-        return True
-    observations, sizes = found.book.observations, found.contradictions(GROSS)
-    there = (observations.from_points == group.origin) | (observations.to_points == group.origin)
-    return float(sizes[there].sum()) >= _MOST_THERE * float(sizes.sum())
 
 
 def _least_share(found: Estimate, group: Group) -> float:
@@ -167,8 +152,6 @@ def _least_share(found: Estimate, group: Group) -> float:
     """
     if len(group.rows) > _FEW:
         return _SUSPECT
-    if found.has_shape and group.origin >= 0:
-        return _SUSPECT_OF_FEW  # the other points know the lengths that are seen from this one
     is_angle = IS_ANGLE[found.book.observations.types[group.rows]].any()
     return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
 
@@ -200,5 +183,5 @@ def _origins_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
     order = np.argsort(origins[mine], kind="stable")
     starts = np.flatnonzero(np.diff(origins[mine[order]], prepend=-1))
     for rows in np.split(mine[order], starts[1:]) if len(mine) else ():
-        origin = int(origins[rows[0]])
-        yield Group(np.sort(rows), f"all {len(rows)} {name} from {book.point_names[origin]}", origin)
+        point = book.point_names[origins[rows[0]]]
+        yield Group(np.sort(rows), f"all {len(rows)} {name} from {point}")

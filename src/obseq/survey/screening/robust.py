@@ -46,8 +46,6 @@ _ENDLESS = 1e9
 """Ratio beyond which a contradiction is a whole one."""
 WELL_CONTROLLED = 0.6
 """Redundancy for each observation from which the majority is right."""
-_MOST_WRONG = 0.06
-"""Share of gross misfits up to which a network that is well controlled has its shape."""
 _LARGEST_SCALE = 4.0
 """Sigmas may be too small by so much; when misfits are larger still, something is wrong."""
 
@@ -127,13 +125,6 @@ class Estimate:
             return np.zeros(0, np.intp)
         rows = np.flatnonzero(self.ratios > self.limit)
         return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
-
-    @property
-    def has_shape(self) -> bool:
-        """Whether nearly all observations agree, and enough are spare for that to say something."""
-        wrong = np.count_nonzero(self.ratios > GROSS)
-        active = np.count_nonzero(self.book.observations.active)
-        return self.control > WELL_CONTROLLED and bool(wrong <= _MOST_WRONG * active)
 
     def disagreement(self, limit: float) -> float:
         """How many observations contradict the others, counted softly, or cannot be compared."""
