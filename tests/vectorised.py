@@ -51,7 +51,8 @@ def judging(config: pytest.Config) -> Iterator[None]:
 
     def optimised(function: Function, signature: Signature, symbol: str, machine: Any) -> Any:
         module = usual(function, signature, symbol, machine)
-        if "OPERATIONS" in function.python.__globals__ and is_vectorised(function, str(module)):
+        is_formula = numba_compiler.is_kernel(signature) and "OPERATIONS" in function.python.__globals__
+        if is_formula and is_vectorised(function, str(module)):
             verdicts.add(symbol)
         return module
 
