@@ -75,7 +75,13 @@ make_environment() {
 install() {
     printf 'Installing the pinned packages (requirements/%s.txt)\n' "$1" >&2
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r "$root/requirements/$1.txt" &&
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root" &&
+        compile_ours
+}
+
+# As pip does for what it installs elsewhere: the first start is a second shorter.
+compile_ours() {
+    "$venv/bin/python" -m compileall -q "$root/src" "$root/formulas" "$root/codegen" "$root/generated"
 }
 
 prepare() {
