@@ -120,9 +120,10 @@ def _are_free(equations: Equations) -> BoolArray:
 
 
 def _put_again(equations: Equations, free: BoolArray) -> tuple[float, dict[int, str]]:
-    """Puts points where their rays meet at the present state; by how many pixels these miss them.
+    """Puts points where their rays meet at the present state.
 
-    And why some of the points have no such place.
+    Returns:
+        By how many pixels the rays miss them, in the median; why points have no such place, by number.
     """
     start, system = equations.start, equations.system
     poses = Poses(
