@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from obseq.dataclass import dataclass
-from obseq.plain import to_plain
+from obseq.plain import to_labelled
 from obseq.record import EllipseRecord, RunRecord
 from obseq.shown_units import METRIC, ShownUnits
 
@@ -106,5 +106,4 @@ class ComparisonRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the file holds."""
-        plain = to_plain(self)
-        return {key: plain.pop(key) for key in ("format", "version")} | plain
+        return to_labelled(self)

@@ -54,6 +54,12 @@ def to_plain(record: object) -> dict[str, object]:
     return {key: _plain(value) for key, value, required in rows if required or value is not None}
 
 
+def to_labelled(record: object) -> dict[str, object]:
+    """The plain form of what a file of ours holds: its `format` and `version` come first."""
+    plain = to_plain(record)
+    return {key: plain.pop(key) for key in ("format", "version")} | plain
+
+
 def from_plain(kind: type[Record], value: object, what: str) -> Record:
     """The dataclass whose plain form is given; keys that it does not know are left aside.
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.packages import version
-from obseq.plain import from_plain, to_plain
+from obseq.plain import from_plain, to_labelled
 from obseq.record_quality import (
     DoubtfulRecord,
     EffectRecord,
@@ -318,8 +318,7 @@ class AdjustmentRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""
-        plain = to_plain(self)
-        return {key: plain.pop(key) for key in ("format", "version")} | plain
+        return to_labelled(self)
 
     @classmethod
     def from_dict(cls, plain: Any, what: str = "the record") -> AdjustmentRecord:

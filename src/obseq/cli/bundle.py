@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
 from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
-from obseq.cli.progress import Progress, described
+from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
 from obseq.writing import check_writable, write_all
 
@@ -174,4 +174,4 @@ def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dic
 def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:
     progress("first values")
     block.initialise()
-    return block.solve(progress=lambda step: progress(described(step)), **options)
+    return block.solve(progress=lambda step: progress(str(step)), **options)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from obseq.cli.parsing import Commands, add_command, output_file, say
-from obseq.cli.progress import Progress, described
+from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
 from obseq.writing import check_writable, write_all
 
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         block = assembled(tree, arguments.images, arguments.orientation, options)
         solution = block.solve(
             max_iterations=options.iterations,
-            progress=lambda step: progress(f"adjusting: {described(step)}"),
+            progress=lambda step: progress(f"adjusting: {step}"),
         )
         cause = common_cause(block, solution, block.poses, progress, max_iterations=options.iterations)
         record = record_of(solution, cause=cause)

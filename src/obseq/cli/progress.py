@@ -5,24 +5,15 @@ import sys
 import threading
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from obseq.printable import printable_line
-
-if TYPE_CHECKING:
-    from obseq.leastsquares import Iteration
 
 PATIENCE = 2.0
 """Seconds of silence before the line appears."""
 
 PERIOD = 0.5
 ERASE = "\r\x1b[K"
-
-
-def described(step: "Iteration") -> str:
-    """What is said of an iteration."""
-    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
-    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
 
 
 class Progress:

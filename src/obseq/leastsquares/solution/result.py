@@ -73,6 +73,10 @@ class Iteration:
         """Sum of all weighted squared residuals at the start of the iteration."""
         return sum(self.squares.values())
 
+    def __str__(self) -> str:
+        sigma0 = "undefined" if self.sigma0 is None else f"{self.sigma0:.6g}"
+        return f"iterations: sigma0 {sigma0}, largest step {self.max_step:.3g}"
+
 
 @dataclass(frozen=True)
 class LeastSquaresResult:

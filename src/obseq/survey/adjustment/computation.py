@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import Iteration, LeastSquaresResult
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.stopwatch import Stopwatch
     from obseq.survey.adjustment.doubtful import Doubtful
     from obseq.survey.adjustment.equations import Equations
@@ -193,7 +193,7 @@ class Computation:
             "tolerance": self.tolerance,
             "before_iteration": equations.follow,
             "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
-            "progress": lambda step: self.watch.progress(_described(step)),
+            "progress": lambda step: self.watch.progress(str(step)),
             "strategy": "controlled",
         }
 
@@ -266,11 +266,6 @@ def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
         g0=np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]),
         rotations=rotations,
     )
-
-
-def _described(step: Iteration) -> str:
-    sigma0 = "undefined" if step.sigma0 is None else f"{step.sigma0:.6g}"
-    return f"iterations: sigma0 {sigma0}, largest step {step.max_step:.3g}"
 
 
 def _covariances(solution: LeastSquaresResult, ids: IntArray, a_priori: bool) -> FloatArray:
