@@ -6,7 +6,7 @@ import functools
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, SingularSystemError
-from obseq.images.adjustment.approach import approach, drop_undetermined, solve_calling_back
+from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
 from obseq.images.adjustment.quality import search_blunders
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.quality import BlunderSearch
     from obseq.leastsquares import Iteration
 
-MAX_ITERATIONS, MOST_ROBUST = 50, 200
+MAX_ITERATIONS, MOST = 50, 200
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
 
 
@@ -59,7 +59,7 @@ class BundleAdjustment(Block):
 
         Args:
             max_iterations: the iterations end at this number when they have not converged before: 50, or 200
-                with robust weights.
+                with robust weights and where 50 have come within half a standard deviation of the end.
             tolerance: they end when no unknown moves any more by this share of its standard deviation: 1e-6,
                 or 1e-3 with robust weights, which come near their end slowly.
             datum: what fixes position, orientation and scale: "control" (control points, observed or held
@@ -84,8 +84,10 @@ class BundleAdjustment(Block):
         equations = Equations(self, start, system, eliminate and not keeps_points)
         shared = zip(start.points, map(int, equations.points), strict=True)
         surveys = join_surveys(self.surveys, initial, system, shared)
+        limit = max_iterations or (MOST if self._is_robust else MAX_ITERATIONS)
+        further = 0 if max_iterations else MOST - limit
         solving: Solving = {
-            "max_iterations": max_iterations or (MOST_ROBUST if self._is_robust else MAX_ITERATIONS),
+            "max_iterations": limit,
             "tolerance": tolerance or (ROBUST_TOLERANCE if self._is_robust else TOLERANCE),
             "progress": progress,
         }
@@ -95,10 +97,10 @@ class BundleAdjustment(Block):
             if datum in ("control", "none"):
                 done = approach(equations, strategy, solving)
                 dropped = drop_undetermined(equations)
-                result, lost = solve_calling_back(equations, strategy, solving, wanted)
-                done, dropped = done + result.iterations, dropped + lost
+                result, more, lost = solve_to_the_end(equations, strategy, solving, further, wanted)
+                done, dropped = done + more, dropped + lost
             else:
-                result, done, dropped = solve_free(equations, datum, strategy, wanted, solving)
+                result, done, dropped = solve_free(equations, datum, strategy, wanted, solving, further)
                 strategy = "gauss-newton"
             found = None
             if blunders is not None:

@@ -18,6 +18,7 @@ from obseq.images.initial.rough import ROUGH
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
 from obseq.leastsquares.problem.losses import Attenuated
+from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +37,8 @@ NO_MORE = 0.9
 """What is left of the misfit after a round that has brought too little."""
 LOST = 10.0
 """Times the usual distance from its rays, or `ROUGH` if that is more, where a given point is lost."""
+NEAR = 0.5
+"""Standard deviations by which unknowns may still move where the usual number of iterations is too small."""
 LOOSE = 0.1
 """Share of its standard deviation by which an unknown may still move when a stage ends."""
 
@@ -141,8 +144,40 @@ def _put_again(equations: Equations, free: BoolArray) -> tuple[float, dict[int, 
     return off, reasons
 
 
-def solve_calling_back(
-    equations: Equations, strategy: str, solving: Solving, covariance: bool | None = None
+def solve_to_the_end(
+    equations: Equations, strategy: str, solving: Solving, further: int, covariance: bool | None = None
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...], tuple[LeftOut, ...]]:
+    """The solution, its iterations, and the points that had to be left out on the way.
+
+    Args:
+        equations: of the block.
+        strategy: of the iterations.
+        solving: how many iterations, and the rest.
+        further: how many more there may be where these have come near.
+        covariance: whether one is wanted.
+
+    Raises:
+        SingularSystemError: something is undetermined.
+    """
+    result, lost = _solve_calling_back(equations, strategy, solving, covariance)
+    done = result.iterations
+    if further and _has_come_near(result):
+        more = {**solving, "max_iterations": further}
+        result, dropped = _solve_calling_back(equations, strategy, more, covariance)
+        done, lost = done + result.iterations, lost + dropped
+    return result, done, lost
+
+
+def _has_come_near(result: LeastSquaresResult) -> bool:
+    """Whether iterations that ended at their number were about to arrive."""
+    if result.stop_reason is not StopReason.ITERATIONS or not result.iterations:
+        return False
+    last = result.iterations[-1]
+    return last.length <= NEAR * (last.sigma0 or 1.0)
+
+
+def _solve_calling_back(
+    equations: Equations, strategy: str, solving: Solving, covariance: bool | None
 ) -> tuple[LeastSquaresResult, tuple[LeftOut, ...]]:
     """The solution, and the points that had to be left out on the way.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images.adjustment.approach import approach, drop_undetermined, solve_calling_back
+from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
 from obseq.images.initial.growth import similarity
 from obseq.images.names import index_of
 
@@ -37,6 +37,7 @@ def solve_free(
     strategy: str,
     covariance: bool | None,
     solving: Solving,
+    further: int,
 ) -> tuple[LeastSquaresResult, tuple[Iteration, ...], tuple[LeftOut, ...]]:
     """The solution of a free block closest to its start on the datum, its iterations, what was left out.
 
@@ -53,8 +54,8 @@ def solve_free(
     if strategy == "levenberg-marquardt":
         done = approach(equations, strategy, solving)
         dropped = drop_undetermined(equations)
-        result, lost = solve_calling_back(equations, strategy, solving)
-        done, dropped = done + result.iterations, dropped + lost
+        _, more, lost = solve_to_the_end(equations, strategy, solving, further)
+        done, dropped = done + more, dropped + lost
     _move_back(equations, chosen, wanted, datum)
     after = [system.values(ids) for ids in groups]
     for ids, values in zip(groups, before, strict=True):
