@@ -19,7 +19,6 @@ from obseq.images import (
     Weighting,
     initial_block,
 )
-from obseq.leastsquares import StopReason
 
 
 def _panel(shared_data, folder="Resec", calibrations="Calib", sigma=1.0, weighting=None):
@@ -377,13 +376,6 @@ def test_a_control_point_behind_the_camera_is_refused():
         wrong.solve()
 
 
-def test_the_iterations_end_by_themselves():
-    solution = scenes.block(noise=0.1)[0].solve()
-    assert solution.result.stop_reason in (StopReason.STEP, StopReason.ROUNDING)
-    assert 0.8 < solution.sigma0 < 1.2
-    assert not solution.is_behind.any()
-
-
 def test_a_focal_length_in_millimetres_is_refused_when_it_is_added():
     with pytest.raises(InputError, match="camera w: a focal length of 24 pixels"):
         BundleAdjustment().add_cameras(Camera("w", 6000, 4000, 24.0))
@@ -393,28 +385,3 @@ def test_weights_are_those_that_mmvii_documents():
     assert Weighting(0.5, 1.0, exponent=2.0).weights([[2.0, 0.0]]) == pytest.approx([0.8])
     assert Weighting(1.0, threshold=1.5).weights([[1.1, 1.1]]) == pytest.approx([0.0])
     assert Weighting(0.2).weights([[9.0, 9.0]]) == pytest.approx([25.0])
-
-
-@pytest.mark.parametrize("seed", [3, 13])
-def test_iterations_that_are_near_their_end_go_on_where_no_limit_was_given(seed):
-    """Gross errors and a calibration that three images hardly determine: slow, and not hopeless."""
-    rng = np.random.default_rng(seed)
-    block, _, _ = scenes.block(n_images=3, n_control=4)
-    (part,) = block.sets
-    xy = part.measures.xy.copy()
-    xy[rng.integers(len(xy), size=6)] += rng.normal(0.0, 60.0, (6, 2))
-    block.sets = [replace(part, measures=replace(part.measures, xy=xy))]
-    found, ended = block.solve(covariance=False), block.solve(max_iterations=50, covariance=False)
-    assert (found.converged, ended.converged, len(ended.iterations)) == (True, False, 50)
-    again = block.solve(max_iterations=1000, covariance=False)
-    assert again.converged
-    assert found.sigma0 == pytest.approx(again.sigma0, rel=1e-9)
-
-
-def test_iterations_far_from_their_end_stop_at_the_usual_number():
-    block, _, _ = scenes.block(n_control=3, n_points=40)
-    (part,) = block.sets
-    block.sets = [replace(part, measures=replace(part.measures, xy=part.measures.xy[:, ::-1].copy()))]
-    found = block.solve(covariance=False)
-    assert not found.converged
-    assert len(found.iterations) == len(block.solve(max_iterations=50, covariance=False).iterations)
