@@ -26,9 +26,11 @@ HOW = "(Debian: apt-get install chromium chromium-driver; pip install 'obseq[bro
 PHONE = {"width": 375, "height": 800, "deviceScaleFactor": 2, "mobile": True}
 LESS = (
     "for (const data of document.querySelectorAll('[type=\"application/json\"]')) data.textContent = '';"
-    "for (const body of document.querySelectorAll('.scroll tbody'))"
-    "  for (const row of [...body.rows].slice(3))"
-    "    if (!row.matches('.unused') && !row.querySelector('.alarm')) row.remove();"
+    "for (const body of document.querySelectorAll('.scroll tbody')) {"
+    "  const kept = [...body.rows].slice(0, 3);"
+    "  kept.push(body.querySelector('.unused'), body.querySelector('.alarm')?.closest('tr'));"
+    "  for (const row of [...body.rows]) if (!kept.includes(row)) row.remove();"
+    "}"
 )
 PAINTED = (
     "const painted = () => arguments[0](performance.now());"

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import sys
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -76,12 +77,20 @@ def pages(tmp_path_factory, browser):
     return made
 
 
-@pytest.fixture(params=["demo", "polygon"])
+@pytest.fixture(scope="module", params=["demo", "polygon"])
 def report(request, pages, browser) -> Path:
+    """A page that is open: each test finds it as the one before has left it: nothing is picked."""
     shared = request.getfixturevalue("shared_data") if request.param == "polygon" else None
     path = pages(request.param, shared)
     browsing.opened(browser, path)
     return path
+
+
+@pytest.fixture
+def spoilt(report, browser) -> Iterator[Path]:
+    """A page of which a test leaves little: it is opened anew."""
+    yield report
+    browsing.opened(browser, report)
 
 
 def cells(browser, table: str, title: str) -> list[str]:
@@ -114,6 +123,17 @@ def write(browser, label: str, text: str) -> None:
     )
 
 
+def choose(browser, name: str, value: str) -> None:
+    """Changes one of the settings of the page."""
+    browser.execute_script(
+        "const form = document.getElementById('settings');"
+        "form.elements[arguments[0]].value = arguments[1];"
+        "form.dispatchEvent(new Event('change'))",
+        name,
+        value,
+    )
+
+
 def test_rows_sort_by_any_column(report, browser) -> None:
     worst = [abs(float(text)) for text in cells(browser, "observations", "standardised") if text != "-"]
     assert len(worst) > 5 and worst == sorted(worst, reverse=True)
@@ -122,8 +142,8 @@ def test_rows_sort_by_any_column(report, browser) -> None:
     state = "return document.querySelector('#observations th:nth-child(4)').getAttribute('aria-sort')"
     assert browser.execute_script(state) == "ascending"
     rows = browser.execute_script("return page.tables[0].rows")
-    values = json.loads(browser.execute_script("return document.getElementById('content').textContent"))
-    column = values["tables"][0]["columns"][3]["values"]
+    content = "JSON.parse(document.getElementById('content').textContent)"
+    column = browser.execute_script(f"return {content}.tables[0].columns[3].values")
     assert [column[row] for row in rows] == sorted(column)
     click(browser, sort)
     assert browser.execute_script(state) == "descending"
@@ -166,7 +186,7 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
 
     canvas = browser.find_element(By.ID, "map")
     browser.execute_script("document.getElementById('plan').scrollIntoView()")
-    before = browser.execute_script("return [page.plan.scale, ...page.plan.middle]")
+    before = browser.execute_script("page.plan.fit(); return [page.plan.scale, ...page.plan.middle]")
     pointer = ActionChains(browser, duration=STROKE)
     pointer.move_to_element(canvas).click_and_hold().move_by_offset(80, 30).release().perform()
     moved = browser.execute_script("return [page.plan.scale, ...page.plan.middle]")
@@ -184,6 +204,7 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
     pointer = ActionChains(browser, duration=STROKE)
     pointer.move_to_element_with_offset(canvas, *map(round, place)).click().perform()
     assert browser.execute_script("return page.plan.selection.points.length") >= 1
+    escape(browser)
 
 
 def test_types_are_switched_on_the_plan(report, browser) -> None:
@@ -198,27 +219,18 @@ def test_types_are_switched_on_the_plan(report, browser) -> None:
     assert browser.execute_script(drawn) == 0
 
 
-def test_units_and_decimal_marks_are_chosen(report, browser) -> None:
-    def choose(name: str, value: str) -> None:
-        browser.execute_script(
-            "const form = document.getElementById('settings');"
-            "form.elements[arguments[0]].value = arguments[1];"
-            "form.dispatchEvent(new Event('change'))",
-            name,
-            value,
-        )
-
+def test_units_and_decimal_marks_are_chosen(spoilt, browser) -> None:
     write(browser, "filter Observations: type", "Hz")
     (gon,) = cells(browser, "observations", "observed")[:1]
-    choose("angles", "degree")
+    choose(browser, "angles", "degree")
     (degrees,) = cells(browser, "observations", "observed")[:1]
-    choose("angles", "dms")
+    choose(browser, "angles", "dms")
     (sexagesimal,) = cells(browser, "observations", "observed")[:1]
     in_metres, small = cells(browser, "points", "x")[0], cells(browser, "points", "sx")[0]
-    choose("lengths", "us-ft")
+    choose(browser, "lengths", "us-ft")
     assert float(cells(browser, "points", "x")[0]) == pytest.approx(float(in_metres) * 3937 / 1200, abs=4e-4)
     assert float(cells(browser, "points", "sx")[0]) == pytest.approx(float(small) / 304.8006, abs=4e-5)
-    choose("language", "fr")
+    choose(browser, "language", "fr")
     (french,) = cells(browser, "observations", "observed")[:1]
     assert float(degrees.split()[0]) == pytest.approx(0.9 * float(gon.split()[0]), abs=2e-5)
     whole, minutes, seconds = (float(part[:-1]) for part in sexagesimal.split())
@@ -237,17 +249,12 @@ def test_nothing_is_logged_and_nothing_is_asked_of_a_network(report, browser) ->
     assert {url.split(":")[0] for url in asked} <= {"file", "data"}
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_finds_nothing(report, browser, theme) -> None:
-    browser.execute_script(
-        "const form = document.getElementById('settings'); form.elements.theme.value = arguments[0];"
-        "form.dispatchEvent(new Event('change'))",
-        theme,
-    )
-    dark = browser.execute_script("return document.documentElement.hasAttribute('data-dark')")
-    assert dark == (theme == "dark")
-    rules = ["color-contrast"] if dark else []  # the rest is the same page
-    assert browsing.violations(browser, *rules) == []
+def test_axe_finds_nothing(spoilt, browser) -> None:
+    for theme, rules in (("light", []), ("dark", ["color-contrast"])):  # the rest is the same page
+        choose(browser, "theme", theme)
+        dark = browser.execute_script("return document.documentElement.hasAttribute('data-dark')")
+        assert dark == (theme == "dark")
+        assert browsing.violations(browser, *rules) == [], theme
 
 
 def test_a_phone_shows_it_without_sideways_scrolling(report, browser) -> None:
@@ -301,7 +308,6 @@ def test_ten_thousand_points(pages, browser) -> None:
         test_a_phone_shows_it_without_sideways_scrolling,
     ):
         check(report, browser)
-        escape(browser)
     assert browsing.violations(browser) == []
 
 
