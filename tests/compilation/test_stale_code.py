@@ -54,7 +54,7 @@ TILES = """
 import numpy as np
 from obseq.kernels.tiles import fill_lanes
 tiles = np.zeros(4 * 40)
-fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0)
+fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0, 0)
 print(tiles.reshape(4, 40)[:, :3])
 """
 

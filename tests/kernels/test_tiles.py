@@ -48,11 +48,11 @@ def test_any_number_of_rows(n: int) -> None:
     np.testing.assert_allclose(formula.values(u, o), values, rtol=1e-13, atol=1e-15)
 
 
-@pytest.mark.parametrize("n", [LANES, LANES - 3])
-def test_rows_of_any_width_go_to_lanes_and_back(n: int) -> None:
+@pytest.mark.parametrize(("n", "ahead"), [(LANES, 0), (LANES - 3, 0), (LANES - 2, LANES)])
+def test_rows_of_any_width_go_to_lanes_and_back(n: int, ahead: int) -> None:
     for width in range(10):
         rows, tiles = np.random.default_rng(width).normal(size=(n, width)), aligned_tiles(12, 1)
-        fill_lanes(tiles, STRIDE, rows, 0)
+        fill_lanes(tiles, STRIDE, rows, 0, ahead)
         found = tiles.reshape(12, STRIDE)
         np.testing.assert_array_equal(found[1 : 1 + width, :n], rows.T)
         assert not found[[0, *range(1 + width, 12)]].any()

@@ -1,7 +1,8 @@
 """Arrays larger than the caches: asked for ahead, and written straight to memory; imported when compiling.
 
 A store of the usual kind reads the line that it writes to, which costs as much as the writing itself. And
-memory rests while a kernel works, unless what comes next has been asked for.
+memory rests while a kernel works, unless what comes next has been asked for: a little at a time, since a
+processor waits for few lines at once, and stands still when it is asked for more.
 """
 
 from __future__ import annotations
@@ -20,8 +21,6 @@ _LINE = ir.VectorType(ir.DoubleType(), 8)
 _INT32, _INT64 = ir.IntType(32), ir.IntType(64)
 _BYTES = ir.IntType(8).as_pointer()
 _LINE_BYTES = 64
-_PAIR = 16
-"""Doubles of two lines: processors fetch lines by pairs."""
 
 
 @intrinsic
@@ -62,15 +61,16 @@ def finish_streams(typing_context: Context) -> Emitter:
 
 @intrinsic
 def ask_for(typing_context: Context, source: NumbaType, place: NumbaType, n: NumbaType) -> Emitter:
-    """Has n doubles of an array brought near, from a place on; the work goes on meanwhile."""
+    """Has n doubles brought near, from a place of an array on, or beyond it; the work goes on meanwhile."""
 
     def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         kind = ir.FunctionType(ir.VoidType(), [_BYTES, _INT32, _INT32, _INT32])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
         reading, second_cache, of_data = _INT32(0), _INT32(2), _INT32(1)
-        with cgutils.for_range(builder, builder.udiv(arguments[2], _INT64(_PAIR))) as loop:
-            at = builder.add(arguments[1], builder.mul(loop.index, _INT64(_PAIR)))
+        lines = builder.udiv(builder.add(arguments[2], _INT64(7)), _INT64(8))
+        with cgutils.for_range(builder, lines) as loop:
+            at = builder.add(arguments[1], builder.mul(loop.index, _INT64(8)))
             line = builder.bitcast(builder.gep(data, [at]), _BYTES)
             builder.call(fetch, [line, reading, second_cache, of_data])
         return context.get_dummy_value()

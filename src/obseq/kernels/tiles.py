@@ -51,25 +51,36 @@ def aligned_tiles(n_rows: int, n_tiles: int, constants: tuple[tuple[int, float],
 
 
 @compiled
-def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
-    """Copies rows to the lanes of a tile; where there are no more rows, lanes stay as they are."""
+def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int, ahead: int) -> None:
+    """Copies rows to the lanes of a tile; where there are no more rows, lanes stay as they are.
+
+    Rows so many `ahead` are asked for meanwhile, for arguments that no cache holds; none if it is 0.
+    """
     width, lanes = rows.shape[1], min(LANES, len(rows) - start)
     whole = lanes // 4 * 4 if width != 3 else 0
-    step = U(width)
-    for lane in range(0, whole, 4):
-        row = U((start + lane) * width)
-        if width == 1:
-            copy_ones(rows, row, tiles, U(at + lane))
-        elif width == 2:
-            split_pairs(rows, row, tiles, U(at + lane), ROW)
-        for quad in range(0, width if width >= 4 else 0, 4):
-            i = min(quad, width - 4)
-            a = row + U(i)
-            place = U(at + i * STRIDE + lane)
-            transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
+    asked = 4 * width if ahead else 0
+    for lane in range(0, lanes, 4):
+        ask_for(rows, (start + lane + ahead) * width, asked)
+        if lane < whole:
+            fill_four(tiles, at + lane, rows, start + lane)
     for i in range(width):
         for lane in range(whole, lanes):
             tiles[at + i * STRIDE + lane] = rows[start + lane, i]
+
+
+@compiled
+def fill_four(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
+    """Copies four rows, not of three columns, to lanes of a tile."""
+    width = rows.shape[1]
+    row, step = U(start * width), U(width)
+    if width == 1:
+        copy_ones(rows, row, tiles, U(at))
+    elif width == 2:
+        split_pairs(rows, row, tiles, U(at), ROW)
+    for quad in range(0, width if width >= 4 else 0, 4):
+        i = min(quad, width - 4)
+        a = row + U(i)
+        transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, U(at + i * STRIDE), ROW)
 
 
 @compiled
@@ -134,23 +145,15 @@ def run_tiles(
 ) -> int:
     """Fills tiles with rows of arguments, from row `start` on, and runs a kernel; how many tiles it took.
 
-    So many rows `ahead` are asked for meanwhile, for arguments that no cache holds.
+    Rows so many `ahead` are asked for meanwhile, for arguments that no cache holds; none if it is 0.
     """
     observed = unknowns.shape[1] * STRIDE
     n_tiles: int = min(tiles.size // tile_size, (unknowns.shape[0] - start + LANES - 1) // LANES)
     for k in range(n_tiles):
-        fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES)
-        fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES)
-    ask_for_rows(unknowns, start + n_tiles * LANES, ahead)
-    ask_for_rows(observations, start + n_tiles * LANES, ahead)
+        fill_lanes(tiles, k * tile_size, unknowns, start + k * LANES, ahead)
+        fill_lanes(tiles, k * tile_size + observed, observations, start + k * LANES, ahead)
     call_kernel(address, tiles, n_tiles)
     return n_tiles
-
-
-@compiled
-def ask_for_rows(rows: FloatRows, first: int, n: int) -> None:
-    """Has as many of n rows brought near as there are from row `first` on."""
-    ask_for(rows, first * rows.shape[1], max(0, min(n, len(rows) - first)) * rows.shape[1])
 
 
 @compiled
