@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
 
+GEOGRAPHIC, GEOCENTRIC = "GEOGRAPHIC_3D_CRS", "GEOCENTRIC_CRS"
+"""Kinds of systems as PROJ calls them: longitude, latitude and ellipsoidal height; X, Y and Z."""
 A_DAY = 1.5 / 365.25
 """Epochs (years) so close together are one: no plate moves by 0.5 mm in a day."""
 
@@ -48,7 +50,7 @@ def geographic_crs(name: str) -> str:
     Raises:
         CrsError: PROJ knows no frame of that name.
     """
-    return _found(name, "GEOGRAPHIC_3D_CRS")
+    return _found(name, GEOGRAPHIC)
 
 
 def moved(points: FloatArray, source: FrameAtEpoch, target: FrameAtEpoch) -> FloatArray:
@@ -82,19 +84,21 @@ def _plain(name: str) -> str:
     return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
-@lru_cache(maxsize=8)
-def _frames(kind: str) -> dict[str, CRSInfo]:
-    """The systems of one kind that PROJ knows, by plain name; of EPSG where several have it."""
+@lru_cache(maxsize=2)
+def _frames(authority: str | None) -> dict[tuple[str, str], CRSInfo]:
+    """The systems that PROJ has of an authority, or of all, by kind and plain name; EPSG's before others."""
     from pyproj.database import query_crs_info
     from pyproj.enums import PJType
 
-    infos = query_crs_info(pj_types=[PJType[kind]])
+    infos = query_crs_info(auth_name=authority, pj_types=[PJType[kind] for kind in (GEOGRAPHIC, GEOCENTRIC)])
     ordered = sorted(infos, key=lambda info: (info.auth_name != "EPSG", info.deprecated))
-    return {_plain(info.name): info for info in reversed(ordered)}
+    return {(info.type.name, _plain(info.name)): info for info in reversed(ordered)}
 
 
 def _found(name: str, kind: str) -> str:
-    info = _frames(kind).get(_plain(name))
+    """Definition of the system of one kind of a frame; those of EPSG are listed in half the time of all."""
+    wanted = kind, _plain(name)
+    info = _frames("EPSG").get(wanted) or _frames(None).get(wanted)
     if info is None:
         raise CrsError(
             f"reference frame {name!r} is not known; names such as GDA2020, ITRF2014, ETRS89, NAD83(2011) are"
@@ -107,7 +111,7 @@ def _is_static(name: str) -> bool:
     """Whether points at rest on their plate keep their coordinates in a frame."""
     import pyproj
 
-    datum = pyproj.CRS.from_user_input(_found(name, "GEOCENTRIC_CRS")).to_json_dict().get("datum", {})
+    datum = pyproj.CRS.from_user_input(_found(name, GEOCENTRIC)).to_json_dict().get("datum", {})
     return "Dynamic" not in datum.get("type", "") and "frame_reference_epoch" not in datum
 
 
@@ -119,7 +123,7 @@ def _transformer(source: str, target: str) -> pyproj.Transformer:
     published = PUBLISHED.get((_plain(source), _plain(target)))
     if published is not None:
         return pyproj.Transformer.from_pipeline(published)
-    first, last = (_found(name, "GEOCENTRIC_CRS") for name in (source, target))
+    first, last = (_found(name, GEOCENTRIC) for name in (source, target))
     group = TransformerGroup(first, last, always_xy=True, allow_ballpark=False)
     if not group.transformers:
         raise CrsError(f"PROJ knows no way from {source} to {target}")
