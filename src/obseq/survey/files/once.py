@@ -103,8 +103,9 @@ def _labels(book: FieldBook, rows: IntArray) -> IntArray:
         found.from_heights,
         found.to_heights,
     )
-    table = np.column_stack([part[rows].astype(np.float64) for part in parts])
-    return np.asarray(np.unique(table, axis=0, return_inverse=True)[1].ravel())
+    table = np.column_stack([part[rows] for part in parts]).astype(np.float64) + 0.0  # no zero is negative
+    seen: dict[bytes, int] = {}
+    return np.array([seen.setdefault(row.tobytes(), len(seen)) for row in table], np.int64)
 
 
 def _runs(labels: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
