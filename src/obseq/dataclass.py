@@ -61,8 +61,8 @@ def _filling(cls: type) -> Callable[..., None]:
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
-        if is_plain and not named and len(given) == count:
-            values.update(zip(names, given, strict=True))
+        if is_plain and (not named if len(given) == count else not given and named.keys() == known):
+            values.update(named or zip(names, given, strict=True))
             if has_more:
                 self.__post_init__()
             return
