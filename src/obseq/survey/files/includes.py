@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -47,7 +48,7 @@ class Folder:
             InputError: it is outside the folder, and that was not allowed.
         """
         found = (beside or self.root) / name.replace("\\", "/")
-        if found.resolve().is_relative_to(self.root.resolve()):
+        if found.resolve().is_relative_to(self._place):
             return found
         if not self.outside:
             raise InputError(
@@ -56,6 +57,11 @@ class Folder:
             )
         self.strays[str(found)] = None
         return found
+
+    @cached_property
+    def _place(self) -> Path:
+        """Where the folder is, links followed."""
+        return self.root.resolve()
 
     def warnings(self) -> tuple[str, ...]:
         """A sentence about each file outside the folder that was read."""

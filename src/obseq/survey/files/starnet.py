@@ -79,7 +79,7 @@ class _Reader:
             if self._is_over or not fields:
                 continue
             line = Line(file, index, fields, self._options)
-            if full_name(fields[0].lower()) == ".include":
+            if line.is_option and full_name(fields[0].lower()) == ".include":
                 if len(fields) != 2 or depth == DEEPEST:
                     raise line.error(
                         f".INCLUDE names one file, {DEEPEST} levels deep at most; is there a loop?"
@@ -91,7 +91,7 @@ class _Reader:
     def read(self, line: Line) -> None:
         """Takes one line."""
         word = line.fields[0].lower()
-        if word.startswith("."):
+        if line.is_option:
             self._read_option(line, full_name(word))
         elif not self._options.is_on:
             self._skipped.append(line.index + 1)

@@ -83,6 +83,11 @@ class Line:
     fields: tuple[str, ...]
     options: Options
 
+    @property
+    def is_option(self) -> bool:
+        """Whether it changes how others are read."""
+        return self.fields[0].startswith(".")
+
     def error(self, problem: str) -> Exception:
         """An error about this line."""
         return self.file.error(self.index, problem)
@@ -229,8 +234,10 @@ def changed(options: Options, line: Line) -> Options:
 
 def full_name(word: str) -> str:
     """The name of an option that may be abbreviated as far as it stays the only one; else the word itself."""
+    if word in NAMES:
+        return word
     found = [name for name in NAMES if name.startswith(word)]
-    return word if word in NAMES or len(found) != 1 else found[0]
+    return found[0] if len(found) == 1 else word
 
 
 def _units(options: Options, line: Line, rest: list[str]) -> Options:
