@@ -15,25 +15,36 @@ CORNERS = np.array(
 
 def trilateration(seed=1, sigma=0.01, blunder=None):
     """Seven points, all distances between them, a sub-frame with its vectors, and priors on three points."""
-    rng = np.random.default_rng(seed)
     system = obseq.LeastSquares()
-    names = [f"P{k}" for k in range(len(CORNERS))]
-    points = system.add_points(names, CORNERS + rng.normal(0, 0.05, CORNERS.shape))
+    points = system.add_points([f"P{k}" for k in range(len(CORNERS))], CORNERS)
     rotation = system.add_rotations(["S"], np.eye(3)[None])
     i, j = np.triu_indices(len(CORNERS), 1)
-    true = np.linalg.norm(CORNERS[i] - CORNERS[j], axis=1)
-    measured = true + rng.normal(0, sigma, len(i))
-    if blunder is not None:
-        measured[blunder[0]] += blunder[1]
-    distances = system.add("Dist3D", {"p1": points[i], "p2": points[j]}, measured, sigma)
+    distances = system.add("Dist3D", {"p1": points[i], "p2": points[j]}, np.zeros(len(i)), sigma)
     vectors = system.add(
         "TopoSubFrame",
         {"frame": rotation, "p1": points[:1], "p2": points[1:]},
-        CORNERS[1:] - CORNERS[0] + rng.normal(0, sigma, (6, 3)) * [1, 2, 3],
+        np.zeros((6, 3)),
         np.array([1.0, 2.0, 3.0]) * sigma * np.ones((6, 1)),
     )
-    prior = system.add_prior(points[:3], CORNERS[:3] + rng.normal(0, 0.02, (3, 3)), 0.02)
-    return system, points, distances, vectors, prior
+    prior = system.add_prior(points[:3], CORNERS[:3], 0.02)
+    network = system, points, distances, vectors, prior
+    draw(network, seed, sigma, blunder)
+    return network
+
+
+def draw(network, seed, sigma=0.01, blunder=None):
+    """Gives a trilateration the starts and the observations of a seed."""
+    system, points, distances, vectors, prior = network
+    rng = np.random.default_rng(seed)
+    system.set_values(points, CORNERS + rng.normal(0, 0.05, CORNERS.shape))
+    system.set_values(system.ids(["S"], "Rotation"), np.eye(3)[None])
+    i, j = np.triu_indices(len(CORNERS), 1)
+    measured = np.linalg.norm(CORNERS[i] - CORNERS[j], axis=1) + rng.normal(0, sigma, len(i))
+    if blunder is not None:
+        measured[blunder[0]] += blunder[1]
+    distances.observations = measured
+    vectors.observations = CORNERS[1:] - CORNERS[0] + rng.normal(0, sigma, (6, 3)) * [1, 2, 3]
+    prior.values = (CORNERS[:3] + rng.normal(0, 0.02, (3, 3))).ravel()
 
 
 def dense(system, parts):
@@ -146,20 +157,21 @@ def test_an_uncontrolled_observation_is_named():
 @pytest.mark.slow
 def test_detectable_bias_is_found_with_the_stated_power():
     level, power = 0.01, 0.8
-    system, _, distances, *_ = trilateration()
+    network = system, _, distances, *_ = trilateration()
     part = reliability(system, system.solve(covariance=True), level, power).of(distances)
     row = int(np.argmin(part.redundancy[:, 0]))
     bias, found, plain = part.detectable[row, 0], 0, 0
     for seed in range(400):
-        w = _w_of(seed, row, bias)
+        w = _w_of(network, seed, row, bias)
         found += abs(w) > normal_critical(level)
-        plain += abs(_w_of(seed + 1000, row, 0.0)) > normal_critical(level)
+        plain += abs(_w_of(network, seed + 1000, row, 0.0)) > normal_critical(level)
     assert abs(found / 400 - power) < 3 * np.sqrt(power * (1 - power) / 400)
     assert plain / 400 < level + 3 * np.sqrt(level / 400)
 
 
-def _w_of(seed, row, bias):
-    system, _, distances, *_ = trilateration(seed, blunder=(row, bias))
+def _w_of(network, seed, row, bias):
+    system, _, distances, *_ = network
+    draw(network, seed, blunder=(row, bias))
     return reliability(system, system.solve(covariance=True)).of(distances).w[row, 0]
 
 
@@ -221,8 +233,9 @@ def test_left_out_without_refit_equals_the_refit():
 @pytest.mark.slow
 def test_w_and_tau_have_their_distributions():
     level, w_over, tau_over, n = 0.05, 0, 0, 0
+    network = system, _, distances, vectors, _ = trilateration()
     for seed in range(150):
-        system, _, distances, vectors, _ = trilateration(seed, sigma=0.01)
+        draw(network, seed)
         quality = reliability(system, system.solve(covariance=True))
         for part in (quality.of(distances), quality.of(vectors)):
             w_over += np.count_nonzero(np.abs(part.w) > normal_critical(level))
