@@ -15,28 +15,54 @@ from obseq.leastsquares.statistics.variance_components import (
 N_POINTS = 7
 
 
+SIGMAS = (0.01, 0.03)
+
+
 def network(seed, true=(1.0, 1.0), repeats=1, prior_sigma=None, n_points=N_POINTS):
     """Plane points; differences of x and y (group "vectors") and of x alone ("levels") between all pairs."""
-    rng = np.random.default_rng(seed)
     system = obseq.LeastSquares()
-    places = rng.uniform(0, 100, (n_points, 2))
-    points = system.add_points([f"P{k}" for k in range(n_points)], places)
+    points = system.add_points([f"P{k}" for k in range(n_points)], np.zeros((n_points, 2)))
     i, j = (np.tile(index, repeats) for index in np.triu_indices(n_points, 1))
-    shift, m = places[j] - places[i], len(i)
-    sigmas = np.array([0.01, 0.03])
-    noise = [sigmas[k] * np.sqrt(true[k]) * rng.normal(size=(2, m)) for k in range(2)]
-    both = [points[i], points[j]]
-    for axis in range(2):
-        rows = np.tile(np.eye(2)[axis], (m, 1))
-        system.add_linear(both, [-rows, rows], shift[:, axis] + noise[0][axis], sigmas[0], group="vectors")
-    rows = np.tile([1.0, 0.0], (m, 1))
-    system.add_linear(both, [-rows, rows], shift[:, 0] + noise[1][0], sigmas[1], group="levels")
+    for axis, sigma, group in (
+        (0, SIGMAS[0], "vectors"),
+        (1, SIGMAS[0], "vectors"),
+        (0, SIGMAS[1], "levels"),
+    ):
+        rows = np.tile(np.eye(2)[axis], (len(i), 1))
+        system.add_linear([points[i], points[j]], [-rows, rows], np.zeros(len(i)), sigma, group=group)
     if prior_sigma is None:
         system.freeze(points[:1])
     else:
-        given = places + rng.normal(0, prior_sigma, places.shape)
-        system.add_prior(points, given, 0.02, group="control")
+        system.add_prior(points, np.zeros((n_points, 2)), 0.02, group="control")
+    draw(system, seed, true, prior_sigma)
     return system, points
+
+
+def draw(system, seed, true=(1.0, 1.0), prior_sigma=None):
+    """Gives a network the places and the observations of a seed."""
+    rng = np.random.default_rng(seed)
+    points = np.arange(len(system.unknowns))
+    places = rng.uniform(0, 100, (len(points), 2))
+    system.set_values(points, places)
+    i, j = system.batches[0].blocks
+    noise = [SIGMAS[k] * np.sqrt(true[k]) * rng.normal(size=(2, len(i))) for k in range(2)]
+    shift = (places[j] - places[i]).T
+    for batch, values in zip(system.batches, [*(shift + noise[0]), shift[0] + noise[1][0]], strict=True):
+        observe(batch, values)
+    for prior in system.priors:
+        prior.values = (places + rng.normal(0, prior_sigma, places.shape)).ravel()
+
+
+def observe(batch, values):
+    """Gives linear rows other right-hand sides."""
+    batch.observations = np.column_stack([batch.observations[:, :-1], values])
+
+
+def estimated(system, *parts, **options):
+    """Variance components of a system, which keeps the sigmas that were given."""
+    found = variance_components(system, *parts, **options)
+    found.restore()
+    return found
 
 
 def dense_equations(system, groups):
@@ -99,7 +125,11 @@ def test_methods_meet_at_the_same_point():
 @pytest.mark.parametrize("method", ["helmert", "redundancy"])
 def test_estimates_are_unbiased_and_as_precise_as_stated(method):
     true, trials = np.array([4.0, 0.5]), 80
-    found = [variance_components(network(seed, true, repeats=5)[0], method=method) for seed in range(trials)]
+    system, _ = network(0, true, repeats=5)
+    found = []
+    for seed in range(trials):
+        draw(system, seed, true)
+        found.append(estimated(system, method=method))
     factors = np.array([estimate.factors for estimate in found])
     error = factors.std(axis=0) / np.sqrt(trials)
     assert (np.abs(factors.mean(axis=0) - true) < 3.5 * error).all(), factors.mean(axis=0)
@@ -113,47 +143,52 @@ def test_estimates_are_unbiased_and_as_precise_as_stated(method):
 def test_three_groups_priors_among_them():
     true, trials = np.array([4.0, 0.5, 2.25]), 70
     factors = []
+    system, _ = network(0, true[:2], prior_sigma=0.03, n_points=15)
     for seed in range(trials):
-        system, _ = network(seed, true[:2], prior_sigma=0.03, n_points=15)
-        found = variance_components(system)
+        draw(system, seed, true[:2], prior_sigma=0.03)
+        found = estimated(system)
         assert found.names == ("vectors", "levels", "control")
         factors.append(found.factors)
     error = np.std(factors, axis=0) / np.sqrt(trials)
     assert (np.abs(np.mean(factors, axis=0) - true) < 3.5 * error).all(), np.mean(factors, axis=0)
 
 
-def distances(seed, constant, ppm, n=9, repeats=3):
-    """Distances from one unknown station offset, of variance constant^2 + (ppm D)^2, each repeated."""
-    rng = np.random.default_rng(seed)
+def distances(n=9, repeats=3):
+    """Distances from one unknown station offset, each repeated; what a constant and a share explain."""
     lengths = np.tile(np.geomspace(50, 5000, n), repeats)
     system = obseq.LeastSquares()
     unknown = system.add_scalars([f"D{k}" for k in range(n)], lengths[:n])
-    spread = np.hypot(constant, ppm * lengths)
     ids = np.tile(unknown, repeats)
-    batch = system.add_linear(
-        [ids], [np.ones((len(ids), 1))], lengths + spread * rng.normal(size=len(ids)), 0.005
-    )
+    batch = system.add_linear([ids], [np.ones((len(ids), 1))], lengths, 0.005)
     parts = (
         Component("constant", ((batch, np.full((len(ids), 1), 1e-3**2)),)),
         Component("proportional", ((batch, np.square(1e-6 * lengths)[:, None]),)),
     )
-    return system, parts
+    return system, parts, lengths
+
+
+def measure(system, lengths, seed, constant, ppm):
+    """Gives distances observations of variance constant^2 + (ppm D)^2."""
+    spread = np.hypot(constant, ppm * lengths)
+    observe(system.batches[0], lengths + spread * np.random.default_rng(seed).normal(size=len(lengths)))
 
 
 @pytest.mark.slow
 def test_additive_components_are_unbiased():
     trials, found = 80, []
+    system, parts, lengths = distances(repeats=15)
     for seed in range(trials):
-        system, parts = distances(seed, constant=0.002, ppm=3e-6, repeats=15)
-        found.append(variance_components(system, parts).factors)
+        measure(system, lengths, seed, constant=0.002, ppm=3e-6)
+        found.append(estimated(system, parts).factors)
     error = np.std(found, axis=0) / np.sqrt(trials)
     assert (np.abs(np.mean(found, axis=0) - [4.0, 9.0]) < 3.5 * error).all(), np.mean(found, axis=0)
 
 
 def test_a_component_that_is_not_there_is_held_and_named():
+    system, parts, lengths = distances()
     for seed in range(20):
-        system, parts = distances(seed, constant=0.002, ppm=0.0)
-        found = variance_components(system, parts)
+        measure(system, lengths, seed, constant=0.002, ppm=0.0)
+        found = estimated(system, parts)
         assert (found.factors > 0).all()
         if found.negative:
             assert found.negative == ("proportional",)
