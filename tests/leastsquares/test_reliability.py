@@ -289,7 +289,8 @@ def test_a_million_and_a_half_observations():
     true = np.linalg.norm(grid[i] - grid[j], axis=1)
     batch = system.add("Dist3D", {"p1": points[i], "p2": points[j]}, true + rng.normal(0, 1e-3, len(i)), 1e-3)
     system.add_prior(points, grid, 1e-2)
-    result = system.solve(covariance=True)
+    result = system.solve(covariance=True, tolerance=1e-2)  # redundancies do not ask for more
+    assert result.converged
     assert len(i) > 1_450_000
     quality = reliability(system, result)
     assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy, rel=1e-9)

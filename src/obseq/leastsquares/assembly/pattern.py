@@ -82,21 +82,14 @@ def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[S
     from obseq.leastsquares.loops.blocks_to_matrix import pattern_rows
 
     n, count = len(free.count), free.count
-    live = np.flatnonzero(count)
-    keys = np.concatenate([live * (n + 1), low * n + high])
-    distinct, inverse = _distinct(keys, n * n)
-    column, row = distinct // max(n, 1), distinct % max(n, 1)
-    above = count[row].cumsum() - count[row]
-    top = np.zeros(n, dtype=np.int64)
-    top[live] = above[np.searchsorted(column, live)]
-    offsets = above - top[column]
-    height = np.bincount(column, weights=count[row], minlength=n).astype(np.int64)
-    lengths = np.repeat(height[live], count[live]) - ranks(count[live])
-    indptr = np.zeros(len(lengths) + 1, dtype=np.int64)
-    lengths.cumsum(out=indptr[1:])
-    indices = np.empty(indptr[-1], dtype=np.int32)
-    pattern_rows(column, row, offsets, count, free.first, indptr, indices)
-    return SymmetricPattern(len(indptr) - 1, indptr, indices), offsets[inverse[len(live) :]]
+    live = count.nonzero()[0]
+    distinct, inverse = _distinct(np.concatenate([live * (n + 1), low * n + high]), n * n)
+    column, row = np.divmod(distinct, max(n, 1))
+    nnz = int(count[row] @ count[column]) - int(count @ (count - 1)) // 2
+    offsets, indptr = np.empty_like(row), np.empty(len(free.scalars) + 1, dtype=np.int64)
+    indices = np.empty(nnz, dtype=np.int32)
+    pattern_rows(column, row, count, free.first, offsets, indptr, indices)
+    return SymmetricPattern(len(free.scalars), indptr, indices), offsets[inverse[len(live) :]]
 
 
 def ranks(counts: IntArray) -> IntArray:

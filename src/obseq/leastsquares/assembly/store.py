@@ -92,12 +92,19 @@ class _Places:
 
 @dataclass(frozen=True)
 class _Addresses:
-    """What the loops are told of each distinct pair, and as last entry of the spare block."""
+    """Where the loops find each block and each distinct pair, and as last entry the spare block; in doubles.
+
+    Attributes:
+        position: (n_pairs + 1,) place of each pair.
+        height: (n_pairs + 1,) as of `BlockTable`.
+        own: (n_blocks + 1,) place of each diagonal block.
+        has_spare: whether any block has its place in the spare block.
+    """
 
     position: PositionArray
     height: PositionArray
-    diagonal: PositionArray
-    spare: int
+    own: PositionArray
+    has_spare: bool
 
 
 def store_layout(
@@ -124,18 +131,12 @@ def store_layout(
     matrix, offsets, of_fill = _pattern(free, pairs, fill, kept)
     direct = _direct(table.size, free, pairs)
     places = _places(table, matrix, free, pairs, direct, loose)
-    top = matrix.indptr[free.first[pairs.low[direct]]]
-    position, height = np.full((2, len(kept) + 1), [[places.spare], [2 * STORED_HEIGHT]])
-    position[:-1] = places.pair
-    position[:-1][direct] = top + offsets[direct]
-    height[:-1][direct] = 2 * (matrix.indptr[free.first[pairs.low[direct]] + 1] - top)
-    height[:-1][direct] += (pairs.rows < pairs.columns)[direct]
+    addressed = _addresses(free, matrix, pairs, offsets, direct, places)
     if has_loose:
-        height[:-1] += is_turned(table, pairs, loose)
-    diagonal = places.diagonal.astype(np.uint32)
-    addressed = _Addresses(position.astype(np.uint32), height.astype(np.uint32), diagonal, places.spare)
-    stored = np.array([places.pair, pairs.rows, pairs.columns, offsets]).T[kept & ~direct]
-    stored = stored[np.minimum(stored[:, 1], stored[:, 2]).argsort(kind="stable")]
+        addressed.height[:-1] += is_turned(table, pairs, loose)
+    apart = (kept & ~direct).nonzero()[0]
+    stored = np.array([places.pair, pairs.rows, pairs.columns, offsets]).T[apart]
+    stored = stored[pairs.low[apart].argsort(kind="stable")]
     return StoreLayout(
         free=free,
         matrix=matrix,
@@ -150,6 +151,30 @@ def store_layout(
         first_eliminated=places.first_eliminated,
         spare=np.array([places.spare, places.spare_length]),
     )
+
+
+def _addresses(
+    free: FreeUnknowns,
+    matrix: SymmetricPattern,
+    pairs: BlockPairs,
+    offsets: IntArray,
+    direct: BoolArray,
+    places: _Places,
+) -> _Addresses:
+    """Where the loops find what they add to: pairs that are `direct` in the matrix, at their offsets."""
+    position, height = np.full(
+        (2, len(pairs.rows) + 1), [[places.spare], [2 * STORED_HEIGHT]], dtype=np.uint32
+    )
+    position[:-1] = places.pair
+    among = direct.nonzero()[0]
+    if len(among):
+        column = free.first[pairs.low[among]]
+        top = matrix.indptr[column]
+        position[among] = top + offsets[among]
+        height[among] = 2 * (matrix.indptr[column + 1] - top) + (pairs.rows < pairs.columns)[among]
+    own = np.append(places.diagonal, 0).astype(np.uint32)
+    own[own == 0] = places.spare
+    return _Addresses(position, height, own, not places.diagonal.all())
 
 
 def _pattern(
@@ -244,15 +269,14 @@ def _batch_layouts(
 
 
 def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BlockTable:
-    record = _record(tuple((role.row, role.size) for role in batch.shape.roles))
-    diagonal = places.diagonal[batch.blocks]
-    own, joined = np.where(diagonal == 0, places.spare, diagonal) // 4, places.position[occurrence]
-    np.floor_divide(joined, 4, out=joined, where=~record.threes[:, None])
-    kept = np.append(diagonal.any(axis=1), (occurrence >= 0).any(axis=1))
-    positions = np.concatenate([own, joined])[kept]
-    threes = record.threes & kept[len(own) :]
-    pairs = record.pairs[kept]
-    pairs[pairs[:, 4] == 0, 4] = np.arange(np.count_nonzero(threes))
+    record = _record(tuple([(role.row, role.size) for role in batch.shape.roles]))
+    positions = np.concatenate([places.own[batch.blocks], places.position[occurrence]])
+    pairs, threes, n_roles = record.pairs.copy(), record.threes, len(batch.blocks)
+    if places.has_spare:
+        kept = np.append((positions[:n_roles] != places.own[-1]).any(axis=1), (occurrence >= 0).any(axis=1))
+        positions, pairs, threes = positions[kept], pairs[kept], threes & kept[n_roles:]
+        pairs[pairs[:, 4] >= 0, 4] = np.arange(np.count_nonzero(threes))
+    positions[pairs[:, 4] < 0] //= 4
     pairs[:, 5] = 2 * (positions[:, 1:] == positions[:, :-1]).sum(axis=1) > batch.n
     width = len(record.rows)
     return BlockTable(
@@ -269,8 +293,8 @@ class _Record(NamedTuple):
 
     Attributes:
         rows: as of `BlockTable.record_rows`.
-        pairs: (n_roles + n_role_pairs, 6) as of `BlockTable`, of the roles, then of pairs of roles; 0 for the
-            row of the height of threes, and whether blocks come in runs.
+        pairs: (n_roles + n_role_pairs, 6) as of `BlockTable`, of the roles, then of pairs of roles; 0 for
+            whether blocks come in runs.
         threes: (n_role_pairs,) True where both roles have three unknowns.
     """
 
@@ -292,7 +316,8 @@ def _record(roles: tuple[tuple[int, int], ...]) -> _Record:
     p, q = np.array(role_pairs(len(roles)), dtype=np.int64).reshape(-1, 2).T
     threes, none = (sizes[p] == 3) & (sizes[q] == 3), np.zeros_like(sizes)
     own = np.array([part, part, widths // 4, sizes + 1, none - 1, none]).T
-    joined = np.array([part[p], part[q], widths[p] // 4, sizes[q], threes - 1, none[p]]).T
+    number = np.where(threes, threes.cumsum(), 0) - 1
+    joined = np.array([part[p], part[q], widths[p] // 4, sizes[q], number, none[p]]).T
     return _Record(rows, np.concatenate([own, joined]), threes)
 
 

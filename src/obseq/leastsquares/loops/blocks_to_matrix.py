@@ -15,19 +15,33 @@ if TYPE_CHECKING:
 def pattern_rows(
     column: IntArray,
     row: IntArray,
-    offset: IntArray,
     n_free: IntArray,
     first: IntArray,
+    offset: IntArray,
     indptr: IntArray,
     indices: IndexArray,
 ) -> None:
-    """Writes the rows of each column, from the blocks (column, row) sorted by column, then row."""
-    for k in range(len(column)):
-        q, p = column[k], row[k]
+    """Writes the columns of the lower triangle, from the blocks (column, row) sorted by column, then row.
+
+    The first block of each column is the diagonal one. `offset` of a block: how far it begins below the top
+    of its block column.
+    """
+    end, begin = 0, 0
+    while begin < len(column):
+        q, height, last = column[begin], 0, begin
+        while last < len(column) and column[last] == q:
+            offset[last] = height
+            height += n_free[row[last]]
+            last += 1
         for j in range(n_free[q]):
-            at = indptr[first[q] + j] + offset[k] - j
-            for i in range(j if p == q else 0, n_free[p]):
-                indices[at + i] = first[p] + i
+            indptr[first[q] + j] = end
+            for k in range(begin, last):
+                p = row[k]
+                for i in range(j if p == q else 0, n_free[p]):
+                    indices[end] = first[p] + i
+                    end += 1
+        begin = last
+    indptr[-1] = end
 
 
 @compiled
