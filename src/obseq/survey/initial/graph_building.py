@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.initial.sight_graph import Measured, SightGraph
+from obseq.survey.initial.sight_graph import Measured, SightGraph, decimals
 from obseq.survey.initial.sights import DISTANCE, HZ, SLOTS, ZENITH, Measures, make_sights
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS
@@ -60,7 +60,7 @@ def build_graph(
         orientations.tolist() + [int(Orientation.VERT)] * len(angles.origins),
         book.stations.origins.tolist() + angles.origins,
         n_points,
-        observations.sigmas.tolist(),
+        decimals(observations.sigmas),
         IS_ANGLE[observations.types],
         make_sights(ends, measures, observations.sigmas),
         distances,
@@ -111,12 +111,8 @@ def _lengths(parts: Sequence[Part], n_points: int, *, is_level: bool) -> tuple[M
 
 def _firsts(measured: Measured, n_points: int) -> Measured:
     """The first observation of each pair of points, whichever of these comes first."""
-    if not len(measured.rows):
-        return measured
-    first: dict[int, int] = {}
-    for number, pair in enumerate(_pairs(measured.origins, measured.targets, n_points).tolist()):
-        first.setdefault(pair, number)
-    return measured if len(first) == len(measured.rows) else measured.chosen(np.array(list(first.values())))
+    first, _ = _numbered(_pairs(measured.origins, measured.targets, n_points))
+    return measured if len(first) == len(measured.rows) else measured.chosen(first)
 
 
 def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
@@ -124,17 +120,24 @@ def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
     return np.asarray(np.minimum(first, second) * n_points + np.maximum(first, second))
 
 
+def _numbered(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """Where each key comes first, in that order, and (k,) which of these each of the keys is."""
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    order = first.argsort()
+    return first[order], order.argsort()[which]
+
+
 def _sights(book: FieldBook, parts: Sequence[Part]) -> tuple[IntRows, Measures]:
     """Station, origin and target (3, n) of each sight, in reading order, and its measures."""
     rows = np.sort(_together([measured for _, measured in parts]).rows)
     observations, n_points = book.observations, len(book.point_names)
     pairs = observations.stations[rows].astype(np.int64) * n_points + observations.to_points[rows]
-    numbers: dict[int, int] = {}
+    first, numbers = _numbered(pairs)
     sight_of = np.empty(len(observations), np.int64)
-    sight_of[rows] = [numbers.setdefault(pair, len(numbers)) for pair in pairs.tolist()]
-    stations, targets = np.divmod(np.array(list(numbers), np.int64), max(n_points, 1))
+    sight_of[rows] = numbers
+    stations, targets = np.divmod(pairs[first], max(n_points, 1))
     ends = np.array((stations, book.stations.origins[stations], targets))
-    return ends, _measures(book, parts, sight_of, len(numbers))
+    return ends, _measures(book, parts, sight_of, len(first))
 
 
 def _measures(book: FieldBook, parts: Sequence[Part], sight_of: IntArray, n: int) -> Measures:

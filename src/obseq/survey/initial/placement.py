@@ -35,7 +35,7 @@ WEAK = 0.002
 _ALIKE = 2.0
 """Points whose expected errors differ by less than this factor are placed at the same time."""
 _MANY = 100
-"""Points just placed beside which it may be quicker to look at all that are not."""
+"""Points just placed from which on those beside them are found by arrays."""
 
 
 @dataclass(frozen=True)
@@ -283,13 +283,12 @@ class Placement:
         """The points without a place that observations join with new ones."""
         if not located or self.known.is_complete():
             return set()
-        neighbours, is_placed = self.graph.neighbours, self.known.is_placed
         if len(located) >= _MANY:
-            waiting, anew = np.flatnonzero(~self.known.are_placed()).tolist(), set(located)
-            if len(waiting) < len(located):
-                return {point for point in waiting if not anew.isdisjoint(neighbours(point))}
-        every = chain.from_iterable(map(neighbours, located))
-        return set(filterfalse(is_placed, every))
+            anew = np.zeros(self.graph.n_points, np.bool_)
+            anew[located] = True
+            return set(np.flatnonzero(self.graph.beside(anew) & ~self.known.are_placed()).tolist())
+        every = chain.from_iterable(map(self.graph.neighbours, located))
+        return set(filterfalse(self.known.is_placed, every))
 
     def _spread_height(self, point: int) -> None:
         """Carries heights along height differences, also to points without horizontal position."""

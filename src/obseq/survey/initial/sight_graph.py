@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -49,14 +50,13 @@ class Measured:
         return found
 
 
-def _integers(column: IntArray) -> list[int]:
-    plain: list[int] = column.tolist()
-    return plain
+def _integers(column: IntArray) -> array[int]:
+    return array("q", column.tobytes())
 
 
-def _decimals(column: FloatArray) -> list[float]:
-    plain: list[float] = column.tolist()
-    return plain
+def decimals(column: FloatArray) -> array[float]:
+    """A column of plain numbers: looked up as fast as in a list, in a quarter of the memory."""
+    return array("d", column.tobytes())
 
 
 def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
@@ -71,7 +71,7 @@ def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
 class SightGraph:
     """The field book as a graph: for each point and station, its sights, distances and height differences.
 
-    What is looked at one by one is kept as lists of plain numbers too, each made when it is first needed.
+    What is looked at one by one is kept as columns of plain numbers too, each made when it is first needed.
 
     Attributes:
         orientations: of each station, after the automatic-FIX rule.
@@ -88,7 +88,7 @@ class SightGraph:
     orientations: list[int]
     origins: list[int]
     n_points: int
-    sigmas: list[float]
+    sigmas: array[float]
     is_angle: BoolArray
     sights: Sights
     slopes: Measured
@@ -101,44 +101,44 @@ class SightGraph:
         return np.asarray(np.array(self.orientations) == Orientation.VERT)
 
     @cached_property
-    def station_of(self) -> list[int]:
+    def station_of(self) -> array[int]:
         """Station of each sight."""
         return _integers(self.sights.stations)
 
     @cached_property
-    def origin_of(self) -> list[int]:
+    def origin_of(self) -> array[int]:
         """Point of the station of each sight."""
         return _integers(self.sights.origins)
 
     @cached_property
-    def target_of(self) -> list[int]:
+    def target_of(self) -> array[int]:
         """Target of each sight."""
         return _integers(self.sights.targets)
 
     @cached_property
-    def length_of(self) -> list[float]:
+    def length_of(self) -> array[float]:
         """Length of the vector of each sight (m); NaN where it is not complete."""
-        return _decimals(lengths(self.sights.vectors.T))
+        return decimals(lengths(self.sights.vectors.T))
 
     @cached_property
-    def vector_sigma_of(self) -> list[float]:
+    def vector_sigma_of(self) -> array[float]:
         """Expected error of the vector of each sight (m)."""
-        return _decimals(self.sights.vector_sigmas)
+        return decimals(self.sights.vector_sigmas)
 
     @cached_property
-    def reading_of(self) -> list[float]:
+    def reading_of(self) -> array[float]:
         """Reading of each sight (rad); NaN where there is none."""
-        return _decimals(self.sights.readings)
+        return decimals(self.sights.readings)
 
     @cached_property
-    def reading_sigma_of(self) -> list[float]:
+    def reading_sigma_of(self) -> array[float]:
         """Sigma of the reading of each sight (rad), 0 where DX and DY stand for it."""
-        return _decimals(self.sights.reading_sigmas)
+        return decimals(self.sights.reading_sigmas)
 
     @cached_property
-    def shift_sigma_of(self) -> list[float]:
+    def shift_sigma_of(self) -> array[float]:
         """Sigma of the DX and DY that stand for the reading of each sight (m), else 0."""
-        return _decimals(self.sights.shift_sigmas)
+        return decimals(self.sights.shift_sigmas)
 
     @cached_property
     def sights_from(self) -> list[list[int]]:
@@ -161,6 +161,14 @@ class SightGraph:
         found += [self.origin_of[number] for number in self.sights_to[point]]
         for joined in (self.distances, self.height_differences, self.flat_distances):
             found += [other for other, _, _ in joined[point]]
+        return found
+
+    def beside(self, points: BoolArray) -> BoolArray:
+        """(n,) the points that observations join with some of a mask (n,)."""
+        found = np.zeros(self.n_points, np.bool_)
+        for joined in (self.sights, self.slopes, self.flats, self.rises):
+            found[joined.targets[points[joined.origins]]] = True
+            found[joined.origins[points[joined.targets]]] = True
         return found
 
     @cached_property
