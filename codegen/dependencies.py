@@ -4,7 +4,9 @@ import ast
 import hashlib
 import importlib.util
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 FUNCTIONS = "obseq.kernels.functions"
 LAYOUT = "obseq.kernels.layout"
@@ -32,16 +34,32 @@ def code_of(source: str, names: Iterable[str]) -> str:
         source: Text of the module.
         names: Names that it defines; others are left out.
     """
-    tree = ast.parse(source)
-    definitions = {name: statement for statement in tree.body for name in _defined(statement)}
+    statements = _statements(source)
+    definitions = {name: statement for statement in statements for name in statement.defined}
     needed: set[str] = set()
     pending = [name for name in names if name in definitions]
     while pending:
         if (name := pending.pop()) not in needed:
             needed.add(name)
-            pending += _used(definitions[name]) & definitions.keys()
-    kept = [statement for statement in tree.body if needed.intersection(_defined(statement))]
-    return "\n".join(ast.unparse(_without_docstrings(statement)) for statement in kept)
+            pending += definitions[name].used & definitions.keys()
+    return "\n".join(statement.code for statement in statements if needed.intersection(statement.defined))
+
+
+class _Statement(NamedTuple):
+    """A statement of a module: the names that it defines, those that it uses, its code without docstrings."""
+
+    defined: tuple[str, ...]
+    used: frozenset[str]
+    code: str
+
+
+@cache
+def _statements(source: str) -> tuple[_Statement, ...]:
+    found = ast.parse(source).body
+    return tuple(
+        _Statement(tuple(_defined(each)), _used(each), ast.unparse(_without_docstrings(each)))
+        for each in found
+    )
 
 
 def _defined(statement: ast.stmt) -> list[str]:
@@ -54,8 +72,8 @@ def _defined(statement: ast.stmt) -> list[str]:
     return [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
 
 
-def _used(statement: ast.stmt) -> set[str]:
-    return {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
+def _used(statement: ast.stmt) -> frozenset[str]:
+    return frozenset(node.id for node in ast.walk(statement) if isinstance(node, ast.Name))
 
 
 def _without_docstrings(statement: ast.stmt) -> ast.stmt:

@@ -67,16 +67,16 @@ class _Sharing:
         return self._factors(a) + self._factors(b)
 
     def _share(self) -> None:
-        while True:
-            counts = Counter(pair for factors in self.products.values() for pair in _pairs(factors))
-            most = max(counts.values(), default=0)
-            if most < 2:
-                return
+        counts = Counter(pair for factors in self.products.values() for pair in _pairs(factors))
+        while (most := max(counts.values(), default=0)) > 1:
             pair = min((pair for pair, count in counts.items() if count == most), key=self.preference)
             symbol = -1 - len(self.pairs)
             self.pairs[symbol] = pair
             for factors in self.products.values():
-                _replace(factors, pair, symbol)
+                if factors.keys() >= set(pair):
+                    counts.subtract(_pairs(factors))
+                    _replace(factors, pair, symbol)
+                    counts.update(_pairs(factors))
 
     def _symbol(self, symbol: int) -> int:
         if symbol >= 0:

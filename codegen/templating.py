@@ -1,5 +1,6 @@
 """The templates of what gencode writes."""
 
+from functools import cache
 from pathlib import Path
 
 import jinja2
@@ -7,8 +8,9 @@ import jinja2
 TEMPLATES = Path(__file__).parent / "templates"
 
 
+@cache
 def template(name: str) -> jinja2.Template:
-    """A template of the folder; an undefined name is an error."""
+    """A template of the folder, read once; an undefined name is an error."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from sources import nodes
 
 from obseq.compilation import objects
 
@@ -48,8 +49,8 @@ def test_the_list_names_every_loop_that_python_calls(tool: ModuleType) -> None:
     for path in (ROOT / "src" / "obseq").rglob("*.py"):
         if any(parent.is_symlink() for parent in path.parents) or "compiled" in path.read_text("utf-8"):
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in tool.LOOPS:
+        for node in nodes(path, ast.ImportFrom):
+            if node.module in tool.LOOPS:
                 found = importlib.import_module(node.module)
                 names = {alias.name for alias in node.names if hasattr(getattr(found, alias.name), "routine")}
                 assert {f"{node.module}.{name}" for name in names} <= listed, path
