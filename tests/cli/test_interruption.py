@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from obseq.cli import main as command
+from obseq.cli import versions
 from obseq.cli.main import main
 
 SCRIPT = """\
@@ -49,7 +50,7 @@ def test_a_command_that_is_interrupted_while_it_computes(number, delay: float, t
 def test_sigterm_ends_a_command_as_the_keyboard_does_and_is_given_back(monkeypatch, capsys) -> None:
     before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(command, "parser", command.parser.__wrapped__)
-    monkeypatch.setattr(command.versions, "run", lambda _: signal.raise_signal(signal.SIGTERM))
+    monkeypatch.setattr(versions, "run", lambda _: signal.raise_signal(signal.SIGTERM))
     assert main(["versions"]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before

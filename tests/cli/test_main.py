@@ -1,3 +1,4 @@
+import argparse
 import re
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import pytest
 
 from obseq import InputError
 from obseq.cli import main as command
+from obseq.cli import versions
 from obseq.cli.main import main
 
 HEAVY = ("numpy", "numba", "scipy", "pyproj", "sympy", "jinja2")
@@ -23,7 +25,7 @@ def raising(error: BaseException):
 def fail_with(monkeypatch):
     """Make `obseq versions` raise an error."""
     monkeypatch.setattr(command, "parser", command.parser.__wrapped__)
-    return lambda error: monkeypatch.setattr(command.versions, "run", raising(error))
+    return lambda error: monkeypatch.setattr(versions, "run", raising(error))
 
 
 def test_bad_input_is_one_message_and_exit_code_2(fail_with, capsys) -> None:
@@ -126,3 +128,18 @@ def test_positional_arguments_may_follow_options() -> None:
     assert (parsed.options, parsed.json) == (["Y=2"], Path("r.json"))
     parsed = command.parser().parse_args(["adjust", "--strict", "a.stn", "--a-priori", "a.msr"])
     assert parsed.project == [Path("a.stn"), Path("a.msr")]
+
+
+def test_a_line_loads_the_module_of_its_command_only() -> None:
+    """What all modules of commands offer together, each offers alone."""
+    everything = [name for names in command.COMMANDS.values() for name in names]
+    assert offered("") == offered("nothing-of-ours") == everything
+    for names in command.COMMANDS.values():
+        assert all(offered(name) == list(names) for name in names)
+
+
+def offered(name: str) -> list[str]:
+    """The names of the subcommands of the parser of a line that begins with a name."""
+    actions = command.parser(name)._actions
+    (commands,) = (action for action in actions if isinstance(action, argparse._SubParsersAction))
+    return list(commands.choices)

@@ -8,27 +8,39 @@ import argparse
 import sys
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 
-from obseq.cli import (
-    adjust,
-    aerial,
-    bundle,
-    bundle_adjust,
-    check_derivatives,
-    compare,
-    convert,
-    demo,
-    epipolar,
-    formulas,
-    plan,
-    project,
-    project_imports,
-    report,
-    topo_adjust,
-    versions,
-)
 from obseq.cli.guard import guarded
 from obseq.cli.parsing import CommandParser
+
+COMMANDS = {
+    "demo": ("demo",),
+    "adjust": ("adjust",),
+    "bundle": ("bundle",),
+    "plan": ("plan", "simulate"),
+    "compare": ("compare",),
+    "report": ("report",),
+    "convert": ("convert",),
+    "aerial": ("image-world", "world-image", "intersect", "resect"),
+    "epipolar": ("epipolar",),
+    "project_imports": ("edit-metadata", "import-gcp", "import-obs"),
+    "project": (
+        "create-calib",
+        "check-gcp-distribution",
+        "resection",
+        "resection-11p",
+        "block-init",
+        "report-gcp",
+        "project-contents",
+        "change-sysco",
+    ),
+    "topo_adjust": ("topo-adjust",),
+    "bundle_adjust": ("bundle-adjust",),
+    "formulas": ("formulas",),
+    "check_derivatives": ("check-derivatives",),
+    "versions": ("versions",),
+}
+"""The modules of `obseq.cli` that have commands, in the order of the help, and the names of those."""
 
 DESCRIPTION = """\
 Least squares adjustment of survey observations.
@@ -40,8 +52,12 @@ exit code: 0 done; 1 done, and a check failed; 2 could not run, with one message
 
 
 @cache
-def parser() -> argparse.ArgumentParser:
-    """The parser of the command line, with every subcommand; a process makes it once."""
+def parser(name: str = "") -> argparse.ArgumentParser:
+    """The parser of the command line; a process makes it once.
+
+    Args:
+        name: The subcommand that the line begins with: no other is loaded. Where it is none, all are.
+    """
     top = argparse.ArgumentParser(
         prog="obseq",
         description=DESCRIPTION,
@@ -51,33 +67,17 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(
         title="commands", metavar="COMMAND", required=True, parser_class=CommandParser
     )
-    for module in (
-        demo,
-        adjust,
-        bundle,
-        plan,
-        compare,
-        report,
-        convert,
-        aerial,
-        epipolar,
-        project_imports,
-        project,
-        topo_adjust,
-        bundle_adjust,
-        formulas,
-        check_derivatives,
-        versions,
-    ):
-        module.register(commands)
+    for module in [module for module, names in COMMANDS.items() if name in names] or COMMANDS:
+        import_module(f"obseq.cli.{module}").register(commands)
     return top
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
+    given = sys.argv[1:] if arguments is None else arguments
 
     def work() -> int:
-        chosen = parser().parse_args(arguments)
+        chosen = parser(*given[:1]).parse_args(given)
         code: int = chosen.run(chosen)
         return code
 

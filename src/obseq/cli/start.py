@@ -3,6 +3,7 @@
 This module loads nothing that takes time, so that its handler stands before anything slow begins.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -10,11 +11,15 @@ from typing import NoReturn
 
 INTERRUPTED = 130
 
+NEW_OBJECTS = 10_000
+"""So many objects more than before make Python look for garbage: with the usual 700, loading modules does."""
+
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "10")  # threads that wait for work sleep
 
 
 def main() -> int:
     """Load the command, run it and return its exit code."""
+    gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _leave)
