@@ -51,7 +51,11 @@ def to_plain(record: object) -> dict[str, object]:
     kind: object = type(record)
     layout = _layout(kind)
     rows = zip(layout.keys, layout.values(record), layout.required, strict=True)
-    return {key: _plain(value) for key, value, required in rows if required or value is not None}
+    return {
+        key: value if type(value) in _SIMPLE else _plain(value)
+        for key, value, required in rows
+        if required or value is not None
+    }
 
 
 def to_labelled(record: object) -> dict[str, object]:
@@ -89,13 +93,11 @@ def finite(value: object) -> object:
 
 
 def _plain(value: object) -> object:
-    if value is None or isinstance(value, str | float | int):
-        return value
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return list(value) if _SIMPLE.issuperset(map(type, value)) else [_plain(item) for item in value]
-    return to_plain(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return value if value is None or isinstance(value, str | float | int) else to_plain(value)
 
 
 @functools.cache

@@ -24,7 +24,8 @@ def printable_line(text: str) -> str:
 
 def json_escaped(text: str) -> str:
     """JSON text in which what cannot be printed stands as JSON's own escape; it means the same."""
-    return text if text.isprintable() else _UNPRINTABLE.sub(_json_escape, text)
+    is_plain = text.isascii() and text.replace("\n", "").isprintable()
+    return text if is_plain else _UNPRINTABLE.sub(_json_escape, text)
 
 
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\n]")
