@@ -21,7 +21,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.files.gama_points import PointTable
     from obseq.survey.files.gama_values import Band, Value
     from obseq.survey.files.xml_file import Element
@@ -313,11 +313,8 @@ class ObservationReader:
 
     def _correlate(self, rows: list[int], matrix: FloatArray) -> None:
         """A cluster for all that hangs together in a block of a matrix."""
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import connected_components
-
-        count, labels = connected_components(csr_array(matrix), directed=False)
-        for label in range(count):
+        labels = _hanging_together(matrix)
+        for label in np.unique(labels):
             chosen = sorted(np.flatnonzero(labels == label).tolist(), key=rows.__getitem__)
             if len(chosen) > 1:
                 self._columns.correlate([rows[k] for k in chosen], matrix[np.ix_(chosen, chosen)])
@@ -332,6 +329,16 @@ class ObservationReader:
             f"{file}: left out, as gama-local does without a word, because {reason}: {', '.join(labels)}"
             for reason, labels in self.passive.items()
         ]
+
+
+def _hanging_together(matrix: FloatArray) -> IntArray:
+    """(n,) of rows of a covariance matrix (n, n): a number that is that of all they are correlated with."""
+    if matrix.all():
+        return np.zeros(len(matrix), np.int64)
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    return np.asarray(connected_components(csr_array(matrix), directed=False)[1])
 
 
 def replace_activity(measure: Measure) -> Measure:
