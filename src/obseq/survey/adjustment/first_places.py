@@ -8,18 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.survey.adjustment.families import present
 from obseq.survey.kinds.kind import FirstPlace
-from obseq.survey.kinds.registry import among, codes_placed_by
+from obseq.survey.kinds.registry import BY_CODE, among, codes_placed_by
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Observations, Points
 
+_OF_THREE = FirstPlace.POSITION, FirstPlace.VECTOR, FirstPlace.LOCAL_VECTOR
+"""What takes three observations, one for each component."""
+
 
 def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     """The points, with places for those observed in position, at the end of a vector, or of an axis."""
     observations = book.observations
+    if not _are_given(observations, FirstPlace.CIRCLE, *_OF_THREE):
+        return points
     circles = _rows_of(observations, FirstPlace.CIRCLE)
     positions, coordinates = _triples(observations, FirstPlace.POSITION)
     vectors, geocentric = _triples(observations, FirstPlace.VECTOR)
@@ -51,6 +57,8 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
         book: The observations.
         placed: (n, 3) places of the points, NaN for none.
     """
+    if not _are_given(book.observations, FirstPlace.BARYCENTRE):
+        return None
     observations, xyz = book.observations, points.coordinates.copy()
     for row in _rows_of(observations, FirstPlace.BARYCENTRE).tolist():
         centre, group = observations.from_points[row], book.groups[observations.groups[row]]
@@ -59,6 +67,11 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
             xyz[centre] = group.shares @ placed[members]
     is_more = np.isfinite(xyz).sum() > np.isfinite(points.coordinates).sum()
     return replace(points, coordinates=xyz) if is_more else None
+
+
+def _are_given(observations: Observations, *uses: FirstPlace) -> bool:
+    """Whether some observations, active or not, give first places in one of these ways."""
+    return any(BY_CODE[code].first_place in uses for code in present(observations.types))
 
 
 def _rows_of(observations: Observations, use: FirstPlace) -> IntArray:

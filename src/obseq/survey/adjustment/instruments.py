@@ -107,7 +107,8 @@ class Instruments:
         if not self._plumb.turn:
             return rotations
         turns = self._plumb.turns(self._origins, coordinates)
-        turns[self._grid] = _turns_along_grid(rotations[self._grid], turns[self._grid])
+        if self._grid.any():
+            turns[self._grid] = _turns_along_grid(rotations[self._grid], turns[self._grid])
         turns[~self.turning[self._origins]] = 0.0
         return np.concatenate([rotations, turns], axis=2)
 
