@@ -1,6 +1,17 @@
-"""Makes importable, as pytest's importlib mode does not, the files that several tests share."""
+"""What several tests of surveys share: files, which pytest's importlib mode does not find, and a bench."""
 
+import importlib
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parent))
+TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
+
+
+@pytest.fixture
+def planted(monkeypatch):
+    """The bench that plants gross errors in random networks."""
+    monkeypatch.syspath_prepend(TOOLS)
+    return importlib.import_module("bench_gross_errors")

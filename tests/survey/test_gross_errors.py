@@ -1,10 +1,8 @@
 """Gross errors are announced with their likely cause; honest networks raise no alarm."""
 
-import importlib
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,16 +14,6 @@ from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.screening import search, trials
 from obseq.survey.screening.findings import Cause
 from obseq.survey.screening.values import GON, explain, variants
-
-TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
-
-
-@pytest.fixture
-def planted(monkeypatch):
-    """The bench that plants gross errors in random networks."""
-    monkeypatch.syspath_prepend(TOOLS)
-    return importlib.import_module("bench_gross_errors")
-
 
 SINGLE = ["one_in_degrees", "one_elevation", "one_in_millimetres", "one_digit", "exchanged_digits"]
 SIGHTS = ["wrong_target", "exchanged_targets"]

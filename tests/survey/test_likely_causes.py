@@ -1,9 +1,7 @@
 """The cause that is named is the one that was planted, or one of those that nothing tells apart from it."""
 
-import importlib
 import itertools
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from obseq.survey import Network
 from obseq.survey.screening import ambiguous
 from obseq.survey.screening.findings import Cause
 
-TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 HEIGHTS = {"BM1": 100.0, "BM2": 112.345, "A": 103.2111, "B": 105.4822, "C": 108.7733}
 HEIGHTS |= {"D": 99.1244, "E": 101.9355, "F": 110.6466, "G": 107.3577, "H": 104.8688}
 NET = "BM1-A A-B B-C C-BM2 BM2-F F-G G-H H-BM1 A-H B-G C-F BM1-D D-E E-A E-B D-H".split()
@@ -94,13 +91,6 @@ def test_what_else_could_be_wrong_is_not_asked_in_a_large_network(tmp_path, monk
     monkeypatch.setattr(ambiguous, "_MOST_WORK", 3)
     (error,) = levelled(tmp_path, LOOP, marks("BM1"), lambda line, rise: rise + 0.3 * (line == "B-C"))
     assert not error.is_one and len(error.rows) == 1
-
-
-@pytest.fixture
-def planted(monkeypatch):
-    """The bench that plants gross errors in random networks."""
-    monkeypatch.syspath_prepend(TOOLS)
-    return importlib.import_module("bench_gross_errors")
 
 
 def directions(site, setup):

@@ -1,22 +1,13 @@
-"""How much of a network is unexplained, before causes are tried and with them."""
-
-import importlib
-from pathlib import Path
+"""How much of a network is unexplained, before causes are tried and with them, and what is not tried."""
 
 import numpy as np
 import pytest
 
+from obseq.survey.kinds.directions import ZEN
+from obseq.survey.screening.groups import group_cause
+from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.robust import estimate
 from obseq.survey.screening.trials import Trials
-
-TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
-
-
-@pytest.fixture
-def planted(monkeypatch):
-    """The bench that plants gross errors in random networks."""
-    monkeypatch.syspath_prepend(TOOLS)
-    return importlib.import_module("bench_gross_errors")
 
 
 def of_network(network):
@@ -26,17 +17,50 @@ def of_network(network):
     return Trials(model, estimate(model, work.points, work.book))
 
 
-def with_mistake(planted, tmp_path, mistake, seed=1):
+def with_mistake(planted, folder, mistake, seed=1):
+    """The network of a site with a mistake."""
     random = np.random.default_rng(seed)
     site = planted.made_site(random)
     getattr(planted, mistake)(site, random)
-    return of_network(site.read(tmp_path))
+    return site.read(folder)
 
 
 def test_contradictions_and_what_is_lost_make_the_disagreement(planted, tmp_path):
-    tried = with_mistake(planted, tmp_path, "one_digit")
-    found = tried.found
+    found = of_network(with_mistake(planted, tmp_path, "one_digit")).found
     assert found.disagreement(10.0) == pytest.approx(found.contradictions(10.0).sum())
     found.misfits[0] = np.nan
     assert found.contradictions(10.0)[0] == 0.0
     assert found.disagreement(10.0) == pytest.approx(found.contradictions(10.0).sum() + 1.0)
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """Points and observations that are tried, in vain."""
+    networks = []
+    monkeypatch.setattr(Trials, "explaining", lambda _, *network: networks.append(network))
+    return networks
+
+
+@pytest.mark.parametrize("mistake", ["exchanged_known_points", "mistyped_coordinate"])
+def test_angles_are_not_put_right_to_what_no_instrument_reads(planted, tmp_path, tried, mistake):
+    """Zenith angles beyond 200 gon, and circles that turn as a whole, fit nothing wherever the points are."""
+    network = with_mistake(planted, tmp_path, mistake)
+    assert group_cause(of_network(network)) is None
+    rows = network.book.observations
+    moves = [book.observations.values - rows.values for _, book in tried]
+    assert moves and all(np.ptp(move[move != 0.0]) > 1e-6 for move in moves)
+    changed = [(rows.types == ZEN.code) & (move != 0.0) for move in moves]
+    zeniths = [(rows.values + move)[mask] for move, mask in zip(moves, changed, strict=True) if mask.any()]
+    assert zeniths and all(0.0 <= np.median(angles) <= np.pi for angles in zeniths)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "is_tried"), [("mistyped_coordinate", False), ("swapped_coordinates", True)]
+)
+def test_a_good_point_is_not_put_right_to_another_country(planted, tmp_path, tried, mistake, is_tried):
+    """Easting and northing of a point are exchanged where that does not take it away from all others."""
+    network = with_mistake(planted, tmp_path, mistake)
+    assert known_point_cause(of_network(network), network.point_system) is None
+    given = network.points.coordinates
+    moves = [np.linalg.norm(points.coordinates - given, axis=1) for points, _ in tried]
+    assert moves and any(np.count_nonzero(move > 1e6) == 1 for move in moves) == is_tried

@@ -1,8 +1,8 @@
 """How often the cause of a planted gross error is named, and how often an honest network raises an alarm.
 
-Random networks (seeded) of 100 m to 3 km are written as OBS and COR files in Lambert 93, each with one
-mistake as people make them: units, elevations, exchanged coordinates or names, digits. The network is read
-and searched.
+Random networks (seeded) of 100 m to 3 km, of 7 to 14 points or (--large) of 34 to 57, are written as OBS and
+COR files in Lambert 93, each with one mistake as people make them: units, elevations, exchanged coordinates
+or names, digits. The network is read and searched.
 
 Example:
     python tools/benchmarks/bench_gross_errors.py --networks 100
@@ -75,10 +75,29 @@ class Planted:
         return error.cause in self.causes and is_there
 
 
-def made_site(random: Random) -> Site:
-    """A network of three to five known points and four to nine new ones, observed from most of its points."""
-    n_known, n_new = int(random.integers(3, 6)), int(random.integers(4, 10))
-    true = _spread_points(n_known + n_new, 10.0 ** random.uniform(2.0, 3.5), random)
+@dataclass(frozen=True)
+class Extent:
+    """How large random networks are.
+
+    Attributes:
+        known: numbers of known points, from and to (without it).
+        new: the same of new points.
+        apart: points are apart by more than this share of the network.
+    """
+
+    known: tuple[int, int]
+    new: tuple[int, int]
+    apart: float
+
+
+SMALL = Extent((3, 6), (4, 10), 1.0 / 12.0)
+LARGE = Extent((4, 9), (30, 50), 1.0 / 200.0)
+
+
+def made_site(random: Random, extent: Extent = SMALL) -> Site:
+    """A network of some known points and new ones, observed from most of its points."""
+    n_known, n_new = int(random.integers(*extent.known)), int(random.integers(*extent.new))
+    true = _spread_points(n_known + n_new, 10.0 ** random.uniform(2.0, 3.5), extent.apart, random)
     names = [f"K{k + 1}" for k in range(n_known)] + [f"P{k + 1}" for k in range(n_new)]
     book = simulated.measured(names, true, _sights(true, random), random)
     noisy = true[:n_known] + random.normal(0.0, 0.001, (n_known, 3))
@@ -94,11 +113,11 @@ def made_site(random: Random) -> Site:
     return Site(kept[0], kept[1], names[n_known:])
 
 
-def _spread_points(n: int, size: float, random: Random) -> npt.NDArray[np.float64]:
+def _spread_points(n: int, size: float, least: float, random: Random) -> npt.NDArray[np.float64]:
     while True:
         plan = random.uniform(-size / 2.0, size / 2.0, (n, 2))
         apart = np.linalg.norm(plan[:, None] - plan[None, :], axis=2) + np.eye(n) * size
-        if apart.min() > size / 12.0:
+        if apart.min() > size * least:
             return np.column_stack([plan, 100.0 + random.uniform(0.0, size / 10.0, n)])
 
 
@@ -315,12 +334,12 @@ def surveyed(site: Site) -> Network:
         return site.read(Path(folder))
 
 
-def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range) -> Count:
+def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range, extent: Extent = SMALL) -> Count:
     """Plants a mistake (none for an honest network) in each network, and counts what is found."""
     count = Count()
     for seed in seeds:
         random = np.random.default_rng(seed)
-        site = made_site(random)
+        site = made_site(random, extent)
         planted = mistake(site, random) if mistake else None
         network = surveyed(site)
         start = time.process_time()
@@ -339,6 +358,7 @@ def asked() -> argparse.Namespace:
     """What the command line asks for."""
     parser = command_line(__doc__)
     parser.add_argument("--networks", type=int, default=100, help="networks for each mistake")
+    parser.add_argument("--large", action="store_true", help="networks of 34 to 57 points, not of 7 to 14")
     parser.add_argument("--only", nargs="*", help="names of mistakes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     return parser.parse_args()
@@ -353,7 +373,7 @@ def main() -> int:
         name = mistake.__name__ if mistake else "none (false alarms)"
         if arguments.only and name not in arguments.only:
             continue
-        count = counted(mistake, range(arguments.networks))
+        count = counted(mistake, range(arguments.networks), LARGE if arguments.large else SMALL)
         table[name] = vars(count)
         figures = f"{count.tried:9}{count.announced:10}{count.named:7}{count.first:7}"
         print(f"{name:28}{figures}{count.seconds / count.tried:8.3f}  {count.missed[:8]}", flush=True)

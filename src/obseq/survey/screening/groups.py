@@ -16,6 +16,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes, codes_where
+from obseq.survey.model import Orientation
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
@@ -23,7 +24,7 @@ from obseq.survey.screening.values import GON, Mistake, mistakes_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.trials import Trials
@@ -34,6 +35,8 @@ _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
 _FEW, _SUSPECT_OF_FEW = 300, 0.15
 """Observations up to which a group is small, and the share of suspects from which small ones are tried."""
+_SAME = 1e-9
+"""Difference of angles (rad) that is rounding."""
 _SEVERAL = 4
 """Suspects from which small groups are tried whatever that share."""
 
@@ -82,8 +85,9 @@ def _trials(
         kinds = {BY_CODE[kind] for kind in found.book.observations.types[group.rows].tolist()}
         for mistake in _shared_mistakes(kinds):
             values = found.book.observations.values.copy()
-            right = np.array([mistake.right(value) for value in values[group.rows].tolist()])
-            if _is_plausible(kinds, mistake, values[group.rows], right):
+            read = values[group.rows]
+            right = np.array([mistake.right(value) for value in read.tolist()])
+            if _is_plausible(kinds, mistake, read, right) and _may_fit(found.book, group, right):
                 values[group.rows] = right
                 yield group, mistake, values
         if {kind.start for kind in kinds} == {Start.HZ, Start.ZENITH}:
@@ -94,12 +98,11 @@ def _degrees_and_elevations(found: Estimate, group: Group) -> Iterator[tuple[Gro
     """All angles in degrees, the zenith angles being elevations too."""
     values = found.book.observations.values.copy()
     in_degrees = values[group.rows] * 10.0 / 9.0
-    is_zenith = np.isin(
-        found.book.observations.types[group.rows], codes_where(lambda kind: kind.is_refracted)
-    )
-    values[group.rows] = np.where(is_zenith, math.pi / 2.0 - in_degrees, in_degrees)
-    text = "degrees instead of gon, and elevations instead of zenith angles"
-    yield group, Mistake(Cause.ELEVATION, text, lambda v: v), values
+    right = np.where(_are_zeniths(found.book, group), math.pi / 2.0 - in_degrees, in_degrees)
+    if _may_fit(found.book, group, right):
+        values[group.rows] = right
+        text = "degrees instead of gon, and elevations instead of zenith angles"
+        yield group, Mistake(Cause.ELEVATION, text, lambda v: v), values
 
 
 def _shared_mistakes(kinds: set[ObservationKind]) -> list[Mistake]:
@@ -130,6 +133,35 @@ def _is_plausible(
         level = math.pi / 2.0
         return bool(abs(np.median(right) - level) < abs(np.median(values) - level))
     return True
+
+
+def _may_fit(book: FieldBook, group: Group, right: FloatArray) -> bool:
+    """Whether values put right can fit better, wherever the points are.
+
+    Not so when most zenith angles are below 0 or above 200 gon then, nor when whole set-ups turn, which their
+    unknown zeros take up.
+    """
+    zeniths = right[_are_zeniths(book, group)]
+    if len(zeniths) and not 0.0 <= np.median(zeniths) <= math.pi:
+        return False
+    turns = np.ptp(right - book.observations.values[group.rows]) <= _SAME
+    return not (turns and _are_whole_set_ups(book, group))
+
+
+def _are_zeniths(book: FieldBook, group: Group) -> BoolArray:
+    """Which observations of a group are zenith angles."""
+    return np.isin(book.observations.types[group.rows], codes_where(lambda kind: kind.is_refracted))
+
+
+def _are_whole_set_ups(book: FieldBook, group: Group) -> bool:
+    """Whether a group is all that orients some set-ups whose zero is unknown."""
+    rows, stations = book.observations, book.observations.stations[group.rows]
+    if not np.isin(rows.types[group.rows], codes_where(lambda kind: kind.is_of_circle)).all():
+        return False
+    orienting = rows.active & np.isin(rows.types, codes_where(lambda kind: bool(kind.orients)))
+    whole = np.flatnonzero(orienting & np.isin(rows.stations, stations))
+    turns = np.isin(book.stations.orientations[stations], (Orientation.VERT, Orientation.BASC))
+    return bool(turns.all()) and np.array_equal(whole, np.sort(group.rows))
 
 
 def _groups(found: Estimate) -> Iterator[Group]:

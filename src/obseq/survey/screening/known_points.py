@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 8
 _LEAST_OBSERVATIONS = 4
+_ASTRAY = 100.0
+"""How many times farther from the others a point is not when it is put right."""
 _NEAR = 0.05
 """Distance (m), beyond the sigmas, at which two places are the same when digits are looked for."""
 _AXES = ("easting (x)", "northing (y)", "height")
@@ -71,7 +73,8 @@ def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
     yield from _in_other_units(system, found.points)
     candidates = _candidates(found)
     for row in candidates:
-        yield from _swapped(system, found.points, np.array([row]), "")
+        alone = _swapped(system, found.points, np.array([row]), "")
+        yield from (trial for trial in alone if not _strays(found.points, trial))
     for a, b in itertools.combinations(candidates[:4], 2):
         coordinates = found.points.coordinates.copy()
         coordinates[[a, b]] = coordinates[[b, a]]
@@ -95,6 +98,14 @@ def _swapped(system: PointSystem, points: Points, rows: Rows, who: str) -> Itera
         text = f"easting and northing of {who or 'the point'} look swapped"
         which = tuple(rows.tolist())
         yield _Trial(Cause.SWAPPED_COORDINATES, text, replace(points, coordinates=coordinates), which)
+
+
+def _strays(points: Points, trial: _Trial) -> bool:
+    """Whether a point put right is far off all others, and it is among them as it is."""
+    row = trial.rows[0]
+    others = points.coordinates[points.has_coordinates & (np.arange(len(points)) != row)]
+    before, after = (np.linalg.norm(others - one.coordinates[row], axis=1) for one in (points, trial.points))
+    return bool(len(others) and after.min() > _ASTRAY * before.max())
 
 
 def _in_other_units(system: PointSystem, points: Points) -> Iterator[_Trial]:

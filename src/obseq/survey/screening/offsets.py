@@ -20,7 +20,7 @@ from obseq.survey.screening.substitutes import sigma_of
 from obseq.survey.screening.values import COORDINATE, explain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+    Change = Callable[[float], FloatArray]
+    """Offset (m) -> what it adds to the misfit of each sight."""
 
 _HIT = 5.0
 """Sigmas of an offset within which an explanation must hit."""
@@ -195,8 +197,9 @@ def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset
     if len(suspects) < _LEAST_SHOWN:
         return None
     sigmas = np.array([sigma_of(found, row) for row in rows.tolist()])
-    size, sigma = _size(found.misfits[rows], sigmas, what, rows, sights)
-    change = sights.change(what, rows, size)
+    changed = sights.change(what, rows)
+    size, sigma = _size(found.misfits[rows], sigmas, changed)
+    change = changed(size)
     fits = np.abs(found.misfits[rows] + change) / sigmas <= found.limit
     shown = np.abs(change) / sigmas > found.limit
     if not fits[np.isin(rows, suspects)].all() or fits.mean() < _SHARE or shown.sum() < _LEAST_SHOWN:
@@ -204,14 +207,12 @@ def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset
     return _Offset(what, rows, size, sigma * found.scale, suspects)
 
 
-def _size(
-    misfits: FloatArray, sigmas: FloatArray, what: What, rows: Rows, sights: _Sights
-) -> tuple[float, float]:
+def _size(misfits: FloatArray, sigmas: FloatArray, changed: Change) -> tuple[float, float]:
     """The offset that most of the observations want, and its standard deviation (m)."""
-    size, shares = 0.0, np.ones(len(rows))
+    size, shares = 0.0, np.ones(len(misfits))
     for _ in range(_ROUNDS):
-        change = sights.change(what, rows, size)
-        shares = (sights.change(what, rows, size + _STEP) - change) / _STEP
+        change = changed(size)
+        shares = (changed(size + _STEP) - change) / _STEP
         shares = np.where(np.abs(shares) > 1e-9, shares, 1e-9)
         size += _weighted_median(-(misfits + change) / shares, np.abs(shares) / sigmas)
     return size, float(np.sum((shares / sigmas) ** 2) ** -0.5)
@@ -252,19 +253,22 @@ class _Sights:
         mask = self.is_distance if what is What.CONSTANT else self.is_zenith | self.is_distance
         return rows[mask[rows]]
 
-    def change(self, what: What, rows: Rows, size: float) -> FloatArray:
-        """What an offset (m) adds to misfits."""
+    def change(self, what: What, rows: Rows) -> Change:
+        """What offsets add to misfits."""
         if what is What.CONSTANT:
-            return np.full(len(rows), -size)
-        raised = size if what is What.TARGET else -size
-        there = self.vectors[rows] + raised * self.up[rows]
-        return np.asarray(self._values(rows, there) - self._values(rows, self.vectors[rows]))
+            return lambda size: np.full(len(rows), -size)
+        sign = 1.0 if what is What.TARGET else -1.0
+        vectors, up, is_zenith = self.vectors[rows], self.up[rows], self.is_zenith[rows]
+        before = _observed(vectors, up, is_zenith)
+        return lambda size: _observed(vectors + sign * size * up, up, is_zenith) - before
 
-    def _values(self, rows: Rows, vectors: FloatArray) -> FloatArray:
-        rise = np.sum(vectors * self.up[rows], axis=1)
-        length = np.linalg.norm(vectors, axis=1)
-        flat = np.sqrt(np.maximum(length**2 - rise**2, 0.0))
-        return np.asarray(np.where(self.is_zenith[rows], np.arctan2(flat, rise), length))
+
+def _observed(vectors: FloatArray, up: FloatArray, is_zenith: BoolArray) -> FloatArray:
+    """(n,) zenith angles or slope distances of sights (n, 3), with the verticals of their instruments."""
+    rise = np.sum(vectors * up, axis=1)
+    length = np.linalg.norm(vectors, axis=1)
+    flat = np.sqrt(np.maximum(length**2 - rise**2, 0.0))
+    return np.asarray(np.where(is_zenith, np.arctan2(flat, rise), length))
 
 
 def _verticals(found: Estimate) -> FloatArray:

@@ -21,9 +21,9 @@ from obseq.survey.adjustment.kept_equations import KeptEquations
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.leastsquares.problem.losses import Loss
     from obseq.survey.adjustment.equations import Equations
@@ -134,8 +134,7 @@ class Estimate:
     def contradictions(self, limit: float) -> FloatArray:
         """(k,) from 0 to 1, how much each observation contradicts the others; 0 where it is not known."""
         seen = self.book.observations.active & ~np.isnan(self.misfits)
-        squares = np.square(np.fmin(np.where(seen, self.ratios / limit, 0.0), _ENDLESS))
-        return np.asarray(squares / (1.0 + squares))
+        return _softly(np.where(seen, self.ratios / limit, 0.0))
 
 
 def estimate(
@@ -157,6 +156,23 @@ def estimate(
     equations = model.equations(start)
     found = _estimate(points, book, start, equations, _settled(equations, stages))
     return replace(found, units=model.units)
+
+
+def first_sight(model: Model, start: Determined) -> float:
+    """The contradictions of a network one step from its initial values, counted softly.
+
+    Raises:
+        ObseqError: its equations cannot be made.
+    """
+    equations = model.equations(start)
+    misfits = _misfits(equations, _settled(equations, GLANCE))
+    return sum(float(_softly(ratios / GROSS).sum()) for _, _, ratios in misfits)
+
+
+def _softly(sizes: FloatArray) -> FloatArray:
+    """From 0 to 1, how much misfits contradict, of their sizes as shares of a limit."""
+    squares = np.square(np.fmin(sizes, _ENDLESS))
+    return np.asarray(squares / (1.0 + squares))
 
 
 def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquaresResult:
@@ -212,10 +228,8 @@ def _estimate(
     redundancy = equations.system.redundancy
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))
-    for rows, batch in equations.batches.values():
-        counted = rows[batch.active]
-        misfits[counted] = settled.residuals(batch)[batch.active, 0]
-        ratios[counted] = np.abs(misfits[counted]) / sigmas_of(batch)[batch.active]
+    for rows, off, sizes in _misfits(equations, settled):
+        misfits[rows], ratios[rows] = off, sizes
     return Estimate(
         points,
         book,
@@ -228,6 +242,15 @@ def _estimate(
         tuple(equations.shared.of_instruments(equations.system)),
         redundancy / max(int(np.count_nonzero(np.isfinite(misfits))), 1),
     )
+
+
+def _misfits(
+    equations: Equations, settled: LeastSquares | LeastSquaresResult
+) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+    """Rows of the observations that count, their misfits (m, rad), and these in sigmas."""
+    for rows, batch in equations.batches.values():
+        misfits = settled.residuals(batch)[batch.active, 0]
+        yield rows[batch.active], misfits, np.abs(misfits) / sigmas_of(batch)[batch.active]
 
 
 def _kept_stations(before: FieldBook, after: FieldBook) -> list[int]:

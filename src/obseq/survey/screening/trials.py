@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.screening.robust import GLANCE, GROSS, QUICK, Estimate, Model, Stages, estimate
+from obseq.survey.screening.robust import GROSS, QUICK, Estimate, Model, Stages, estimate, first_sight
 
 if TYPE_CHECKING:
     from obseq.arrays import IntArray
@@ -51,8 +51,11 @@ class Trials:
     @cached_property
     def _at_start(self) -> float:
         """Contradictions of the network as it is, at first sight."""
-        at_start = estimated(self.model, self.found.points, self.found.book, GLANCE, self.found.start)
-        return math.inf if at_start is None else at_start.disagreement(GROSS)
+        try:
+            at_start = first_sight(self.model, self.found.start)
+        except ObseqError:
+            return math.inf
+        return at_start + lost(self.found.book, self.found.start)
 
     @property
     def most(self) -> int:
@@ -83,8 +86,7 @@ class Trials:
             start = start or self.model.start(points, book)
             if lost(book, start) > min(promising, most_lost):
                 return None
-            first = estimate(self.model, points, book, GLANCE, start)
-            if first.disagreement(GROSS) > promising:
+            if first_sight(self.model, start) + lost(book, start) > promising:
                 return None
             return estimate(self.model, points, book, QUICK, start)
         except ObseqError:
