@@ -8,14 +8,13 @@ algorithm, 1981: their update and their sizing; of S the largest components are 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from scipy.sparse import csc_array
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.linearisation import Linearisation
@@ -36,10 +35,10 @@ RESIDUAL = 0.2
 
 
 class _Place(NamedTuple):
-    """Values of the free unknowns at a linearisation; its matrix N, its gradient and sum of squares."""
+    """Free unknowns at a linearisation; what multiplies by N there, the gradient and the sum of squares."""
 
     unknowns: FloatArray
-    normal: csc_array
+    times: Callable[[FloatArray], FloatArray]
     gradient: FloatArray
     cost: float
 
@@ -71,22 +70,21 @@ class Curvature:
             linearisation: its undamped linearisation there.
             scale: (n,) the diagonal of N, or the largest so far: the metric in which components are large.
         """
-        normal = equations.pattern.matrix(linearisation.values)
+        times = partial(equations.pattern.product, linearisation.values.copy())
         values = equations.table.values[equations.free.scalars]
-        last, place = self._last, _Place(values, normal, linearisation.gradient, linearisation.cost)
+        last, place = self._last, _Place(values, times, linearisation.gradient, linearisation.cost)
         self._last = place
         if last is None:
             self._vectors = np.zeros((len(scale), 0))
             return
         step, change = place.unknowns - last.unknowns, place.gradient - last.gradient
-        seen = change - last.normal @ step
-        self._judge(last, step, last.cost - place.cost)
-        self._update(step, change, seen, np.sqrt(scale))
+        expected = last.times(step)
+        self._judge(step, -float((2.0 * last.gradient + expected) @ step), last.cost - place.cost)
+        self._update(step, change, change - expected, np.sqrt(scale))
 
-    def _judge(self, last: _Place, step: FloatArray, decrease: float) -> None:
-        """Whether S foretold the last decrease, and clearly better than N alone."""
+    def _judge(self, step: FloatArray, plain: float, decrease: float) -> None:
+        """Whether S foretold the last decrease, and clearly better than N alone (`plain`)."""
         own = float(step @ self.times(step))
-        plain = -2.0 * float(last.gradient @ step) - float(step @ (last.normal @ step))
         self._is_better = own != 0.0 and abs(plain - own - decrease) < CLEARLY * abs(plain - decrease)
 
     def is_trusted(self, length: float, cost: float) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,8 +68,8 @@ class DoglegPath:
             diagonal = self._linearisation.diagonal[self._equations.free.scalars]
             self._scale = np.maximum(self._scale, np.sqrt(diagonal))
         factor(self._equations, self._solver, self._linearisation)
-        matrix = self._equations.pattern.matrix(self._linearisation.values)
-        self._plain = self._ends = self._ends_of(self._solver.solve, matrix.__matmul__)
+        times = partial(self._equations.pattern.product, self._linearisation.values.copy())
+        self._plain = self._ends = self._ends_of(self._solver.solve, times)
         if self._is_new and np.isinf(self.radius):
             sizes = sizes_of(self._equations.table)[self._equations.free.scalars]
             size = float(np.linalg.norm(sizes * self._metric()))

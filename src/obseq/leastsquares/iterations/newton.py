@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,9 +66,9 @@ def newton_step(
     """
     gradient, drop = linearisation.gradient, linearisation.eliminated
     if offset.any():
-        normal = equations.pattern.matrix(linearisation.values)
-        inner = offset + solver.solve(-gradient - normal @ offset)
-        quadratic = float(inner @ (normal @ inner))
+        times = partial(equations.pattern.product, linearisation.values)
+        inner = offset + solver.solve(-gradient - times(offset))
+        quadratic = float(inner @ times(inner))
     else:
         inner = solver.solve(-gradient)
         quadratic = -float(inner @ gradient)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
 
 
+MANY = 5_000
+"""Entries of a matrix from which on SciPy's products are worth what it takes to ask for them."""
+
+
 @dataclass(frozen=True)
 class SymmetricPattern:
     """Where a symmetric matrix may be non-zero: its lower triangle by columns (CSC), diagonal included.
@@ -61,7 +65,19 @@ class SymmetricPattern:
 
     def columns(self) -> IntArray:
         """(nnz,) column of each entry."""
-        return np.repeat(np.arange(self.n), np.diff(self.indptr))
+        return np.arange(self.n).repeat(self.indptr[1:] - self.indptr[:-1])
+
+    def product(self, values: FloatArray, vector: FloatArray) -> FloatArray:
+        """(n,) the whole symmetric matrix times a vector (n,), from the values of the lower triangle."""
+        diagonal = values[self.diagonal] * vector
+        if self.nnz > MANY:
+            from scipy.sparse import csc_array
+
+            lower = csc_array((values, self.indices, self.indptr), shape=(self.n, self.n))
+            return np.asarray(lower @ vector + lower.T @ vector - diagonal)
+        below = np.bincount(self.indices, values * vector[self.columns()], self.n)
+        above = np.add.reduceat(values * vector[self.indices], self.diagonal)  # no column is empty
+        return np.asarray(below + above - diagonal)
 
     def matrix(self, values: FloatArray) -> csc_array:
         """The whole symmetric matrix, both triangles, from the values of the lower one."""

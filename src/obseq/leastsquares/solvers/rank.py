@@ -169,8 +169,7 @@ def kernel(
 
 def multiply(pattern: SymmetricPattern, values: FloatArray, vectors: FloatArray) -> FloatArray:
     """Product (n, k) of the matrix and vectors (n, k)."""
-    from scipy.sparse import csc_array
-
-    lower = csc_array((values, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
-    diagonal = values[pattern.diagonal][:, None]
-    return np.asarray(lower @ vectors + lower.T @ vectors - diagonal * vectors)
+    result = np.empty_like(vectors)
+    for k, vector in enumerate(vectors.T):
+        result[:, k] = pattern.product(values, vector)
+    return result
