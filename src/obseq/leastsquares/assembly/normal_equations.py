@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.assembly.store import StoreLayout
     from obseq.leastsquares.loops.loop_arguments import BlockTable
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior, Viscosity
@@ -54,7 +55,7 @@ class NormalEquations:
     Blocks that are `eliminated` (n_blocks,) do not enter the matrix; `step` gives their part of a solution.
     Blocks that only hard constraints touch are in the matrix with zeros. Observations are shared among
     `threads`; with the same number of threads the numbers are the same at each run. `evaluations` counts how
-    often all residuals were computed.
+    often all residuals were computed. With the `layout` of more equations the pattern is that of them all.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class NormalEquations:
         constraints: Sequence[Batch] = (),
         viscosities: Sequence[Viscosity] = (),
         threads: int = 1,
+        layout: StoreLayout | None = None,
     ) -> None:
         self.table = table
         self.batches = tuple(batches)
@@ -73,8 +75,7 @@ class NormalEquations:
         self.constraints = tuple(constraints)
         self.viscosities = tuple(viscosities)
         self.used = used_blocks(table, [*batches, *constraints], priors)
-        none = np.zeros(len(table), dtype=bool)
-        self.layout = store_layout(table, self.batches, self.used, none if eliminated is None else eliminated)
+        self.layout = layout or store_layout(table, self.batches, self.used, eliminated)
         self.pattern = self.layout.matrix
         self.free = self.layout.free
         self._threads = threads

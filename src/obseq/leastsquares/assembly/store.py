@@ -108,7 +108,7 @@ class _Addresses:
 
 
 def store_layout(
-    table: UnknownTable, batches: Sequence[Batch], used: BoolArray, eliminated: BoolArray
+    table: UnknownTable, batches: Sequence[Batch], used: BoolArray, eliminated: BoolArray | None = None
 ) -> StoreLayout:
     """Works out the layout.
 
@@ -116,11 +116,13 @@ def store_layout(
         table: unknowns.
         batches: equations.
         used: (n_blocks,) True for the blocks that some equation or prior touches.
-        eliminated: (n_blocks,) True for the blocks to be eliminated before the matrix is formed.
+        eliminated: (n_blocks,) True for the blocks to be eliminated before the matrix is formed; none when
+            None.
 
     Raises:
         InputError: an observation joins two eliminated blocks, or the matrix is too large.
     """
+    eliminated = np.zeros(len(used), dtype=bool) if eliminated is None else eliminated
     free = free_unknowns(table, used & ~eliminated)
     loose = _with_free_unknowns(table, used & eliminated)
     pairs = block_pairs(batches, (free.count > 0) | loose)

@@ -67,17 +67,26 @@ class SymmetricPattern:
         """(nnz,) column of each entry."""
         return np.arange(self.n).repeat(self.indptr[1:] - self.indptr[:-1])
 
-    def product(self, values: FloatArray, vector: FloatArray) -> FloatArray:
-        """(n,) the whole symmetric matrix times a vector (n,), from the values of the lower triangle."""
-        diagonal = values[self.diagonal] * vector
+    def product(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
+        """The whole symmetric matrix times (n,) or (n, k), from the values of the lower triangle."""
+        if vectors.ndim > 1 and self.nnz <= MANY:
+            return np.stack([self.product(values, vector) for vector in vectors.T], axis=1)
+        diagonal = (values[self.diagonal] * vectors.T).T
         if self.nnz > MANY:
             from scipy.sparse import csc_array
 
             lower = csc_array((values, self.indices, self.indptr), shape=(self.n, self.n))
-            return np.asarray(lower @ vector + lower.T @ vector - diagonal)
-        below = np.bincount(self.indices, values * vector[self.columns()], self.n)
-        above = np.add.reduceat(values * vector[self.indices], self.diagonal)  # no column is empty
+            return np.asarray(lower @ vectors + lower.T @ vectors - diagonal)
+        below = np.bincount(self.indices, values * vectors[self.columns()], self.n)
+        above = np.add.reduceat(values * vectors[self.indices], self.diagonal)  # no column is empty
         return np.asarray(below + above - diagonal)
+
+    def dense(self, values: FloatArray) -> FloatArray:
+        """(n, n) the whole symmetric matrix from the values of the lower triangle."""
+        columns, whole = self.columns(), np.zeros((self.n, self.n))
+        whole[self.indices, columns] = values
+        whole[columns, self.indices] = values
+        return whole
 
     def matrix(self, values: FloatArray) -> csc_array:
         """The whole symmetric matrix, both triangles, from the values of the lower one."""

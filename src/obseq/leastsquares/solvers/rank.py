@@ -143,7 +143,7 @@ def hidden(
     for _ in range(INVERSE_STEPS):
         vector = scale * solve(scale * vector)
         vector /= np.linalg.norm(vector)
-    quotient = np.sum(vector * multiply(pattern, values, vector / scale) / scale)
+    quotient = np.sum(vector * pattern.product(values, vector / scale) / scale)
     return int(np.argmax(np.abs(vector))) if quotient <= VANISHING else None
 
 
@@ -163,13 +163,5 @@ def kernel(
     right[replaced, np.arange(len(replaced))] = diagonal[replaced]
     scale = np.sqrt(diagonal)[:, None]
     basis = np.linalg.qr(scale * solve(right))[0]
-    quotients, rotation = np.linalg.eigh(basis.T @ (multiply(pattern, values, basis / scale) / scale))
+    quotients, rotation = np.linalg.eigh(basis.T @ (pattern.product(values, basis / scale) / scale))
     return np.linalg.qr((basis @ rotation[:, quotients <= VANISHING]) / scale)[0]
-
-
-def multiply(pattern: SymmetricPattern, values: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Product (n, k) of the matrix and vectors (n, k)."""
-    result = np.empty_like(vectors)
-    for k, vector in enumerate(vectors.T):
-        result[:, k] = pattern.product(values, vector)
-    return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
@@ -10,11 +11,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.leastsquares.assembly.store import store_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from scipy.sparse import csc_array
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.problem.batches import Batch
@@ -43,17 +43,17 @@ class Component:
 class Traces(Protocol):
     """How the traces of Q G_k Q G_l are computed."""
 
-    def __call__(self, state: FinalState, parts: Sequence[csc_array]) -> FloatArray:
-        """(k, k) traces for symmetric sparse matrices G_k."""
+    def __call__(self, state: FinalState, parts: Sequence[FloatArray]) -> FloatArray:
+        """(k, k) traces for matrices G_k, given as values (nnz,) on the pattern of the normal matrix."""
 
 
 @dataclass(frozen=True)
 class Exact:
     """Through Q G_k itself: as many solves as unknowns, memory of k dense matrices."""
 
-    def __call__(self, state: FinalState, parts: Sequence[csc_array]) -> FloatArray:
+    def __call__(self, state: FinalState, parts: Sequence[FloatArray]) -> FloatArray:
         """(k, k) traces."""
-        products = [state.solve(part.toarray()) for part in parts]
+        products = [state.solve(state.equations.pattern.dense(part)) for part in parts]
         return np.array([[np.sum(one * other.T) for other in products] for one in products])
 
 
@@ -69,13 +69,13 @@ class Sampled:
     probes: int
     seed: int
 
-    def __call__(self, state: FinalState, parts: Sequence[csc_array]) -> FloatArray:
+    def __call__(self, state: FinalState, parts: Sequence[FloatArray]) -> FloatArray:
         """(k, k) traces."""
-        n = state.equations.n_unknowns
+        n, times = state.equations.n_unknowns, state.equations.pattern.product
         signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], size=(n, self.probes))
         solved = state.solve(signs)
-        left = [part @ solved for part in parts]
-        right = [state.solve(part @ signs) for part in parts]
+        left = [times(part, solved) for part in parts]
+        right = [state.solve(times(part, signs)) for part in parts]
         traces = np.array([[np.sum(one * other) for other in right] for one in left]) / self.probes
         return np.asarray((traces + traces.T) / 2.0)
 
@@ -112,12 +112,15 @@ class ComponentEquations:
         self._sources = sources
         self._clones: list[list[tuple[Batch | Prior, Batch | Prior]]] = []
         self._normals = []
+        layout = store_layout(equations.table, equations.batches, equations.used)
+        tables = dict(zip(equations.batches, layout.batches, strict=True))
         for k in range(len(components) + 1):
             batches = _clones(equations.batches, of_batches, k)
             priors = _clones(equations.priors, of_priors, k)
             self._clones.append([*batches, *priors])
             clones = [clone for _, clone in batches], [clone for _, clone in priors]
-            self._normals.append(_Normal(NormalEquations(equations.table, *clones), equations))
+            own = replace(layout, batches=tuple([tables[source] for source, _ in batches]))
+            self._normals.append(NormalEquations(equations.table, *clones, layout=own))
 
     def variances(self, factors: FloatArray) -> list[tuple[Batch | Prior, FloatArray]]:
         """Variances of all observations for factors (k,)."""
@@ -158,7 +161,7 @@ class ComponentEquations:
                 for original, clone in pairs:
                     if original is source:
                         clone.weights = source.times_weights(np.sqrt(own).reshape(source.sigmas.shape))
-        whole += traces(state, [normal.assembled() for normal in self._normals])
+        whole += traces(state, [normal.assemble().values for normal in self._normals])
         return whole[:-1, :-1], whole[:-1, -1]
 
     @staticmethod
@@ -172,25 +175,6 @@ class ComponentEquations:
         if not any(described is source for component in components for described, _ in component.parts):
             parts[-1] = np.square(source.sigmas)
         return parts
-
-
-class _Normal:
-    """The matrix G = A' D A of one component, in the numbering of the whole system."""
-
-    def __init__(self, own: NormalEquations, whole: NormalEquations) -> None:
-        from scipy.sparse import csc_array
-
-        self._own, n = own, whole.n_unknowns
-        places = own.pattern.matrix(np.arange(1.0, own.pattern.nnz + 1.0)).tocoo()
-        number = whole.free.number[own.free.scalars]
-        self._matrix = csc_array((places.data, (number[places.row], number[places.col])), shape=(n, n))
-        self._places = self._matrix.data.astype(np.int64) - 1
-
-    def assembled(self) -> csc_array:
-        """The matrix at the current values and weights; the same object at each call."""
-        if len(self._places):
-            self._matrix.data = self._own.assemble().values[self._places]
-        return self._matrix
 
 
 def _clones(sources: Sequence[Source], parts: list[FloatArray], k: int) -> list[tuple[Source, Source]]:
