@@ -15,7 +15,6 @@ from hypothesis import settings
 sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
 
 from outside import OutsideData
-from vectorised import judging
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
@@ -57,5 +56,7 @@ def shared_data() -> OutsideData:
 @pytest.fixture(scope="session", autouse=True)
 def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
     """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
+    from vectorised import judging  # with numba, which what only hands tests to workers need not load
+
     with judging(pytestconfig):
         yield

@@ -88,6 +88,8 @@ def finite(value: object) -> object:
     if isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
+        if _SIMPLE.issuperset(map(type, value)):
+            return [None if type(item) is float and not math.isfinite(item) else item for item in value]
         return [finite(item) for item in value]
     return value
 

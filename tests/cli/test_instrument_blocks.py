@@ -38,11 +38,19 @@ DESCRIPTION = (
 WORDS = ["bundle-adjust", ".*", "BA", "Mine", "GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]]", "InInstrBlock=In"]
 
 
+@pytest.fixture(scope="module")
+def prepared(shared_data, tmp_path_factory):
+    """The project of the panel with its rigid block in the older form."""
+    folder = tmp_path_factory.mktemp("panel")
+    shutil.copytree(shared_data / "mmvii-bundle-panel/MMVII-PhgrProj", folder / "MMVII-PhgrProj")
+    main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", f"--project={folder}"])
+    return folder
+
+
 @pytest.fixture
-def panel(shared_data, tmp_path):
-    """The project of the panel with its rigid block in the newer form, in `InstrBlock/In`."""
-    shutil.copytree(shared_data / "mmvii-bundle-panel/MMVII-PhgrProj", tmp_path / "MMVII-PhgrProj")
-    main(["block-init", "BA", "(.*)_(.*)_Scaled.tif", "Rig", "--master=043", f"--project={tmp_path}"])
+def panel(prepared, tmp_path):
+    """A copy for the block in the newer form, in `InstrBlock/In`."""
+    shutil.copytree(prepared, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 

@@ -297,15 +297,14 @@ def test_paper_has_all_rows(report, browser) -> None:
 def test_ten_thousand_points(pages, browser) -> None:
     """Each check finds the page as the one before it has left it; nothing is logged from first to last."""
     report = pages("large")
-    browsing.opened(browser, report)
     for check in (
+        test_a_phone_shows_it_without_sideways_scrolling,  # it opens the page
         test_filters_keep_what_they_say,
         test_rows_sort_by_any_column,
         test_real_clicks_and_wheels_move_and_pick,
         test_a_row_shows_its_sight_and_a_point_its_rows,
         test_types_are_switched_on_the_plan,
         test_nothing_is_logged_and_nothing_is_asked_of_a_network,
-        test_a_phone_shows_it_without_sideways_scrolling,
     ):
         check(report, browser)
     assert browsing.violations(browser) == []
