@@ -15,7 +15,7 @@ from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
-from obseq.pools import processors, thread_pool
+from obseq.pools import do_both, processors
 
 FLOAT = np.dtype(np.float64)
 
@@ -246,10 +246,7 @@ class Calculator:
             _evaluate_rows(run, *(array[first:last] for array in (u, o, values, derivatives)))
 
         middle = n // (2 * LANES) * LANES
-        with thread_pool(1) as pool:
-            second = pool.submit(evaluate_part, middle, n)
-            evaluate_part(0, middle)
-            second.result()
+        do_both(lambda: evaluate_part(0, middle), lambda: evaluate_part(middle, n))
 
     def _result(self, out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
         """The array that results are written to: a new one, or the one given if it is as it must be."""
