@@ -1,3 +1,4 @@
+import gc
 import json
 import subprocess
 import sys
@@ -28,6 +29,19 @@ def test_the_demo_is_the_documented_network(tmp_path: Path, monkeypatch, capsys)
 def test_the_demo_goes_where_it_is_told(tmp_path: Path, capsys) -> None:
     assert main(["demo", "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "adjustment.html").is_file()
+
+
+def test_a_run_makes_next_to_no_garbage(tmp_path: Path, capsys) -> None:
+    """Which is why a command looks for it seldom (`obseq.cli.start.NEW_OBJECTS`)."""
+    again = ["demo", "--out", str(tmp_path)]
+    main(again)
+    gc.collect()
+    gc.disable()
+    try:
+        main(again)
+        assert gc.collect() < 200
+    finally:
+        gc.enable()
 
 
 def test_it_loads_no_masked_arrays_and_no_scipy(tmp_path: Path) -> None:
