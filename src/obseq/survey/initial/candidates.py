@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial import closed_forms as forms
@@ -28,8 +28,7 @@ _MOST = 5
 """Rays, circles or readings that are combined with each other; more are thinned out evenly."""
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A possible position (frame), its method, and the relations that determine it."""
 
     position: Space
@@ -38,24 +37,21 @@ class Candidate:
     has_height: bool = True
 
 
-@dataclass(frozen=True)
-class _Ray:
+class _Ray(NamedTuple):
     start: Plane
     azimuth: float
     other: int
     used: tuple[Relation, ...]
 
 
-@dataclass(frozen=True)
-class _Circle:
+class _Circle(NamedTuple):
     centre: Plane
     radius: float
     other: int
     used: tuple[Relation, ...]
 
 
-@dataclass(frozen=True)
-class _Reading:
+class _Reading(NamedTuple):
     target: Plane
     angle: float
     other: int
@@ -64,8 +60,7 @@ class _Reading:
     length_used: tuple[Relation, ...]
 
 
-@dataclass(frozen=True)
-class _Flat:
+class _Flat(NamedTuple):
     """A horizontal position in the local frame."""
 
     position: Plane

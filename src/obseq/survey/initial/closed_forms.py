@@ -10,6 +10,7 @@ import math
 
 Plane = tuple[float, float]
 Space = tuple[float, float, float]
+TURN = 2.0 * math.pi
 _LARGEST_COTANGENT = 1e9
 
 
@@ -20,7 +21,7 @@ def azimuth(a: Plane, b: Plane) -> float:
 
 def wrap(angle: float) -> float:
     """The angle in [-pi, pi]."""
-    return math.remainder(angle, 2.0 * math.pi)
+    return math.remainder(angle, TURN)
 
 
 def polar(a: Plane, direction: float, length: float) -> Plane:

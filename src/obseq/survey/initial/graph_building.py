@@ -122,9 +122,13 @@ def _pairs(first: IntArray, second: IntArray, n_points: int) -> IntArray:
 
 def _numbered(keys: IntArray) -> tuple[IntArray, IntArray]:
     """Where each key comes first, in that order, and (k,) which of these each of the keys is."""
-    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-    order = first.argsort()
-    return first[order], order.argsort()[which]
+    order, begins = keys.argsort(kind="stable"), np.ones(len(keys), np.bool_)
+    ordered, which = keys[order], np.empty(len(keys), np.int64)
+    np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
+    first = order[begins]
+    places = first.argsort()
+    which[order] = places.argsort()[begins.cumsum() - 1]
+    return first[places], which
 
 
 def _sights(book: FieldBook, parts: Sequence[Part]) -> tuple[IntRows, Measures]:

@@ -224,12 +224,14 @@ def _take_parts(known: Known, points: Points, hidden: BoolArray) -> None:
     given = _parts_given(known, points, hidden)
     heights = given[:, 2]
     has_plan = np.isfinite(given[:, :2]).all(axis=1)
-    middle = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
-    for row in np.flatnonzero(has_plan & np.isnan(heights)).tolist():
-        x, y = given[row, :2].tolist()
-        known.positions[row], known.point_steps[row] = (x, y, middle), GIVEN
-    rows = np.flatnonzero(~has_plan & np.isfinite(heights)).tolist()
-    known.given_heights = {row: float(heights[row]) for row in rows}
+    has_height = np.isfinite(heights)
+    flat = np.flatnonzero(has_plan & ~has_height)
+    if len(flat):
+        middle = float(heights[has_height].mean()) if has_height.any() else 0.0
+        for row, (x, y) in zip(flat.tolist(), given[flat, :2].tolist(), strict=True):
+            known.positions[row], known.point_steps[row] = (x, y, middle), GIVEN
+    rows = np.flatnonzero(has_height & ~has_plan)
+    known.given_heights = dict(zip(rows.tolist(), heights[rows].tolist(), strict=True))
 
 
 def _parts_given(known: Known, points: Points, hidden: BoolArray) -> FloatArray:

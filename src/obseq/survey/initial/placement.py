@@ -154,6 +154,8 @@ class Placement:
 
     def _place_polar(self) -> bool:
         """Places points at the end of complete vectors from oriented stations."""
+        if not self.dirty_polar:
+            return False
         candidates = sorted(filterfalse(self.known.is_placed, self.dirty_polar))
         located = [point for point in candidates if self.polar_sights.place(point)]
         self.dirty_polar = set()
@@ -273,6 +275,8 @@ class Placement:
 
     def _look_around(self) -> None:
         """Looks again at the geometry of what was touched, and of all neighbours of new points."""
+        if not (self.seen_anew or self.located_anew):
+            return
         touched = set(filterfalse(self.known.is_placed, self.seen_anew)) | self._beside(self.located_anew)
         self.seen_anew, self.located_anew = set(), []
         self.dirty_geometry |= touched

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.closed_forms import Space, wrap
+from obseq.survey.initial.closed_forms import TURN, Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, scaled, times, transposed_times
 from obseq.survey.initial.sights import direction
 from obseq.survey.model import Orientation
@@ -276,7 +276,7 @@ def central_angle(angles: list[float]) -> float:
     if len(angles) <= 2:
         return angles[0]
     sample = angles[:9]
-    return min(sample, key=lambda angle: sum(abs(wrap(other - angle)) for other in sample))
+    return min(sample, key=lambda angle: sum([abs(math.remainder(other - angle, TURN)) for other in sample]))
 
 
 def disagreement(known: Known, relations: Sequence[Relation], position: Space, vertical: Matrix) -> float:
