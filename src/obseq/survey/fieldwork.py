@@ -195,9 +195,11 @@ class Fieldwork:
                 raise InputError(f"{error}{whole}. By the observations, {moves}") from error
             raise
 
-    def _errors_among_determined(self, start: Determined, computation: Computation) -> tuple[GrossError, ...]:
+    def _errors_among_determined(
+        self, start: Determined, computation: Computation, equations: Equations | None = None
+    ) -> tuple[GrossError, ...]:
         """The gross errors without what nothing determines, which therefore contradicts nothing."""
-        kept = computation.whole(start).book.observations.active
+        kept = computation.whole(start, equations).book.observations.active
         lost = start.book.observations.active & ~kept
         return replace(self, book=self.book.without(lost)).gross_errors()
 
@@ -217,7 +219,7 @@ class Fieldwork:
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
         with computation.watch.phase("gross errors"):
             doubtful = is_doubtful(start, equations)
-            errors = self._errors_among_determined(start, computation) if doubtful else None
+            errors = self._errors_among_determined(start, computation, equations) if doubtful else None
         for error in errors or ():
             _LOG.info("%s", error.sentence())
         if strict and errors:

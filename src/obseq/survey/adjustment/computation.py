@@ -128,19 +128,27 @@ class Computation:
                     raise in_words(error) from error
                 start, equations = leave_out(start, undetermined), None
 
-    def whole(self, start: Determined) -> Determined:
+    def whole(self, start: Determined, equations: Equations | None = None) -> Determined:
         """A network without what its observations leave undetermined where the iterations start.
+
+        Args:
+            start: The network.
+            equations: Its equations at its initial values, where they have been made; they stay there.
 
         Raises:
             SingularSystemError: that is all of it.
         """
         while True:
+            system = (equations or self._equations(start)).system
+            first = system.unknowns.state()
             try:
-                self._equations(start).system.solve(max_iterations=1)
+                system.solve(max_iterations=1)
             except SingularSystemError as error:
-                start = leave_out(start, singular_parts(start, error))
+                start, equations = leave_out(start, singular_parts(start, error)), None
             else:
                 return start
+            finally:
+                system.unknowns.restore(first)
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)
