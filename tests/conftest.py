@@ -15,6 +15,7 @@ from hypothesis import settings
 sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
 
 from outside import OutsideData
+from sources import forget
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
@@ -45,6 +46,11 @@ def pytest_collection_finish() -> None:
     """What is there when tests begin stays to the end: nobody need look again whether it is garbage."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    """What tests have left open is looked for when they have ended, among little else."""
+    forget()
 
 
 @pytest.fixture(scope="package")

@@ -15,6 +15,12 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
 
 
+def forget() -> None:
+    """Lets go of what was read: more than a million nodes, which whoever looks for garbage would visit."""
+    tree.cache_clear()
+    _by_kind.cache_clear()
+
+
 def statements(path: Path) -> Iterator[ast.AST]:
     """Every statement, wherever in a file, and what holds statements."""
     waiting: list[ast.AST] = [tree(path)]
