@@ -10,6 +10,13 @@ from obseq.leastsquares import Huber, LeastSquares, reliability, variance_compon
 N_POINTS = 5
 
 
+@pytest.fixture(params=["dense", "sparse"])
+def products(request, monkeypatch) -> None:
+    """Rows of clusters multiplied as those of small systems are, and of large ones."""
+    if request.param == "sparse":
+        monkeypatch.setattr("obseq.leastsquares.assembly.clusters.FEW", 0)
+
+
 def covariance_of(rng, n, scale=1e-2):
     """A covariance of n residuals, all of them correlated."""
     root = np.eye(n) + 0.3 * rng.normal(size=(n, n))
@@ -70,6 +77,7 @@ def test_the_solution_is_that_of_dense_algebra(form):
     assert len(result.iterations) <= 3
 
 
+@pytest.mark.usefixtures("products")
 def test_the_numbers_of_each_observation():
     given = clusters()
     whole = block_diag(given).toarray()
@@ -84,6 +92,7 @@ def test_the_numbers_of_each_observation():
     np.testing.assert_allclose(quality.sigmas.ravel(), np.sqrt(np.diag(whole)))
 
 
+@pytest.mark.usefixtures("products")
 def test_an_observation_left_out_leaves_the_marginal_covariance():
     given = clusters()
     system, ids, batch, pairs, measured = vectors(given)
@@ -98,6 +107,7 @@ def test_an_observation_left_out_leaves_the_marginal_covariance():
     assert result.n_observations == 30
 
 
+@pytest.mark.usefixtures("products")
 def test_a_loss_gives_each_cluster_one_weight():
     system, ids, batch, *_ = vectors(clusters(), loss=Huber(1.0))
     rows = batch.observations

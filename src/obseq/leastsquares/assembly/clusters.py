@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers import SymmetricPattern
 
 
+FEW = 20_000
+"""Entries of a matrix up to which it is multiplied as a dense one: asking for sparse products takes longer."""
+
+
 def cluster_keys(batches: Sequence[Batch], live: BoolArray, n: int) -> Iterator[IntArray]:
     """Keys low * n + high of the pairs of different live blocks (n_blocks,) that clusters join."""
     for batch in batches:
@@ -28,26 +32,37 @@ def cluster_keys(batches: Sequence[Batch], live: BoolArray, n: int) -> Iterator[
             yield blocks[low] * n + blocks[high]
 
 
-def whitened_rows(table: UnknownTable, free: FreeUnknowns, batch: Batch, raw: FloatArray) -> csr_array:
-    """(n n_residuals, n_free) derivatives, observation by observation, whitened and over their sigmas.
+def whitened_rows(
+    table: UnknownTable, free: FreeUnknowns, batch: Batch, raw: FloatArray
+) -> tuple[csr_array, FloatArray]:
+    """Equations, observation by observation, whitened and over their sigmas.
 
     Args:
         table: the unknowns.
         free: their numbering.
         batch: observations with clusters.
         raw: (n_residuals + n_residuals n_unknowns, n) residuals, then derivatives, as they are.
+
+    Returns:
+        (n n_residuals, n_free) derivatives, and (n n_residuals,) residuals.
     """
     from scipy.sparse import csr_array
 
     m, u = batch.shape.n_residuals, batch.shape.n_unknowns
     each = zip(batch.blocks, batch.shape.roles, strict=True)
     columns = np.hstack([free.number[table.consecutive(ids, role.size)] for ids, role in each])
-    kept = (columns >= 0) & batch.active[:, None]
-    value = raw[m:].reshape(m, u, batch.n).transpose(2, 0, 1)[np.repeat(kept[:, None], m, axis=1)]
-    column = np.repeat(columns[:, None], m, axis=1)[np.repeat(kept[:, None], m, axis=1)]
-    ends = np.append(0, np.cumsum(np.repeat(kept.sum(axis=1), m)))
-    plain = csr_array((value, column, ends), shape=(m * batch.n, len(free.scalars)))
-    return batch.whitening_matrix() @ plain
+    columns = columns.repeat(m, axis=0)
+    kept = (columns >= 0) & batch.active.repeat(m)[:, None]
+    value = raw[m:].reshape(m, u, batch.n).transpose(2, 0, 1).reshape(-1, u)[kept]
+    ends = np.append(0, kept.sum(axis=1).cumsum())
+    plain = csr_array((value, columns[kept], ends), shape=(m * batch.n, len(free.scalars)))
+    whitening = batch.whitening_matrix()
+    return whitening @ plain, whitening @ raw[:m].T.ravel()
+
+
+def are_few(rows: csr_array) -> bool:
+    """Whether rows (n, n_free) and their normal matrix are small as dense ones."""
+    return bool(max(rows.shape) * rows.shape[1] <= FEW)
 
 
 def add_cluster(
@@ -66,6 +81,11 @@ def add_cluster(
         values: its values.
         gradient: (n_free,).
     """
+    if are_few(rows):
+        dense = rows.toarray()
+        values += (dense.T @ dense)[pattern.indices, pattern.columns()]
+        gradient += residuals @ dense
+        return float(residuals @ residuals)
     transposed = rows.T.tocsr()
     product = transposed @ rows
     row = np.repeat(np.arange(pattern.n), np.diff(product.indptr))

@@ -357,10 +357,8 @@ class NormalEquations:
         """Adds the observations that are correlated with one another."""
         for batch in self.batches:
             if batch.clusters is not None:
-                raw = jacobian_rows(self.table, batch)
-                rows = whitened_rows(self.table, self.free, batch, raw)
-                misfits = batch.whitening_matrix() @ raw[: batch.shape.n_residuals].T.ravel()
-                squares[batch.group] += add_cluster(rows, misfits, self.pattern, values, gradient)
+                rows = whitened_rows(self.table, self.free, batch, jacobian_rows(self.table, batch))
+                squares[batch.group] += add_cluster(*rows, self.pattern, values, gradient)
 
     def _add_viscosities(self, values: FloatArray) -> None:
         """Adds the weights of a pull to the current values: to the diagonal only."""

@@ -10,7 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
-from obseq.leastsquares.assembly.clusters import whitened_rows
+from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
 from obseq.leastsquares.assembly.evaluation import batch_arrays, whitened_residual_rows
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, Span, SparseInverse
 from obseq.leastsquares.problem.batches import padded_length
@@ -100,7 +100,7 @@ class FinalState:
     def cluster_rows(self, batch: Batch) -> csr_array:
         """(n n_residuals, n_free) whitened rows of observations that are correlated with one another."""
         raw = self._raw_rows(batch, slice(0, batch.n))
-        return whitened_rows(self.equations.table, self.equations.free, batch, raw)
+        return whitened_rows(self.equations.table, self.equations.free, batch, raw)[0]
 
     def _cluster_leverages(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) a Q a' of the whitened rows, whose unknowns are all joined in the pattern."""
@@ -112,6 +112,9 @@ class FinalState:
     def cluster_cofactors(self, rows: csr_array, members: IntArray) -> FloatArray:
         """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size."""
         pattern, count = self.equations.pattern, members.shape[1]
+        if are_few(rows):
+            dense = rows.toarray()[members]
+            return np.asarray(dense @ pattern.dense(self.cofactors.values) @ dense.swapaxes(1, 2))
         keys = pattern.columns() * pattern.n + pattern.indices
         result = np.empty((len(members), count, count))
         for k, cluster in enumerate(members):
