@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 FEW = 20_000
-"""Entries of a matrix up to which it is multiplied as a dense one: asking for sparse products takes longer."""
+"""Entries of a matrix up to which it is multiplied as a dense one: sparse products take longer to begin."""
 
 
 def cluster_keys(batches: Sequence[Batch], live: BoolArray, n: int) -> Iterator[IntArray]:

@@ -174,9 +174,11 @@ def _addresses(
         top = matrix.indptr[column]
         position[among] = top + offsets[among]
         height[among] = 2 * (matrix.indptr[column + 1] - top) + (pairs.rows < pairs.columns)[among]
-    own = np.append(places.diagonal, 0).astype(np.uint32)
-    own[own == 0] = places.spare
-    return _Addresses(position, height, own, not places.diagonal.all())
+    own = np.empty(len(places.diagonal) + 1, dtype=np.uint32)
+    own[:-1], own[-1] = places.diagonal, 0
+    none = own == 0
+    own[none] = places.spare
+    return _Addresses(position, height, own, bool(np.count_nonzero(none) > 1))
 
 
 def _pattern(

@@ -74,17 +74,18 @@ class UnknownTable:
 
     def of_manifolds(self) -> Iterator[tuple[Manifold, IntArray]]:
         """Each kind with its blocks."""
+        kinds = self._kind.view
         for number, manifold in enumerate(self.manifolds):
-            yield manifold, np.flatnonzero(self._kind.view == number)
+            yield manifold, (kinds == number).nonzero()[0]
 
     @property
     def curved(self) -> list[CurvedBlocks]:
         """The blocks of each curved kind that there are any of."""
         n, found = self._curved
         if n != len(self):
-            found = [
-                self._places(*kind) for kind in self.of_manifolds() if len(kind[1]) and not kind[0].is_flat
-            ]
+            kinds, every = self._kind.view, enumerate(self.manifolds)
+            curved = [(kind, (kinds == number).nonzero()[0]) for number, kind in every if not kind.is_flat]
+            found = [self._places(kind, ids) for kind, ids in curved if len(ids)]
             self._curved = len(self), found
         return found
 
@@ -159,6 +160,9 @@ class UnknownTable:
 
     def _kind_of(self, manifold: Manifold) -> int:
         """The number of a kind, which is added when it is new."""
+        for number, known in enumerate(self.manifolds):
+            if known is manifold:  # to compare all that is said of them takes ten times as long
+                return number
         if manifold not in self.manifolds:
             if any(manifold.label.upper() == known.label.upper() for known in self.manifolds):
                 raise InputError(f"another kind of unknown is called {manifold.label!r} already")
