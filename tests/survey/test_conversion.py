@@ -101,10 +101,11 @@ def test_adjusted_coordinates_become_a_point_file(tmp_path, gkf):
     assert float(rows[2]["x"]) == points.coordinates[2, 0]
 
 
-@pytest.fixture
-def demo(tmp_path):
-    assert main(["demo", "--out", str(tmp_path / "demo")]) == 0
-    return tmp_path / "demo" / "adjustment.json"
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    assert main(["demo", "--out", str(folder)]) == 0
+    return folder / "adjustment.json"
 
 
 def test_geojson_is_longitude_latitude_and_counter_clockwise(tmp_path, demo):
