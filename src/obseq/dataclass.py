@@ -36,6 +36,7 @@ else:
 
 
 def _defined(cls: type, frozen: bool, eq: bool) -> type:
+    cls.__doc__ = cls.__doc__ or cls.__name__  # or else the standard library asks `inspect` for a signature
     dataclasses.dataclass(cls, init=False, repr=False, eq=False)
     methods: dict[str, Value] = {"__init__": _filling(cls), "__repr__": _shown, "__signature__": _Signature()}
     if eq:

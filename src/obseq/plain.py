@@ -15,6 +15,7 @@ from dataclasses import MISSING
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class _WrongValueError(Exception):
         self.path = path
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Layout:
     """The fields of a class: their keys, whether they must be there, how they are read."""
 
