@@ -11,7 +11,6 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,21 +65,23 @@ class Traverse:
         self.stations = stations
         self.surest = [math.inf] * len(graph.origins)
         self.first_open = 0
-        self.queue: list[tuple[float, int, int, Callable[[], Link]]] = []
+        self.queue: list[tuple[float, int, int, Callable[..., Link], tuple[object, ...]]] = []
         self.count = itertools.count()
 
     def next(self, limit: float) -> tuple[int, Link] | None:
         """The surest link to a station that is not oriented; None when none is as sure as the limit (rad)."""
         while self.queue and self.queue[0][0] <= limit:
-            _, station, _, make = heapq.heappop(self.queue)
+            azimuth_sigma, station, _, make, arguments = heapq.heappop(self.queue)
             if self.known.station_steps[station] is None:
-                return station, make()
+                return station, make(self, azimuth_sigma, *arguments)
         return None
 
-    def _push(self, station: int, azimuth_sigma: float, make: Callable[[], Link]) -> None:
+    def _push(
+        self, station: int, azimuth_sigma: float, make: Callable[..., Link], *arguments: object
+    ) -> None:
         """Adds the surest link of a station; links are made only when it is their turn."""
         self.surest[station] = azimuth_sigma
-        heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make))
+        heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make, arguments))
 
     def _is_open(self, station: int) -> bool:
         is_plumb = self.graph.orientations[station] == Orientation.VERT
@@ -111,9 +112,9 @@ class Traverse:
             return
         azimuth_sigma = _azimuth_sigma(graph, number, moved, distance)
         if azimuth_sigma < surest:
-            self._push(station, azimuth_sigma, partial(self._azimuth_link, number, position, azimuth_sigma))
+            self._push(station, azimuth_sigma, Traverse._azimuth_link, number, position)
 
-    def _azimuth_link(self, number: int, position: Space, azimuth_sigma: float) -> Link:
+    def _azimuth_link(self, azimuth_sigma: float, number: int, position: Space) -> Link:
         step = Step("azimuth of a known point", self.graph.reading_rows(number))
         return Link(None, ((number, position),), azimuth_sigma, 0.0, None, step)
 
@@ -128,7 +129,7 @@ class Traverse:
             if steps[other] is None and (self.stations is None or other in self.stations):
                 total = math.hypot(least, azimuth_sigma)
                 if total < surest[other]:
-                    self._push(other, total, partial(self._link, station, ways, way, total))
+                    self._push(other, total, Traverse._link, station, ways, way)
 
     def _is_one_open(self) -> bool:
         """Whether there is a station that links may still orient."""
@@ -144,7 +145,7 @@ class Traverse:
         vertical = np.array(self.known.vertical_of(self.graph.origins[station]))
         return find_ways(self.graph, Views.of(self.graph, [station]).turned(vertical @ np.array(rotation)))
 
-    def _link(self, station: int, ways: Ways, way: int, total: float) -> Link:
+    def _link(self, azimuth_sigma: float, station: int, ways: Ways, way: int) -> Link:
         """A link by a way, in the frame."""
         targets, cause = [], []
         for number, view in zip(ways.sights[way].tolist(), ways.seen[way].tolist(), strict=True):
@@ -154,7 +155,7 @@ class Traverse:
         return Link(
             self._in_frame(station, ways.positions[way].tolist()),
             tuple(targets),
-            total,
+            azimuth_sigma,
             ways.relative_sigmas.item(way),
             station,
             tuple(number for number in cause if number >= 0),
