@@ -12,7 +12,12 @@ from obseq.survey.screening.findings import Cause
 
 @pytest.mark.parametrize(
     ("mistake", "seed"),
-    [("mistyped_coordinate", 10), ("exchanged_known_points", 17), ("station_in_degrees", 3)],
+    [
+        ("mistyped_coordinate", 10),
+        ("exchanged_known_points", 17),
+        ("station_in_degrees", 3),
+        ("station_anticlockwise", 2),
+    ],
 )
 def test_a_wrong_point_and_a_wrong_set_up_are_named_first(planted, mistake, seed):
     count = planted.counted(getattr(planted, mistake), range(seed, seed + 1), planted.LARGE)

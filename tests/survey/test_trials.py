@@ -33,6 +33,17 @@ def test_contradictions_and_what_is_lost_make_the_disagreement(planted, tmp_path
     assert found.disagreement(10.0) == pytest.approx(found.contradictions(10.0).sum() + 1.0)
 
 
+def test_noise_is_what_an_honest_network_contradicts(planted, tmp_path):
+    """So that causes of few observations explain them among thousands of good ones."""
+    site = planted.made_site(np.random.default_rng(4), planted.LARGE)
+    trials = of_network(site.read(tmp_path))
+    assert trials.before == pytest.approx(trials.found.noise, rel=0.2)
+    trials.before += 8.0
+    assert trials.explains(trials.found.noise + 0.2 * 8.0) and not trials.explains(
+        trials.found.noise + 0.5 * 8.0
+    )
+
+
 @pytest.fixture
 def tried(monkeypatch):
     """Points and observations that are tried, in vain."""

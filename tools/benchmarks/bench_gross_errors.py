@@ -161,6 +161,13 @@ def station_in_degrees(site: Site, random: Random) -> Planted:
     return Planted(frozenset({Cause.UNITS}), _scaled(site, rows, lambda v: v * 0.9))
 
 
+def station_anticlockwise(site: Site, random: Random) -> Planted:
+    """All directions of one station counted anticlockwise."""
+    name = site.obs[_some(_angles(site), random)[0]][1]
+    rows = [k for k in _angles(site, ("5", "7")) if site.obs[k][1] == name]
+    return Planted(frozenset({Cause.SENSE}), _scaled(site, rows, lambda v: 400.0 - v))
+
+
 def all_elevations(site: Site, random: Random) -> Planted:
     """Elevations instead of zenith angles."""
     return Planted(frozenset({Cause.ELEVATION}), _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v))
@@ -298,6 +305,7 @@ def mistyped_coordinate(site: Site, random: Random) -> Planted:
 MISTAKES: tuple[Callable[[Site, Random], Planted], ...] = (
     all_in_degrees,
     station_in_degrees,
+    station_anticlockwise,
     all_elevations,
     all_elevations_in_degrees,
     all_in_millimetres,

@@ -126,6 +126,12 @@ class Estimate:
         rows = np.flatnonzero(self.ratios > self.limit)
         return np.asarray(rows[np.argsort(-self.ratios[rows], kind="stable")])
 
+    @property
+    def noise(self) -> float:
+        """What the noise of good observations adds to the contradictions, these being counted softly."""
+        count = np.count_nonzero(np.isfinite(self.misfits))
+        return max(self.control, 0.0) * float(count) * (self.scale / GROSS) ** 2
+
     def disagreement(self, limit: float) -> float:
         """How many observations contradict the others, counted softly, or cannot be compared."""
         lost = np.count_nonzero(np.isnan(self.misfits) & self.book.observations.active)

@@ -58,6 +58,11 @@ class Trials:
         return at_start + lost(self.found.book, self.found.start)
 
     @property
+    def _most_left(self) -> float:
+        """Contradictions that may remain: all that noise makes, and a share of the others."""
+        return self.found.noise + REMAINS * (self.before - self.found.noise)
+
+    @property
     def most(self) -> int:
         """How many groups are tried, and how many mistakes of known points."""
         affordable = _MOST_WORK // max(len(self.found.book.observations), 1)
@@ -94,7 +99,7 @@ class Trials:
 
     def explaining(self, points: Points, book: FieldBook, start: Determined | None = None) -> Estimate | None:
         """The network with points or observations put right, where that explains it; None else."""
-        corrected = self.tried(points, book, start, most_lost=REMAINS * self.before)
+        corrected = self.tried(points, book, start, most_lost=self._most_left)
         explains = corrected is not None and self.explains(corrected.disagreement(GROSS))
         return corrected if explains else None
 
@@ -104,7 +109,8 @@ class Trials:
 
     def explains(self, left: float) -> bool:
         """Whether a cause that leaves so many contradictions explains the network."""
-        return left <= REMAINS * self.before and self.before - left >= min(1.5, 0.65 * self.before)
+        beyond_noise = self.before - self.found.noise
+        return left <= self._most_left and self.before - left >= min(1.5, 0.65 * beyond_noise)
 
     def is_more_than_scaled(self, corrected: Estimate, factor: float) -> bool:
         """Whether misfits became smaller by more than a factor makes everything smaller: a loop's as well.
