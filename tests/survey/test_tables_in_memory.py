@@ -7,6 +7,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.survey import Network, network_from_tables
+from obseq.survey.model import Orientation
 
 POINTS = {
     "name": ["PtA", "PtB", "PtC", "PtD"],
@@ -106,3 +107,62 @@ def test_instruments_are_named_in_a_column() -> None:
     names = ["TS 15"] * 6 + [None] * 6
     book = made(observations={"instrument": names}).book
     assert [book.groups[k].name if k >= 0 else None for k in book.observations.groups] == names
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "said"),
+    [
+        ("value", None, r"row 2 \(PtA -> PtB\): the value is missing"),
+        ("value", float("nan"), r"row 2 \(PtA -> PtB\): the value is missing"),
+        ("sigma", float("nan"), r"row 2 \(PtA -> PtB\): the sigma is missing"),
+        ("value", float("inf"), "row 2: value is inf, not a finite number"),
+        ("value", 4000.0, r"row 2 \(PtA -> PtB\): the zenith angle is beyond one turn"),
+        ("to", None, "row 2: to is empty"),
+        ("to", "PtA", "it needs two different points"),
+    ],
+)
+def test_cells_that_must_hold_something_are_named(column, cell, said):
+    table = observations()
+    table[column][1] = cell
+    with pytest.raises(InputError, match=said):
+        made(observations=table)
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "said"),
+    [
+        ("x", [np.nan, 657710.0, 657710.0, 657700.0], r"row 1 \(PtA\): a coordinate that is not given has a"),
+        ("name", ["PtA", None, "PtC", "PtD"], "row 2: name is empty"),
+        ("sz", [np.inf, None, None, 0.001], "row 1: sz is inf, not a finite number"),
+    ],
+)
+def test_points_that_say_too_little_are_named(column, cells, said):
+    with pytest.raises(InputError, match=said):
+        made(**{column: cells})
+
+
+def test_rows_are_switched_off_by_numbers_and_by_words():
+    switches = [0, "0", "no", False, 1, "1", "yes", True, None, float("nan"), "", 1.0]
+    rows = made(observations={"active": switches}).book.observations
+    assert rows.active.tolist() == [False] * 4 + [True] * 8
+    with pytest.raises(InputError, match=r"row 1 \(PtA -> PtB\): active is 'off'; 1 or 0 is needed"):
+        made(observations={"active": ["off"] + [1] * 11})
+
+
+def test_set_ups_of_one_point_with_different_orientations_are_different():
+    names = ["FIX"] * 3 + ["VERT"] * 9
+    stations = made(observations={"orientation": names}).book.stations
+    assert len(stations.origins) == 3
+
+
+def test_an_azimuth_needs_no_orientation():
+    table = observations()
+    table = {
+        name: [*cells, *more]
+        for (name, cells), more in zip(
+            table.items(), (["Azim"], ["PtA"], ["PtC"], [50.0], [0.001]), strict=True
+        )
+    }
+    book = made(observations=table).book
+    kinds = [int(book.stations.orientations[k]) for k in book.observations.stations[[0, 12]]]
+    assert kinds == [int(Orientation.VERT), int(Orientation.FIX)]

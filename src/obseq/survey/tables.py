@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.survey.files.columns import Columns, Measure
-from obseq.survey.files.table import CLUSTERED
+from obseq.survey.files.table import CLUSTERED, OFF
 from obseq.survey.files.table_clusters import Clusters, Member
 from obseq.survey.files.table_reader import BARYCENTRES, TYPES
 from obseq.survey.model import FieldBook, Orientation, Points, make_points
@@ -54,21 +54,27 @@ _KINDS = {kind.name: kind for kind in TYPES.values() if kind not in BARYCENTRES}
 def points_of(table: Table) -> Points:
     """Points from a table: `name`, `x`, `y`, `z`, and `sx`, `sy`, `sz` of known coordinates.
 
-    A missing or empty sigma means a free coordinate, 0 one that is held; a missing coordinate is computed
-    from the observations. Metres, or the units of the system of the points.
+    A missing or empty sigma (None, NaN, "") means a free coordinate, 0 one that is held; a missing coordinate
+    is computed from the observations. Metres, or the units of the system of the points.
 
     Raises:
-        InputError: A column is missing or not known, or a value is no number.
+        InputError: A column is missing or not known, a name is empty, a value is no finite number, or a
+            coordinate that is not given has a sigma.
     """
     columns = _columns("points", table, POINT_COLUMNS, ("name",))
     n = len(columns["name"])
     numbers = {name: _numbers("points", name, columns.get(name), n, math.nan) for name in POINT_COLUMNS[1:]}
     coordinates = np.column_stack([numbers[name] for name in "xyz"])
     sigmas = np.column_stack([numbers[f"s{name}"] for name in "xyz"])
-    if (sigmas < 0.0).any():
-        row = int(np.flatnonzero((sigmas < 0.0).any(axis=1))[0])
-        raise InputError(f"points, row {row + 1} ({columns['name'][row]}): a sigma is negative")
-    return make_points([str(name) for name in columns["name"]], coordinates, sigmas)
+    names = [_name("points", row, "name", cell) for row, cell in enumerate(columns["name"])]
+    for is_wrong, problem in (
+        (sigmas < 0.0, "a sigma is negative"),
+        (np.isnan(coordinates) & ~np.isnan(sigmas), "a coordinate that is not given has a sigma"),
+    ):
+        if is_wrong.any():
+            row = int(is_wrong.any(axis=1).argmax())
+            raise InputError(f"points, row {row + 1} ({names[row]}): {problem}")
+    return make_points(names, coordinates, sigmas)
 
 
 def observations_of(table: Table, angles: str = "rad") -> FieldBook:
@@ -77,9 +83,9 @@ def observations_of(table: Table, angles: str = "rad") -> FieldBook:
     Columns: `type` (`Hz`, `Zen`, `Dist`, `DH`...: `obseq.survey.KINDS`), `from`, `to`, `value`, `sigma`; and
     where they are needed `setup` (what tells set-ups of one point apart), `orientation` of the set-up
     (`VERT`, the default, `FIX`, `BASC`), `instrument` (a name, for unknowns of its own), `relative_sigma`,
-    `from_height`, `to_height`, `backsight`, `active`. Correlated rows
-    have the same `cluster`, and `covariances` (or `correlations`): numbers, one for each row of the cluster
-    before, in a list or with blanks between them.
+    `from_height`, `to_height`, `backsight`, `active` (1 or 0). Correlated rows have the same `cluster`, and
+    `covariances` (or `correlations`): numbers, one for each row of the cluster before, in a list or with
+    blanks between them. No cell of the first five columns is empty.
 
     Args:
         table: The columns.
@@ -103,7 +109,7 @@ class _Book:
         self._n = len(columns["type"])
         self._book = Columns()
         self._book.files.append(FILE)
-        self._setups: dict[tuple[str, Cell], int] = {}
+        self._setups: dict[tuple[int, Cell, Orientation, bool], int] = {}
         self._clusters = Clusters()
 
     def filled(self) -> FieldBook:
@@ -117,24 +123,32 @@ class _Book:
     def _measures(self) -> Iterator[Measure]:
         names = ("value", "sigma", "relative_sigma", "from_height", "to_height")
         numbers = {name: _numbers(FILE, name, self._given.get(name), self._n, 0.0) for name in names}
-        active = self._given.get("active") or [True] * self._n
         for row in range(self._n):
-            kind = self._kind(row)
+            kind, is_active = self._kind(row), self._is_active(row)
             factor = self._unit if kind.is_angle else 1.0
+            for name in names[:2]:
+                if not self._has(row, name):
+                    raise InputError(f"{self._place(row)}: the {name} is missing")
             value, sigma, relative, from_height, to_height = (float(numbers[name][row]) for name in names)
             if not (sigma > 0.0 or (sigma == 0.0 and relative > 0.0)):
                 raise InputError(f"{self._place(row)}: the sigma {sigma:g} is not positive")
+            problem = kind.problem(factor * value) if is_active else None
+            if problem is not None:
+                raise InputError(f"{self._place(row)}: the {kind.words} {problem}; correct it, or active 0")
+            origin, target = self._point(row, "from"), self._point(row, "to")
+            if origin == target and not kind.is_absolute:
+                raise InputError(f"{self._place(row)}: {kind.words}: it needs two different points")
             yield Measure(
                 kind=kind,
-                origin=self._point(row, "from"),
-                target=self._point(row, "to"),
+                origin=origin,
+                target=target,
                 value=factor * value,
                 sigma=factor * sigma,
-                is_active=bool(active[row]),
+                is_active=is_active,
                 relative=relative,
                 from_height=from_height,
                 to_height=to_height,
-                station=self._station(row) if kind.needs_station else -1,
+                station=self._station(row, kind) if kind.needs_station else -1,
                 group=self._book.instrument(str(self._given["instrument"][row]))
                 if self._has(row, "instrument")
                 else -1,
@@ -172,21 +186,41 @@ class _Book:
     def _has(self, row: int, name: str) -> bool:
         return name in self._given and not _is_empty(self._given[name][row])
 
+    def _is_active(self, row: int) -> bool:
+        """Whether a row is not switched off: by 1 and 0, True and False, or their words; nothing means 1."""
+        if not self._has(row, "active"):
+            return True
+        cell = self._given["active"][row]
+        word = (cell if isinstance(cell, str) else f"{cell:g}").strip().lower()
+        if word not in OFF:
+            raise InputError(f"{self._place(row)}: active is {cell!r}; 1 or 0 is needed")
+        return OFF[word]
+
     def _point(self, row: int, name: str) -> int:
-        text = str(self._given[name][row])
+        text = _name(FILE, row, name, self._given[name][row])
         return self._book.names.setdefault(text, len(self._book.names))
 
-    def _station(self, row: int) -> int:
-        """The set-up of an observation: one for each point and each entry of `setup`."""
-        key = (str(self._given["from"][row]), self._given["setup"][row] if self._has(row, "setup") else None)
+    def _station(self, row: int, kind: ObservationKind) -> int:
+        """The set-up of an observation: one for each point, entry of `setup` and orientation."""
+        origin, setup = (
+            self._point(row, "from"),
+            self._given["setup"][row] if self._has(row, "setup") else None,
+        )
+        orientation = self._orientation(row, kind)
+        key = (origin, setup, orientation, kind.is_from_north)
         if key not in self._setups:
-            word = str(self._given["orientation"][row]) if self._has(row, "orientation") else "VERT"
-            name = word.removeprefix("#").upper()
-            if name not in Orientation.__members__:
-                known = ", ".join(Orientation.__members__)
-                raise InputError(f"{self._place(row)}: unknown orientation {word!r}; known: {known}")
-            self._setups[key] = self._book.open_station(self._point(row, "from"), Orientation[name])
+            self._setups[key] = self._book.open_station(origin, orientation)
         return self._setups[key]
+
+    def _orientation(self, row: int, kind: ObservationKind) -> Orientation:
+        if not self._has(row, "orientation"):
+            return Orientation.FIX if kind.is_from_north else Orientation.VERT
+        word = str(self._given["orientation"][row])
+        name = word.removeprefix("#").upper()
+        if name not in Orientation.__members__:
+            known = ", ".join(Orientation.__members__)
+            raise InputError(f"{self._place(row)}: unknown orientation {word!r}; known: {known}")
+        return Orientation[name]
 
 
 def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str]) -> dict[str, list[Cell]]:
@@ -214,7 +248,16 @@ def _numbers(
             found[row] = empty if _is_empty(value) else float(value)
         except (TypeError, ValueError):
             raise InputError(f"{what}, row {row + 1}: {name} is {value!r}, not a number") from None
+        if math.isinf(found[row]):
+            raise InputError(f"{what}, row {row + 1}: {name} is {value!r}, not a finite number")
     return found
+
+
+def _name(what: str, row: int, column: str, cell: Cell) -> str:
+    """The name of a point."""
+    if _is_empty(cell):
+        raise InputError(f"{what}, row {row + 1}: {column} is empty; the name of a point is needed")
+    return str(cell)
 
 
 def _is_empty(value: Cell) -> bool:
