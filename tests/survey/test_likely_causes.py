@@ -8,8 +8,11 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.survey import Network
+from obseq.survey.kinds.directions import HZ
 from obseq.survey.screening import ambiguous
+from obseq.survey.screening.alternatives import Alternative
 from obseq.survey.screening.findings import Cause
+from obseq.survey.screening.robust import estimate
 
 HEIGHTS = {"BM1": 100.0, "BM2": 112.345, "A": 103.2111, "B": 105.4822, "C": 108.7733}
 HEIGHTS |= {"D": 99.1244, "E": 101.9355, "F": 110.6466, "G": 107.3577, "H": 104.8688}
@@ -91,6 +94,18 @@ def test_what_else_could_be_wrong_is_not_asked_in_a_large_network(tmp_path, monk
     monkeypatch.setattr(ambiguous, "_MOST_WORK", 3)
     (error,) = levelled(tmp_path, LOOP, marks("BM1"), lambda line, rise: rise + 0.3 * (line == "B-C"))
     assert not error.is_one and len(error.rows) == 1
+
+
+def test_an_angle_is_off_by_half_a_turn_at_most(planted, tmp_path, monkeypatch):
+    """What is linear in an error says more of a large one."""
+    work = planted.made_site(np.random.default_rng(1)).read(tmp_path).fieldwork
+    found = estimate(work.model(), work.points, work.book)
+    rows = np.flatnonzero(work.book.observations.types == HZ.code)[:2].tolist()
+    monkeypatch.setattr(
+        ambiguous, "alternatives", lambda *_: [Alternative(row, -1, -1, 7.0, 1e-5) for row in rows]
+    )
+    (error,), _ = ambiguous.Ambiguity(work.point_system, found).errors(work.model(), rows[:1])
+    assert f"it is {(7.0 - 2.0 * np.pi) * 200.0 / np.pi:.5f} gon off" in error.text
 
 
 def directions(site, setup):

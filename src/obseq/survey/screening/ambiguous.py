@@ -10,7 +10,7 @@ from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
 from obseq.survey.screening.findings import Cause, GrossError, coordinates_told, gap_of
-from obseq.survey.screening.values import COORDINATE, Explanation, explain
+from obseq.survey.screening.values import COORDINATE, Explanation, difference, explain
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
@@ -103,8 +103,9 @@ class Ambiguity:
     def _values(self, one: Alternative) -> tuple[float, float, float]:
         """The value as read, what would fit (m, rad, or the unit of the points), and what one unit is."""
         if one.row >= 0:
-            value = float(self.found.book.observations.values[one.row])
-            return value, value - one.off, 1.0
+            observations = self.found.book.observations
+            value, kind = float(observations.values[one.row]), BY_CODE[int(observations.types[one.row])]
+            return value, value - difference(kind, one.off, 0.0), 1.0
         here = self.found.points.coordinates[[one.point]]
         given = float(self.system.coordinates(here)[0, one.component])
         unit = float(self.system.axes(here)[1][0, one.component])
