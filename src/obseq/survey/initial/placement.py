@@ -257,7 +257,7 @@ class Placement:
         for point in located:
             for station in graph.stations_at[point]:
                 if steps[station] is None:
-                    found[station] = graph.sights_from[station]
+                    found[station] = list(graph.sights_from[station])
         if self.allowed is None:
             return found
         return {station: numbers for station, numbers in found.items() if station in self.allowed}

@@ -59,12 +59,12 @@ def decimals(column: FloatArray) -> array[float]:
     return array("d", column.tobytes())
 
 
-def _numbers_by(groups: Iterable[int], n: int) -> list[list[int]]:
+def _numbers_by(groups: Iterable[int], n: int) -> list[tuple[int, ...]]:
     """Of each of n groups, the numbers of its members."""
     found: list[list[int]] = [[] for _ in range(n)]
     for number, group in enumerate(groups):
         found[group].append(number)
-    return found
+    return list(map(tuple, found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +141,17 @@ class SightGraph:
         return decimals(self.sights.shift_sigmas)
 
     @cached_property
-    def sights_from(self) -> list[list[int]]:
+    def sights_from(self) -> list[tuple[int, ...]]:
         """Sights of each station."""
         return _numbers_by(self.station_of, len(self.origins))
 
     @cached_property
-    def sights_to(self) -> list[list[int]]:
+    def sights_to(self) -> list[tuple[int, ...]]:
         """Sights to each point."""
         return _numbers_by(self.target_of, self.n_points)
 
     @cached_property
-    def stations_at(self) -> list[list[int]]:
+    def stations_at(self) -> list[tuple[int, ...]]:
         """Stations on each point."""
         return _numbers_by(self.origins, self.n_points)
 
