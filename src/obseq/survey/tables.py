@@ -16,7 +16,7 @@ from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.table import CLUSTERED, OFF
 from obseq.survey.files.table_clusters import Clusters, Member
 from obseq.survey.files.table_reader import BARYCENTRES, TYPES
-from obseq.survey.model import FieldBook, Orientation, Points, make_points
+from obseq.survey.model import FieldBook, Orientation, Points, points_of_lines
 
 if TYPE_CHECKING:
     from obseq.survey.kinds.kind import ObservationKind
@@ -45,8 +45,8 @@ OBSERVATION_COLUMNS = (
     *CLUSTERED,
     "active",
 )
-FILE = "observations"
-"""What messages call the table of observations: its rows count from 1, as lines do."""
+POINTS, FILE = "points", "observations"
+"""What messages call the tables: their rows count from 1, as lines do."""
 
 _KINDS = {kind.name: kind for kind in TYPES.values() if kind not in BARYCENTRES}
 
@@ -61,20 +61,21 @@ def points_of(table: Table) -> Points:
         InputError: A column is missing or not known, a name is empty, a value is no finite number, or a
             coordinate that is not given has a sigma.
     """
-    columns = _columns("points", table, POINT_COLUMNS, ("name",))
+    columns = _columns(POINTS, table, POINT_COLUMNS, ("name",))
     n = len(columns["name"])
-    numbers = {name: _numbers("points", name, columns.get(name), n, math.nan) for name in POINT_COLUMNS[1:]}
+    numbers = {name: _numbers(POINTS, name, columns.get(name), n, math.nan) for name in POINT_COLUMNS[1:]}
     coordinates = np.column_stack([numbers[name] for name in "xyz"])
     sigmas = np.column_stack([numbers[f"s{name}"] for name in "xyz"])
-    names = [_name("points", row, "name", cell) for row, cell in enumerate(columns["name"])]
+    names = [_name(POINTS, row, "name", cell) for row, cell in enumerate(columns["name"])]
     for is_wrong, problem in (
         (sigmas < 0.0, "a sigma is negative"),
         (np.isnan(coordinates) & ~np.isnan(sigmas), "a coordinate that is not given has a sigma"),
     ):
         if is_wrong.any():
             row = int(is_wrong.any(axis=1).argmax())
-            raise InputError(f"points, row {row + 1} ({names[row]}): {problem}")
-    return make_points(names, coordinates, sigmas)
+            raise InputError(f"{POINTS}, row {row + 1} ({names[row]}): {problem}")
+    lines = {name: row + 1 for row, name in enumerate(names)}
+    return points_of_lines(names, coordinates, sigmas, POINTS, lines)
 
 
 def observations_of(table: Table, angles: str = "rad") -> FieldBook:

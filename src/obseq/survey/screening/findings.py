@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -66,6 +67,16 @@ class GrossError:
         is_one = self.is_one or len(self.points) == 1 or (not self.points and len(self.rows) == 1)
         verb = "contradicts" if is_one else "contradict"
         return f"{self.what} {verb} the other observations ({self.size:.3g} sigmas): {self.text}"
+
+
+def any_of(errors: list[GrossError]) -> GrossError:
+    """One error, or one of several that nothing tells apart."""
+    if len(errors) == 1:
+        return errors[0]
+    first, *others = errors
+    text = "; or ".join([first.text, *(f"{one.what}: {one.text}" for one in others)])
+    rows = tuple(dict.fromkeys(row for one in errors for row in one.rows))
+    return replace(first, text=f"{text}; nothing tells these apart", rows=rows)
 
 
 def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:

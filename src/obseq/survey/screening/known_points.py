@@ -15,14 +15,14 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.screening.findings import Cause, GrossError, coordinates_told
+from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
 from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import COORDINATE, FEET, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import Points
     from obseq.survey.screening.trials import Trials
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _MOST_POINTS = 8
-_LEAST_OBSERVATIONS = 4
 _ASTRAY = 100.0
 """How many times farther from the others a point is not when it is put right."""
 _NEAR = 0.05
@@ -48,9 +47,19 @@ class _Trial:
 
 def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """The wrong known point that explains most contradictions, with the network without it."""
+    return _cause(trials, system, list(_trials(system, trials.found)))
+
+
+def known_height_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
+    """The same, of a network in which nothing but heights is sought."""
+    return _cause(trials, system, list(_unknown(trials.found, of_plan=False)))
+
+
+def _cause(
+    trials: Trials, system: PointSystem, all_trials: list[_Trial]
+) -> tuple[GrossError, Estimate] | None:
     found = trials.found
     best: tuple[float, _Trial, Estimate] | None = None
-    all_trials = list(_trials(system, found))
     if len(all_trials) > trials.most:
         trials.untried.append(f"{len(all_trials) - trials.most} more mistakes of known points")
     for trial in all_trials[: trials.most]:
@@ -64,7 +73,28 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
             break
     if best is None:
         return None
-    return _described(system, found, best[1], best[2]), best[2]
+    equal = _as_good(trials, best, all_trials)
+    told = [(*_described(system, found, trial, there), there) for trial, there in equal]
+    likely = [one for one in told if one[1]] or told
+    return any_of([error for error, *_ in likely]), likely[0][2]
+
+
+def _as_good(
+    trials: Trials, best: tuple[float, _Trial, Estimate], all_trials: list[_Trial]
+) -> list[tuple[_Trial, Estimate]]:
+    """The best trial, and that of the other known point where there are two: it may explain as much."""
+    left, trial, corrected = best
+    equal = [(trial, corrected)]
+    if trial.cause is not Cause.MISTYPED:
+        return equal
+    points, sought = trials.found.points, _sought(trials.found.points, trial.rows[0])
+    known = np.flatnonzero(~points.is_free[:, sought].any(axis=1)).tolist()
+    for other in all_trials:
+        if len(known) == 2 and other.cause is trial.cause and other is not trial and other.rows[0] in known:
+            found = trials.explaining(other.points, trials.found.book)
+            if found is not None and found.disagreement(GROSS) < left + 0.3:
+                equal.append((other, found))
+    return equal
 
 
 def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
@@ -80,10 +110,16 @@ def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
         coordinates[[a, b]] = coordinates[[b, a]]
         text = "the coordinates of these two points are exchanged, or their names"
         yield _Trial(Cause.SWAPPED_NAMES, text, replace(found.points, coordinates=coordinates), (a, b))
+    yield from _unknown(found, of_plan=True)
+
+
+def _unknown(found: Estimate, of_plan: bool) -> Iterator[_Trial]:
+    """Known points taken as unknown, in a network that seeks places in plan, or in one that does not."""
     counts = _observation_counts(found)
-    for row in candidates:
-        if counts[row] >= _LEAST_OBSERVATIONS:
-            yield _Trial(Cause.MISTYPED, "", _without(found.points, row), (row,))
+    for row in _candidates(found):
+        sought = _sought(found.points, row)
+        if sought[0] == of_plan and counts[row] > sought.sum():
+            yield _Trial(Cause.MISTYPED, "", _without(found.points, row, sought), (row,))
 
 
 def _swapped(system: PointSystem, points: Points, rows: Rows, who: str) -> Iterator[_Trial]:
@@ -144,14 +180,23 @@ def _observation_counts(found: Estimate) -> FloatArray:
     )
 
 
-def _without(points: Points, row: int) -> Points:
-    """The points with one of them unknown."""
+def _sought(points: Points, row: int) -> BoolArray:
+    """(3,) the coordinates that a point lacks when it is not known: in plan, in height, as other points."""
+    others = points.is_free[np.arange(len(points)) != row]
+    return np.repeat([others[:, :2].any(), others[:, 2].any()], (2, 1))
+
+
+def _without(points: Points, row: int, sought: BoolArray) -> Points:
+    """The points with some coordinates of one of them unknown."""
     coordinates, sigmas = points.coordinates.copy(), points.sigmas.copy()
-    coordinates[row] = sigmas[row] = np.nan
+    coordinates[row, sought] = sigmas[row, sought] = np.nan
     return replace(points, coordinates=coordinates, sigmas=sigmas)
 
 
-def _described(system: PointSystem, found: Estimate, trial: _Trial, corrected: Estimate) -> GrossError:
+def _described(
+    system: PointSystem, found: Estimate, trial: _Trial, corrected: Estimate
+) -> tuple[GrossError, bool]:
+    """What is wrong, and whether it is a usual slip."""
     points, rows = found.points, list(trial.rows)
     names = tuple(points.names[row] for row in rows)
     mine = np.isin(found.book.observations.from_points, rows) | np.isin(
@@ -159,16 +204,18 @@ def _described(system: PointSystem, found: Estimate, trial: _Trial, corrected: E
     )
     explains = np.flatnonzero(mine & (found.ratios > GROSS))
     size = float(found.ratios[explains].max(initial=0.0))
-    cause, text = trial.cause, trial.text
+    cause, text, is_slip = trial.cause, trial.text, True
     if cause is Cause.MISTYPED:
-        cause, text = _of_coordinates(system, found, rows[0], corrected)
+        cause, text, is_slip = _of_coordinates(system, found, rows[0], corrected)
     listed = [f"{points.names[row]} ({points.place(row)})" for row in rows[:6]]
     what = f"known point {' and '.join(listed)}" if len(rows) <= 2 else f"points {', '.join(listed)}"
-    return GrossError(what, cause, text, size, tuple(explains.tolist()), names)
+    return GrossError(what, cause, text, size, tuple(explains.tolist()), names), is_slip
 
 
-def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: Estimate) -> tuple[Cause, str]:
-    """What is wrong with the coordinates of a point that the observations place elsewhere."""
+def _of_coordinates(
+    system: PointSystem, found: Estimate, row: int, corrected: Estimate
+) -> tuple[Cause, str, bool]:
+    """What is wrong with the coordinates of a point that the observations place elsewhere; is it a slip?"""
     there = corrected.coordinates[row]
     known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
     for other in known.tolist():
@@ -176,6 +223,7 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
             return (
                 Cause.SWAPPED_NAMES,
                 f"the observations place it at {found.points.names[other]}: wrong name",
+                True,
             )
     given = system.coordinates(found.points.coordinates[[row]])[0]
     right = system.coordinates(there[None, :])[0]
@@ -188,6 +236,6 @@ def _of_coordinates(system: PointSystem, found: Estimate, row: int, corrected: E
         k = off[0]
         explanation = explain(COORDINATE, float(given[k]), float(right[k]), _NEAR)
         if explanation is not None:
-            return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}"
-        return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {gaps[k]}"
-    return Cause.MISTYPED, text
+            return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}", True
+        return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {gaps[k]}", False
+    return Cause.MISTYPED, text, False

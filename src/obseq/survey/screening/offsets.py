@@ -14,7 +14,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import codes_where
-from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
 from obseq.survey.screening.values import COORDINATE, explain
@@ -101,7 +101,7 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     least = min(left for left, _, _ in explaining)
     equal = [(one, corrected) for left, one, corrected in explaining if left <= least + _EQUAL]
     equal = [pair for pair in equal if not _is_odd(trials.found, pair[0])] or equal
-    return _any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
+    return any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
 
 
 def _once(offsets: Iterator[_Offset]) -> list[_Offset]:
@@ -118,16 +118,6 @@ def _is_odd(found: Estimate, one: _Offset) -> bool:
 def _heights(found: Estimate, what: What) -> FloatArray:
     observations = found.book.observations
     return observations.from_heights if what is What.INSTRUMENT else observations.to_heights
-
-
-def _any_of(errors: list[GrossError]) -> GrossError:
-    """One error, or one of several that nothing tells apart."""
-    if len(errors) == 1:
-        return errors[0]
-    first, *others = errors
-    text = "; or ".join([first.text, *(f"{one.what}: {one.text}" for one in others)])
-    rows = tuple(dict.fromkeys(row for one in errors for row in one.rows))
-    return replace(first, text=f"{text}; nothing tells these apart", rows=rows)
 
 
 def _offsets(found: Estimate) -> Iterator[_Offset]:

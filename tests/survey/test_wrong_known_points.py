@@ -1,0 +1,74 @@
+"""Wrong coordinates of known points where observations give no height, or nothing but heights."""
+
+import numpy as np
+import pytest
+
+from obseq.survey import network_from_tables
+
+RISES = [("A", "P", 1.5004), ("P", "Q", 1.6993), ("Q", "B", -1.2002), ("B", "R", -2.7003), ("R", "A", 0.7003)]
+RISES += [("P", "B", 0.5005), ("P", "R", -2.1995)]
+
+
+def levelling(height: float):
+    """Levels between two bench marks, of which B is 2,347.000 m high."""
+    points = {
+        "name": ["A", "B", "P", "Q", "R"],
+        "x": [0.0, 150.0, 100.0, 200.0, 50.0],
+        "y": [0.0, 150.0, 0.0, 50.0, 120.0],
+        "z": [2345.0, height, None, None, None],
+        "sx": [0.0] * 5,
+        "sy": [0.0] * 5,
+        "sz": [0.0, 0.001, None, None, None],
+    }
+    begin, end, values = zip(*RISES, strict=True)
+    rows = {"type": ["DH"] * 7, "from": begin, "to": end, "value": values, "sigma": [0.001] * 7}
+    return network_from_tables(points, rows)
+
+
+def plane(shift: float, seed: int = 3):
+    """Nine points of a grid, seen from their neighbours; all heights are 0, the known M11 is off in x."""
+    generator = np.random.default_rng(seed)
+    places = {f"M{i}{j}": (1000.0 + 150.0 * i, 5000.0 + 140.0 * j) for i in range(3) for j in range(3)}
+    places = {name: place + generator.uniform(-20.0, 20.0, 2) for name, place in places.items()}
+    known = {"M00", "M02", "M11", "M20", "M22"}
+    x, y = np.array(list(places.values())).T
+    points = {
+        "name": list(places),
+        "x": x + shift * (np.array(list(places)) == "M11"),
+        "y": y,
+        "z": [0.0] * 9,
+    }
+    points |= {axis: [0.002 if name in known else None for name in places] for axis in ("sx", "sy")}
+    points["sz"] = [0.0] * 9
+    rows = []
+    for station, here in places.items():
+        zero = generator.uniform(0.0, 400.0)
+        for target, there in places.items():
+            dx, dy = there - here
+            if 0.0 < np.hypot(dx, dy) < 230.0:
+                reading = (np.degrees(np.arctan2(dx, dy)) / 0.9 + zero) % 400.0
+                rows.append(("Hz", station, target, reading + generator.normal(0.0, 0.001), 0.001))
+                length = np.hypot(dx, dy) + generator.normal(0.0, 0.002)
+                rows.append(("DistHz", station, target, length, 0.002))
+    names = ("type", "from", "to", "value", "sigma")
+    return network_from_tables(points, dict(zip(names, zip(*rows, strict=True), strict=True)), angles="gon")
+
+
+@pytest.mark.parametrize("shift", [-3.217, 10.0])
+def test_a_known_point_of_a_plane_network_is_named(shift):
+    (error,) = plane(shift).gross_errors()
+    assert error.points == ("M11",)
+    said = "one digit is wrong" if shift == 10.0 else "only the easting (x) differs, by "
+    assert said in error.text
+
+
+def test_a_plane_network_without_mistake_is_not_accused():
+    assert plane(0.0).gross_errors() == ()
+
+
+@pytest.mark.parametrize("height", [2347.04, 2347.1, 2349.0])
+def test_of_two_bench_marks_nothing_tells_which_is_wrong(height):
+    (error,) = levelling(height).gross_errors()
+    assert error.what == "known point A (points:1)"
+    assert "or known point B (points:2): " in error.text
+    assert error.text.endswith("nothing tells these apart")
