@@ -159,3 +159,19 @@ def test_what_nothing_observes_has_no_precision_but_that_of_the_datum(shared_dat
     observed = np.sqrt(np.diagonal(adjusted.inner, axis1=1, axis2=2))
     np.testing.assert_allclose(observed, [[0.0, 0.0005, 0.0005]] * 2, atol=1e-6)
     assert not adjusted.inner[:, 0].any()
+
+
+def test_a_plane_network_whose_heights_are_all_held_stands_freely():
+    places = np.array([[0.0, 0.0], [100.0, 3.0], [97.0, 104.0], [-5.0, 101.0]])
+    names, generator = list("ABCD"), np.random.default_rng(5)
+    pairs = [(a, b) for a in range(4) for b in range(a)]
+    lengths = [np.linalg.norm(places[a] - places[b]) + 0.003 * generator.normal() for a, b in pairs]
+    points = {"name": names, "x": places[:, 0], "y": places[:, 1], "z": [5.0] * 4, "sz": [0.0] * 4}
+    rows = {"from": [names[a] for a, _ in pairs], "to": [names[b] for _, b in pairs]}
+    rows |= {"type": ["DistHz"] * 6, "value": lengths, "sigma": [0.003] * 6}
+    adjusted = network_from_tables(points, rows).adjust(datum=Datum("inner"))
+    moves = adjusted.points.coordinates[:, :2] - places
+    turn = places[:, 0] @ moves[:, 1] - places[:, 1] @ moves[:, 0]
+    assert adjusted.record().redundancy == 1
+    assert 1e-4 < np.abs(moves).max() < 0.01
+    np.testing.assert_allclose([*moves.sum(axis=0), turn / 100.0], 0.0, atol=1e-9)

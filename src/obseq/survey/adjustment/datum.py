@@ -64,8 +64,9 @@ def held(points: Points) -> Points:
 
 
 def is_free_standing(points: Points) -> bool:
-    """Whether no known coordinate, nor a datum, says where the points are."""
-    return bool(points.is_free.all()) and not points.in_datum.any()
+    """Whether no known coordinate, nor a datum, says where the points are; what is held of all does not."""
+    sought = ~points.is_held.all(axis=0)
+    return bool(points.is_free[:, sought].all()) and not points.in_datum.any()
 
 
 def freed(points: Points, coordinates: FloatArray, datum: Datum) -> Points:
