@@ -160,6 +160,10 @@ class SnoopingRecord:
     moved: float | None = None
 
 
+KNOWN = "known "
+"""What the name of a known coordinate that is suspected begins with."""
+
+
 @dataclass(frozen=True)
 class SuspicionRecord:
     """One gross error that explains what the sigmas do not.
@@ -175,6 +179,11 @@ class SuspicionRecord:
     statistic: float
     blunder: float
     unit: str
+
+    @property
+    def may_be_known(self) -> bool:
+        """Whether one of them is a known coordinate."""
+        return any(name.startswith(KNOWN) for name in self.observations)
 
 
 @dataclass(frozen=True)

@@ -87,3 +87,12 @@ def test_scaled_by_the_others_is_the_test_of_tau():
     level = float(tau_p_values(tau, redundancy))
     assert scaled_by_others(w, squares, redundancy) == pytest.approx(6.0 / 10.0**0.5)
     assert limit_by_others(w, squares, redundancy, level) == pytest.approx(6.0 / 10.0**0.5, rel=1e-6)
+
+
+def test_snooping_is_no_remedy_for_a_known_coordinate(levelled, tmp_path):
+    third = "5 R3 0 0 102.5 0.0002\n"
+    (tmp_path / "l.cor").write_text(POINTS.replace("103 ", "103.008 ") + third)
+    code, text, record = levelled("C R3 1.9998 0.001\n4 R3 R2 0.5001")
+    assert code == 1
+    assert record["suspicion"]["observations"] == ["known z of R2 (l.cor:5)"]
+    assert "take a known coordinate as free" in text and "--snooping" not in text

@@ -136,12 +136,18 @@ def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     which = listed if len(names) == 1 else f"one of {listed}{more}, which cannot be told apart"
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
-    advice = "" if len(names) > 1 else "; or let --snooping w leave it out"
     return (
         f"GROSS ERROR suspected: {which}: {estimate} (standardised residual {suspicion.statistic:.2f}). One "
-        "gross error explains it better than wrong sigmas: check it, correct it or leave it out"
-        f"{advice}, and adjust again."
+        f"gross error explains it better than wrong sigmas: {_remedy(suspicion)}, and adjust again."
     )
+
+
+def _remedy(suspicion: SuspicionRecord) -> str:
+    """What to do about it; snooping leaves out observations, and no known coordinate."""
+    if suspicion.may_be_known:
+        return "check it, correct it, or take a known coordinate as free"
+    snooping = "; or let --snooping w leave it out" if len(suspicion.observations) == 1 else ""
+    return f"check it, correct it or leave it out{snooping}"
 
 
 def _without(row: StatisticsRecord, explained: float) -> StatisticsRecord:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others
-from obseq.record import SuspicionRecord
+from obseq.record_quality import KNOWN, SuspicionRecord
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -77,7 +77,7 @@ def _name(row: int, book: FieldBook, points: Points, known: CoordinateResiduals)
     point, component = int(known.points[k]), COMPONENTS[int(known.components[k])]
     file = points.file_indices[point]
     place = f" ({points.files[file]}:{points.lines[point]})" if file >= 0 else ""
-    return f"known {component} of {points.names[point]}{place}"
+    return f"{KNOWN}{component} of {points.names[point]}{place}"
 
 
 def _unit(row: int, book: FieldBook) -> str:
