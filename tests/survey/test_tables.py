@@ -161,3 +161,8 @@ def test_both_tables_are_needed(tmp_path):
         Network.read_project(tmp_path / "o.csv")
     with pytest.raises(InputError, match=r"p\.csv:2: a sigma is empty"):
         network(tmp_path, points=POINTS.replace("0.001", "-1", 1))
+
+
+def test_columns_of_one_name_are_named(tmp_path):
+    with pytest.raises(InputError, match="two columns have the name 'unit'"):
+        network(tmp_path, [f"{ROWS[0]},Unit", *ROWS[1:]])

@@ -166,3 +166,8 @@ def test_an_azimuth_needs_no_orientation():
     book = made(observations=table).book
     kinds = [int(book.stations.orientations[k]) for k in book.observations.stations[[0, 12]]]
     assert kinds == [int(Orientation.VERT), int(Orientation.FIX)]
+
+
+def test_rows_that_are_no_columns_are_refused():
+    with pytest.raises(InputError, match="a data frame or a dictionary of columns is wanted, not list"):
+        network_from_tables([["PtA", 0.0, 0.0, 0.0]], observations())

@@ -226,6 +226,9 @@ class _Book:
 
 def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str]) -> dict[str, list[Cell]]:
     """The columns as lists of one length; those that are missing or unknown are an error."""
+    if not hasattr(table, "keys"):
+        kind = type(table).__name__
+        raise InputError(f"{what}: a data frame or a dictionary of columns is wanted, not {kind}")
     names = [str(name) for name in table.keys()]  # noqa: SIM118  # a data frame gives its columns by keys()
     missing = [name for name in wanted if name not in names]
     unknown = [name for name in names if name not in known]

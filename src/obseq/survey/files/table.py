@@ -52,7 +52,8 @@ class Table:
         names = [name.strip().lower() for name in head.split(self.separator)]
         self.columns = {name: place for place, name in enumerate(names)}
         if len(self.columns) < len(names):
-            raise file.error(0, "two columns have the same name")
+            twice = next(name for name in names if names.count(name) > 1)
+            raise file.error(0, f"two columns have the name {quoted(twice)} (capitals make no difference)")
 
     def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
         """Refuses columns that are missing or unknown."""
