@@ -69,6 +69,6 @@ def test_a_plane_network_without_mistake_is_not_accused():
 @pytest.mark.parametrize("height", [2347.04, 2347.1, 2349.0])
 def test_of_two_bench_marks_nothing_tells_which_is_wrong(height):
     (error,) = levelling(height).gross_errors()
-    assert error.what == "known point A (points:1)"
+    assert (error.what, error.points) == ("known point A (points:1)", ("A", "B"))
     assert "or known point B (points:2): " in error.text
     assert error.text.endswith("nothing tells these apart")

@@ -76,7 +76,8 @@ def any_of(errors: list[GrossError]) -> GrossError:
     first, *others = errors
     text = "; or ".join([first.text, *(f"{one.what}: {one.text}" for one in others)])
     rows = tuple(dict.fromkeys(row for one in errors for row in one.rows))
-    return replace(first, text=f"{text}; nothing tells these apart", rows=rows)
+    points = tuple(dict.fromkeys(name for one in errors for name in one.points))
+    return replace(first, text=f"{text}; nothing tells these apart", rows=rows, points=points)
 
 
 def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:
