@@ -90,6 +90,24 @@ def test_constant_and_scale(tmp_path):
     assert adjusted.solution.n_unknowns == uncorrected.solution.n_unknowns + 2
 
 
+def test_slope_and_horizontal_distances_of_one_instrument_share_its_constant_and_scale(tmp_path):
+    given = network(tmp_path, 0.012, 30e-6)
+    extra = []
+    for a in "ABCD":
+        sight = np.subtract(POINTS["P"], POINTS[a])
+        up = given.frame.vertical(np.array([POINTS[a]], float))[0][2]
+        flat = float(np.linalg.norm(np.cross(up, sight)))
+        extra.append(f"101 {a} P {(flat - 0.012) / (1.0 + 30e-6):.6f} 0.0005")
+    with (tmp_path / "o.obs").open("a", encoding="utf-8") as file:
+        file.write("\n".join(extra) + "\n")
+    both = Network.read(tmp_path / "o.obs", tmp_path / "p.cor", frame=FRAME)
+    adjusted = more(both, "constant", "scale").adjust()
+    notes = [note for note in adjusted.notes if note.startswith(("constant", "scale"))]
+    found = [float(note.split(": ")[1].split()[0]) for note in notes]
+    assert (np.abs(np.subtract(found, (0.012, 30e-6))) < (2e-4, 4e-7)).all()
+    assert adjusted.sigma0 < 0.2 and both.adjust().sigma0 > 5.0
+
+
 def test_refraction(tmp_path):
     adjusted = more(network(tmp_path, coefficient=0.3), "refraction").adjust()
     (note,) = [note for note in adjusted.notes if note.startswith("refraction of o.obs")]

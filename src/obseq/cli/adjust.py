@@ -79,7 +79,7 @@ def register(commands: Commands) -> None:
         nargs="+",
         choices=("constant", "scale", "refraction", "frame-scale"),
         metavar="WHAT",
-        help="unknowns of each file of observations: additive constant and scale of slope distances, "
+        help="unknowns of each file of observations: additive constant and scale of distances, "
         "refraction coefficient of zenith angles (constant, scale, refraction); of each set-up or sub-frame: "
         "scale of the components dx dy dz (frame-scale)",
     )

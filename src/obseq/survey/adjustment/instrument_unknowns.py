@@ -34,7 +34,7 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
 
     Args:
         book: The observations.
-        what: Some of "constant", "scale" (of slope distances: true = read (1 + scale) + constant),
+        what: Some of "constant", "scale" (of distances: true = read (1 + scale) + constant),
             "refraction" (coefficient of the zenith angles of plumb instruments), "frame-scale" (of each
             set-up or sub-frame with components dx, dy, dz or polar coordinates: true = read (1 + scale)).
 
@@ -51,19 +51,26 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
     scaled = _with_scales(book, alone) if "frame-scale" in wanted else book
     alone &= scaled.observations.types == rows.types
     plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
-    for code, kind in _of_instruments(wanted - {"frame-scale"}).items():
-        chosen = alone & (rows.types == code)
-        scaled = _grouped(scaled, chosen & plumb if kind.needs_station else chosen, kind)
+    for kinds in _of_instruments(wanted - {"frame-scale"}).values():
+        chosen = alone & np.isin(rows.types, list(kinds))
+        is_read = any(kind.needs_station for kind in kinds.values())
+        scaled = _grouped(scaled, chosen & plumb if is_read else chosen, kinds)
     return scaled
 
 
-def _of_instruments(wanted: frozenset[str]) -> dict[int, ObservationKind]:
-    """By the code of observations, what they are with those of the wanted unknowns that they can have."""
+def _of_instruments(wanted: frozenset[str]) -> dict[frozenset[str], dict[int, ObservationKind]]:
+    """What observations are, by their code, with the wanted unknowns that they can have; by these.
+
+    Slope and horizontal distances of one instrument share them.
+    """
     offered: dict[int, frozenset[str]] = {}
     for code, unknowns in WITH_UNKNOWNS:
         offered[code] = offered.get(code, frozenset()) | unknowns
-    asked = {code: unknowns & wanted for code, unknowns in offered.items()}
-    return {code: WITH_UNKNOWNS[code, unknowns] for code, unknowns in asked.items() if unknowns}
+    found: dict[frozenset[str], dict[int, ObservationKind]] = {}
+    for code, unknowns in offered.items():
+        if asked := unknowns & wanted:
+            found.setdefault(asked, {})[code] = WITH_UNKNOWNS[code, asked]
+    return found
 
 
 def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
@@ -90,11 +97,12 @@ def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
     )
 
 
-def _grouped(book: FieldBook, chosen: BoolArray, kind: ObservationKind) -> FieldBook:
-    """Some observations as another kind, those of each instrument in a group."""
+def _grouped(book: FieldBook, chosen: BoolArray, kinds: dict[int, ObservationKind]) -> FieldBook:
+    """Some observations as other kinds, by their codes; those of each instrument in a group."""
     rows, before = book.observations, len(book.groups)
     if not (chosen & rows.active).any():
-        raise InputError(f"--estimate: there is no active observation for a {kind.words}")
+        words = " or ".join(kind.words for kind in kinds.values())
+        raise InputError(f"--estimate: there is no active observation for a {words}")
     named = book.in_groups(GroupKind.INSTRUMENT)
     keys = np.where(named, rows.groups, before + rows.file_indices)
     wanted = np.flatnonzero(np.bincount(keys[chosen]))
@@ -103,7 +111,8 @@ def _grouped(book: FieldBook, chosen: BoolArray, kind: ObservationKind) -> Field
     groups = [Group(book.groups[key].name) for key in wanted.tolist() if key < before]
     groups += [Group(name) for name in (files if len(set(short)) < len(short) else short)]
     types, numbers = rows.types.copy(), rows.groups.copy()
-    types[chosen] = kind.code
+    for code, kind in kinds.items():
+        types[chosen & (rows.types == code)] = kind.code
     numbers[chosen] = before + np.searchsorted(wanted, keys[chosen])
     return replace(
         book, observations=replace(rows, types=types, groups=numbers), groups=(*book.groups, *groups)

@@ -9,7 +9,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.kind import ObservationKind, Shared, Start
-from obseq.survey.kinds.lengths import DIST
+from obseq.survey.kinds.lengths import DIST, DIST_HZ
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -84,8 +84,8 @@ class CalibratedDistance(OfInstrument):
 
     @property
     def moves_freely(self) -> bool:
-        """As other slope distances."""
-        return True
+        """As the distance without unknowns."""
+        return self.plain is not None and self.plain.moves_freely
 
     def problem(self, value: float) -> str | None:
         """Distances are positive."""
@@ -106,6 +106,19 @@ class CalibratedDistance(OfInstrument):
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """An instrument without error."""
         return {part: Shared(0.0) for part in self.with_unknowns}
+
+
+@dataclass(frozen=True)
+class CalibratedHorizontalDistance(CalibratedDistance):
+    """A horizontal distance of an instrument, in the horizon of its first point."""
+
+    def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances and directions in the horizon."""
+        up = site.verticals(rows, coordinates)[:, 2]
+        sights = self.sights(site, rows, coordinates)
+        flat = sights - np.einsum("ni,ni->n", sights, up)[:, None] * up
+        lengths = np.linalg.norm(flat, axis=1)
+        return lengths, flat / np.maximum(lengths, SHORTEST)[:, None]
 
 
 @dataclass(frozen=True)
@@ -143,24 +156,29 @@ class ZenithWithRefraction(OfInstrument):
         return {"refraction": Shared(site.refraction_coefficient)}
 
 
-def _distance(name: str, code: int, *parts: str) -> CalibratedDistance:
-    words = f"slope distance with unknown {' and '.join(parts)}"
-    return CalibratedDistance(
-        name,
+def _distance(
+    make: type[CalibratedDistance], plain: ObservationKind, suffix: str, code: int, *parts: str
+) -> CalibratedDistance:
+    return make(
+        plain.name + suffix,
         code,
-        words,
+        f"{plain.words} with unknown {' and '.join(parts)}",
         "",
-        start=Start.DISTANCE,
-        plain=DIST,
+        start=plain.start,
+        plain=plain,
         with_unknowns=parts,
         takes_heights=False,
         is_line=False,
+        turns_freely=True,
     )
 
 
-DIST_CONSTANT = _distance("DistC", 161, "constant")
-DIST_SCALE = _distance("DistS", 162, "scale")
-DIST_CONSTANT_SCALE = _distance("DistCS", 163, "constant", "scale")
+DIST_CONSTANT = _distance(CalibratedDistance, DIST, "C", 161, "constant")
+DIST_SCALE = _distance(CalibratedDistance, DIST, "S", 162, "scale")
+DIST_CONSTANT_SCALE = _distance(CalibratedDistance, DIST, "CS", 163, "constant", "scale")
+DIST_HZ_CONSTANT = _distance(CalibratedHorizontalDistance, DIST_HZ, "C", 165, "constant")
+DIST_HZ_SCALE = _distance(CalibratedHorizontalDistance, DIST_HZ, "S", 166, "scale")
+DIST_HZ_CONSTANT_SCALE = _distance(CalibratedHorizontalDistance, DIST_HZ, "CS", 167, "constant", "scale")
 ZEN_REFRACTION = ZenithWithRefraction(
     "ZenK",
     164,

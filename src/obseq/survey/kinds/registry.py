@@ -12,7 +12,15 @@ from obseq.errors import InputError
 from obseq.kernels import load
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
-from obseq.survey.kinds.calibrated import DIST_CONSTANT, DIST_CONSTANT_SCALE, DIST_SCALE, ZEN_REFRACTION
+from obseq.survey.kinds.calibrated import (
+    DIST_CONSTANT,
+    DIST_CONSTANT_SCALE,
+    DIST_HZ_CONSTANT,
+    DIST_HZ_CONSTANT_SCALE,
+    DIST_HZ_SCALE,
+    DIST_SCALE,
+    ZEN_REFRACTION,
+)
 from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
@@ -36,6 +44,7 @@ KINDS: tuple[ObservationKind, ...] = (
     *(AXIS_RADIUS, AXIS_PLANE, AXIS_LINK),
     *(DIST_HZ, ANGLE, LOCAL_X, LOCAL_Y, LOCAL_Z, POINT_X, POINT_Y, POINT_Z),
     *(DIST_CONSTANT, DIST_SCALE, DIST_CONSTANT_SCALE, ZEN_REFRACTION),
+    *(DIST_HZ_CONSTANT, DIST_HZ_SCALE, DIST_HZ_CONSTANT_SCALE),
     *(DX_SCALE, DY_SCALE, DZ_SCALE),
     *(BARY_X, BARY_Y, BARY_Z, NORMAL_ROW),
     *(GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, CHORD),

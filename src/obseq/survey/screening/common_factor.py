@@ -13,8 +13,7 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.survey.kinds.registry import codes_where
-from obseq.survey.screening.distances import LEAST, changed, described
+from obseq.survey.screening.distances import LEAST, changed, described, distances_of
 from obseq.survey.screening.robust import QUICK
 from obseq.survey.screening.trials import estimated
 
@@ -56,10 +55,8 @@ def common_factor(
         equations: its equations.
         adjustment: what came out.
     """
-    rows = given.book.observations
-    slopes = codes_where(lambda kind: kind.horizontal is not None)
-    mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
-    if len(mine) < LEAST or len(rows) > _LARGEST or _is_accepted(adjustment.solution):
+    mine = distances_of(given.book)
+    if len(mine) < LEAST or len(given.book.observations) > _LARGEST or _is_accepted(adjustment.solution):
         return ()
     if len(adjustment.left_out) > len(given.left_out):
         return ()  # what its observations leave undetermined stays so

@@ -10,7 +10,7 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.survey.adjustment.instrument_unknowns import estimating
-from obseq.survey.kinds.registry import BY_CODE, codes_where
+from obseq.survey.kinds.registry import BY_CODE, codes_where, codes_with
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS
 
@@ -33,29 +33,40 @@ _MAP_SCALE = 3e-3
 
 def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """What all distances have in common, with the network in which it is estimated; None for nothing."""
-    rows = trials.found.book.observations
-    slopes = codes_where(lambda kind: kind.horizontal is not None)
-    mine = np.flatnonzero(np.isin(rows.types, slopes) & rows.active)
+    mine = distances_of(trials.found.book)
     if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
-    best: tuple[float, str, Estimate] | None = None
+    best: tuple[float, str, Rows, Estimate] | None = None
     for what in (_HORIZONTAL, "constant", "scale"):
-        book = changed(trials.found.book, mine, what)
+        rows = _slopes_of(trials.found.book, mine) if what == _HORIZONTAL else mine
+        book = changed(trials.found.book, rows, what) if len(rows) else None
         if book is None:
             continue
-        corrected = trials.explaining(trials.found.points, book, _start(trials.found, mine, what))
+        corrected = trials.explaining(trials.found.points, book, _start(trials.found, rows, what))
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
         if best is None or left < best[0] - 0.3:
-            best = left, what, corrected
+            best = left, what, rows, corrected
     if best is None:
         return None
-    _, what, corrected = best
-    size = float(trials.found.ratios[mine].max())
+    _, what, rows, corrected = best
+    size = float(trials.found.ratios[rows].max())
     values = [value for part, value in corrected.instruments if part == what]
     units = trials.found.units
-    return described(trials.found.book, mine, what, values, size, system, units), corrected
+    return described(trials.found.book, rows, what, values, size, system, units), corrected
+
+
+def distances_of(book: FieldBook) -> Rows:
+    """The distances that can have a constant and a scale of their instrument."""
+    rows = book.observations
+    return np.flatnonzero(np.isin(rows.types, list(codes_with("constant"))) & rows.active)
+
+
+def _slopes_of(book: FieldBook, rows: Rows) -> Rows:
+    """Those of some distances that are slope distances."""
+    slopes = codes_where(lambda kind: kind.horizontal is not None)
+    return rows[np.isin(book.observations.types[rows], slopes)]
 
 
 def _start(found: Estimate, rows: Rows, what: str) -> Determined | None:
@@ -84,8 +95,8 @@ def described(
         system: the coordinates of the point files.
         units: in which lengths are told.
     """
-    kind = BY_CODE[int(book.observations.types[rows[0]])].name
-    name = f"all {len(rows)} {kind} observations (the first: {book.label(int(rows[0]))})"
+    kinds = " and ".join(BY_CODE[code].name for code in np.unique(book.observations.types[rows]).tolist())
+    name = f"all {len(rows)} {kinds} observations (the first: {book.label(int(rows[0]))})"
     cause, text = Cause.DISTANCES, _of_constant(values, units)
     if what == _HORIZONTAL:
         cause, text = Cause.HORIZONTAL, "they look like horizontal distances instead of slope distances"
