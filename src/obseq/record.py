@@ -34,6 +34,7 @@ from obseq.record_quality import (
     SnoopingRecord,
     StatisticsRecord,
     SuspicionRecord,
+    UnusedRecord,
     VarianceComponentRecord,
 )
 from obseq.shown_units import METRIC, ShownUnits
@@ -69,6 +70,7 @@ __all__ = [
     "StationRecord",
     "StatisticsRecord",
     "SuspicionRecord",
+    "UnusedRecord",
     "VarianceComponentRecord",
     "defined",
     "new_run",
@@ -258,6 +260,7 @@ class AdjustmentRecord:
         units: What the reports show; the numbers here are in metres and radians.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
+        unused: Observations of the files that take no part, though no file switches them off.
     """
 
     n_observations: int
@@ -301,6 +304,7 @@ class AdjustmentRecord:
     undetermined: tuple[MotionRecord, ...] | None = None
     suspicion: SuspicionRecord | None = None
     doubtful: tuple[DoubtfulRecord, ...] = ()
+    unused: tuple[UnusedRecord, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -314,7 +318,8 @@ class AdjustmentRecord:
     def is_complete(self) -> bool:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
-        return self.converged and not self.left_out and is_clean and not self.rejections
+        is_whole = not self.left_out and not self.unused and not self.rejections
+        return self.converged and is_whole and is_clean
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

@@ -267,6 +267,19 @@ class LeftOutRecord:
 
 
 @dataclass(frozen=True)
+class UnusedRecord:
+    """Observations of a file that take no part, and that the file does not switch off itself.
+
+    Attributes:
+        reason: Why, such as "point T has neither fix nor adj".
+        observations: What they are, with their lines.
+    """
+
+    reason: str
+    observations: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class DoubtfulRecord:
     """A point that converged, and of which the observations say next to nothing.
 

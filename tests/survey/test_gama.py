@@ -137,6 +137,26 @@ def test_what_gama_drops_silently_is_named(tmp_path, reason):
     (said,) = [text for text in result.warnings if reason in text]
     assert " (line " in said
     assert result.solution.redundancy == adjusted(network(tmp_path, POINTS + SIGHTS)).solution.redundancy
+    (unused,) = result.record().unused
+    assert reason in unused.reason and all("(line " in label for label in unused.observations)
+    assert not result.is_complete and not result.record().is_complete
+
+
+def test_a_point_without_fix_or_adj_ends_with_1_and_its_name(tmp_path, capsys):
+    path = network(tmp_path, POINTS + PASSIVE["point U has neither fix nor adj"])
+    assert main(["adjust", str(path), "--json", str(tmp_path / "r.json")]) == 1
+    said = capsys.readouterr().out
+    assert "LEFT OUT, because point U has neither fix nor adj: distance A -> U (line" in said
+    assert main(["report", str(tmp_path / "r.json")]) == 1
+    assert capsys.readouterr().out.count("LEFT OUT, because point U") == 1
+    assert main(["adjust", str(network(tmp_path, POINTS + SIGHTS))]) == 0
+
+
+def test_points_none_of_which_is_adjusted_are_said(tmp_path, capfd):
+    path = network(tmp_path, POINTS.replace('adj="xyz"', "") + SIGHTS)
+    assert main(["adjust", str(path)]) == 2
+    said = capfd.readouterr().err
+    assert "no observation takes part: " in said and "point P has neither fix nor adj; write adj=" in said
 
 
 WRONG = {

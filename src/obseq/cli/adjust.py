@@ -30,8 +30,8 @@ example:
   obseq adjust project.comp --json result.json
 
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
-the JSON); 1 the iterations did not converge, points were left out, gross errors are suspected, or
-snooping left some out; 2 could not run"""
+the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
+off, gross errors are suspected, or snooping left some out; 2 could not run"""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ MOST_ERRORS = 5
 MOST_FILES = 12
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
+MOST_UNUSED = 3
 WORST = 5
 NOTABLE = 2.0
 """Normalised residual beyond which the summary shows a known coordinate."""
@@ -109,11 +110,18 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
     """What the adjustment does without, if anything."""
     names = [item.what for item in record.left_out]
     if names:
-        more = f" and {len(names) - MOST_POINTS} more" if len(names) > MOST_POINTS else ""
         why = "because nothing determines them"
         if record.gross_errors:
             why += " (which the gross errors may cause: correct these first)"
-        yield f"  LEFT OUT, {why}: {', '.join(names[:MOST_POINTS])}{more}"
+        yield f"  LEFT OUT, {why}: {_first(names, MOST_POINTS)}"
+    for item in record.unused:
+        yield f"  LEFT OUT, because {item.reason}: {_first(item.observations, MOST_UNUSED)}"
+
+
+def _first(names: Sequence[str], most: int) -> str:
+    """Some of these, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:

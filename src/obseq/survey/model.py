@@ -21,6 +21,7 @@ from obseq.survey.points import points_of_lines as points_of_lines
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.record import UnusedRecord
 
 IntArray = npt.NDArray[np.int32]
 _ORIENTING = codes(*(kind for kind in KINDS if kind.orients > 0))
@@ -201,6 +202,7 @@ class FieldBook:
         groups: the groups of observations that share unknowns.
         clusters: observations that are correlated with one another; none stands in two of them.
         warnings: things that were read and not used, one sentence each.
+        unused: observations that take no part, though the files do not switch them off.
     """
 
     point_names: tuple[str, ...]
@@ -210,6 +212,7 @@ class FieldBook:
     groups: tuple[Group, ...] = ()
     clusters: tuple[Cluster, ...] = ()
     warnings: tuple[str, ...] = ()
+    unused: tuple[UnusedRecord, ...] = ()
 
     def place(self, row: int) -> str:
         """`file:line` of an observation."""

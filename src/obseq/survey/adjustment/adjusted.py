@@ -179,7 +179,8 @@ class Adjustment:
     def is_complete(self) -> bool:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
-        return self.converged and not self.left_out and is_clean and not self.quality.rejected.any()
+        is_whole = not self.left_out and not self.book.unused and not self.quality.rejected.any()
+        return self.converged and is_whole and is_clean
 
     @property
     def suspicion(self) -> SuspicionRecord | None:
@@ -239,6 +240,7 @@ class Adjustment:
             undetermined=self.undetermined or None,
             suspicion=self.suspicion,
             doubtful=tuple(item.record() for item in self.doubtful),
+            unused=self.book.unused,
         )
 
     def _points(self) -> Iterator[PointRecord]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from obseq.survey.files.text import TextFile
     from obseq.survey.kinds.kind import ObservationKind
 
+MOST_IGNORED = 8
+"""Names of ignored points that a warning quotes."""
 NEW_ROUND, ROUND, CENTRING = 7, 5, 9
 LINES: dict[int, ObservationKind] = {
     1: DIST,
@@ -61,8 +63,11 @@ def read_observations(
     for file, index, fields in folder.lines(name, reader.open_file):
         reader.read_line(file, index, fields)
     if reader.n_ignored:
+        names = sorted(ignored)
+        shown = ", ".join(names[:MOST_IGNORED]) + (" ..." if len(names) > MOST_IGNORED else "")
         reader.columns.warnings.append(
-            f"{reader.n_ignored} lines of observations name points that are to be ignored (-1): left out"
+            f"{reader.n_ignored} lines of observations name points that are to be ignored (code -1: {shown}): "
+            "left out"
         )
     return reader.columns.field_book()
 

@@ -22,6 +22,8 @@ from obseq.survey.files.xml_file import Element, read_xml
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from obseq.survey.model import FieldBook
+
 ROOTS = ("gama-local", "gama-xml")
 NAMESPACES = (None, "http://www.gnu.org/software/gama/gama-local")
 SECTION = (
@@ -79,11 +81,22 @@ def read_gama(paths: tuple[Path, ...], reading: Reading) -> Project:
     points = table.points()
     if not len(points):
         raise network.error("no point has fix or adj: nothing is to be adjusted")
-    book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
+    book = replace(
+        columns.field_book(), warnings=tuple(reader.warnings(root.file.name)), unused=tuple(reader.unused())
+    )
+    _require_some(network, book)
     points = with_heights(points, book)
     return Project(
         points, book, "Local", system.definition, NEITHER, unit_sigma=unit_sigma, shown=_shown(sections)
     )
+
+
+def _require_some(network: Element, book: FieldBook) -> None:
+    if not book.observations.active.any():
+        reasons = "; ".join(item.reason for item in book.unused)
+        raise network.error(
+            f"no observation takes part: {reasons}; write adj=\"xyz\" (xy, z) into the points to be adjusted"
+        )
 
 
 def _shown(sections: list[Element]) -> ShownUnits | None:

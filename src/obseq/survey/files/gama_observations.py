@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.record import UnusedRecord
 from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.text import quoted
@@ -19,7 +20,7 @@ from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.files.gama_points import PointTable
@@ -322,6 +323,10 @@ class ObservationReader:
     @staticmethod
     def _label(scalar: _Scalar) -> str:
         return f"{scalar.element.name} {' -> '.join(scalar.ends)} (line {scalar.element.line})"
+
+    def unused(self) -> Iterator[UnusedRecord]:
+        """The observations that are left out, by reason."""
+        yield from (UnusedRecord(reason, tuple(labels)) for reason, labels in self.passive.items())
 
     def warnings(self, file: str) -> list[str]:
         """One sentence for each reason why observations are left out, with all of these."""
