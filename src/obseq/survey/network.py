@@ -33,6 +33,7 @@ from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.files.after_sigma import checked_ignore
+from obseq.survey.files.both_faces import refuse_both_faces
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
 from obseq.survey.files.geoid import read_geoid
@@ -261,6 +262,7 @@ class Network:
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
             warning = crs.area_warning(given, points.coordinates[placed], names)
+        refuse_both_faces(book)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
         points, book = join(replace(points, coordinates=coordinates), book.warned(*repeated_runs(book)))

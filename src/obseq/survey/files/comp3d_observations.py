@@ -66,7 +66,7 @@ def read_observations(
         names = sorted(ignored)
         shown = ", ".join(names[:MOST_IGNORED]) + (" ..." if len(names) > MOST_IGNORED else "")
         reader.columns.warnings.append(
-            f"{reader.n_ignored} lines of observations name points that are to be ignored (code -1: {shown}): "
+            f"{reader.n_ignored} lines of observations name points that are to be ignored (-1: {shown}): "
             "left out"
         )
     return reader.columns.field_book()

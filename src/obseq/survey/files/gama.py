@@ -95,7 +95,7 @@ def _require_some(network: Element, book: FieldBook) -> None:
     if not book.observations.active.any():
         reasons = "; ".join(item.reason for item in book.unused)
         raise network.error(
-            f"no observation takes part: {reasons}; write adj=\"xyz\" (xy, z) into the points to be adjusted"
+            f'no observation takes part: {reasons}; write adj="xyz" (xy, z) into the points to be adjusted'
         )
 
 
