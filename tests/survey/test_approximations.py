@@ -56,6 +56,19 @@ def test_all_approximations_wrong(tmp_path, demo):
     assert [item.name for item in found.replaced] == ["PtB", "PtC"]
 
 
+def test_places_that_stand_for_nothing_are_one_warning(tmp_path):
+    points = (DEMO / "demo.cor").read_text()
+    for place in ("657710     6860700     10", "657710     6860710     10"):
+        points = points.replace(place, "0 0 0")
+    found = adjusted(tmp_path, points)
+    said = [text for text in found.warnings if "approximate coordinates" in text]
+    assert len(found.replaced) == 2
+    assert [text[:75] for text in said] == [
+        "2 points have the same approximate coordinates (0.000, 0.000, 0.000), up to"
+    ]
+    assert "PtB (" in said[0] and "PtC (" in said[0]
+
+
 def test_good_approximations_are_kept(demo):
     assert demo.replaced == ()
     assert demo.solution.iterations[0].sigma0 == pytest.approx(5443.8677, rel=1e-6)

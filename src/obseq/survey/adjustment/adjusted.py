@@ -39,6 +39,7 @@ from obseq.survey.adjustment.adjusted_records import (
 )
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.adjustment.suspicion import suspicion
+from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
 
@@ -152,7 +153,7 @@ class Adjustment:
             self,
             replaced=replaced,
             gross_errors=tuple(error.record() for error in errors),
-            warnings=(*(item.sentence() for item in replaced), *self.warnings),
+            warnings=(*sentences_of(replaced), *self.warnings),
         )
 
     def doubting(self, doubtful: tuple[Doubtful, ...]) -> Adjustment:

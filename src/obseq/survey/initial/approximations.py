@@ -21,12 +21,16 @@ from obseq.survey.kinds.registry import among, codes_for
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.initial.known import Vertical
     from obseq.survey.model import FieldBook
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
+_MOST = 3
+"""Points that one sentence names."""
 _FAR = 0.3
 """Misfit, in radians or in parts of the length, from which an approximation is doubted."""
 
@@ -148,6 +152,26 @@ class Replaced:
             f"point {self.name} ({self.place}): its approximate coordinates ({given}) are {self.moved:.3g} m "
             f"from where its observations place it; they were replaced by ({used})"
         )
+
+
+def sentences_of(replaced: Sequence[Replaced]) -> tuple[str, ...]:
+    """Which approximations were replaced: one sentence for all that are the same, as 0 0 0 is where none is."""
+    alike: dict[tuple[float, float, float], list[Replaced]] = {}
+    for item in replaced:
+        alike.setdefault(item.given, []).append(item)
+    groups = sorted(alike.values(), key=len, reverse=True)
+    return tuple(_of_one_place(group) if len(group) > 1 else group[0].sentence() for group in groups)
+
+
+def _of_one_place(group: Sequence[Replaced]) -> str:
+    shown = ", ".join(f"{item.name} ({item.place})" for item in group[:_MOST])
+    more = f" and {len(group) - _MOST} more" if len(group) > _MOST else ""
+    given = ", ".join(f"{value:.3f}" for value in group[0].given)
+    return (
+        f"{len(group)} points have the same approximate coordinates ({given}), up to "
+        f"{max(item.moved for item in group):.3g} m from where their observations place them, which gave better "
+        f"ones: {shown}{more}"
+    )
 
 
 def nearest_sights(book: FieldBook, coordinates: FloatArray, rows: Rows) -> FloatArray:
