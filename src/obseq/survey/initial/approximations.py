@@ -155,10 +155,11 @@ class Replaced:
 
 
 def sentences_of(replaced: Sequence[Replaced]) -> tuple[str, ...]:
-    """Which approximations were replaced: one sentence for all that are the same, as 0 0 0 is where none is."""
-    alike: dict[tuple[float, float, float], list[Replaced]] = {}
+    """Which approximations were replaced: one sentence for all that are the same, such as 0 0 0."""
+    alike: dict[tuple[float, ...], list[Replaced]] = {}
     for item in replaced:
-        alike.setdefault(item.given, []).append(item)
+        place = tuple(round(value, 6) + 0.0 for value in item.given)  # no zero is negative
+        alike.setdefault(place, []).append(item)
     groups = sorted(alike.values(), key=len, reverse=True)
     return tuple(_of_one_place(group) if len(group) > 1 else group[0].sentence() for group in groups)
 
@@ -166,11 +167,11 @@ def sentences_of(replaced: Sequence[Replaced]) -> tuple[str, ...]:
 def _of_one_place(group: Sequence[Replaced]) -> str:
     shown = ", ".join(f"{item.name} ({item.place})" for item in group[:_MOST])
     more = f" and {len(group) - _MOST} more" if len(group) > _MOST else ""
-    given = ", ".join(f"{value:.3f}" for value in group[0].given)
+    given = ", ".join(f"{round(value, 3) + 0.0:.3f}" for value in group[0].given)
     return (
         f"{len(group)} points have the same approximate coordinates ({given}), up to "
-        f"{max(item.moved for item in group):.3g} m from where their observations place them, which gave better "
-        f"ones: {shown}{more}"
+        f"{max(item.moved for item in group):.3g} m from where their observations place them, which gave "
+        f"better ones: {shown}{more}"
     )
 
 
