@@ -92,6 +92,12 @@ def test_a_device_is_written_to_and_not_replaced() -> None:
     assert not Path(os.devnull).is_file()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_device_that_is_full_is_named() -> None:
+    with pytest.raises(InputError, match=r"^/dev/full: the results cannot be written \(No space left"):
+        write_all({Path("/dev/full"): "x"})
+
+
 def test_permissions_are_kept(tmp_path: Path) -> None:
     old, new = tmp_path / "old.txt", tmp_path / "new.txt"
     old.write_text("before")

@@ -63,7 +63,7 @@ def write_all(texts: Mapping[Path, str | bytes]) -> None:
             if target == STANDARD_OUTPUT:
                 _print(_encoded(text))
             elif _is_stream(target):
-                target.write_bytes(_encoded(text))
+                _pour(target, text)
             else:
                 _clean(target)
                 staged[_beside(target, "part")] = target
@@ -131,6 +131,14 @@ def _print(data: bytes) -> None:
     sys.stdout.flush()
     sys.stdout.buffer.write(data)
     sys.stdout.flush()
+
+
+def _pour(stream: Path, text: str | bytes) -> None:
+    """The text into something that is no file on a disk."""
+    try:
+        stream.write_bytes(_encoded(text))
+    except OSError as error:  # which does not say itself where it was
+        raise OSError(error.errno, error.strerror, str(stream)) from error
 
 
 def _write(temporary: Path, text: str | bytes, target: Path) -> None:

@@ -1,5 +1,4 @@
 import argparse
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -118,7 +117,27 @@ def test_a_full_disk_behind_standard_output_is_said() -> None:
             [sys.executable, "-c", script], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
     assert done.returncode == 2
-    assert re.match(r"obseq: .*No space left on device", done.stderr)
+    assert done.stderr == "obseq: the output cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["adjust", "--iteratons", "3"],
+            "obseq adjust: error: there is no option --iteratons; did you mean --iterations?",
+        ),
+        (["demo", "--ou=x", "--oot=x"], "obseq demo: error: there is no option --oot; did you mean --out?"),
+        (["demo", "--zzzzzzzzz"], "there is no option --zzzzzzzzz"),
+        (["adjust", "--datum", "innr"], "; did you mean inner?"),
+        (["adjst"], "; did you mean adjust?"),
+    ],
+)
+def test_a_misspelt_word_is_told_what_it_may_have_been(arguments, said: str, capsys) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert capsys.readouterr().err.endswith(f"{said}\n")
 
 
 def test_positional_arguments_may_follow_options() -> None:

@@ -251,6 +251,21 @@ def test_a_target_on_the_vertical_is_named_with_its_line(tmp_path, line):
         read(tmp_path, f"7 A B 0 0.001\n{line}\n", points, frame="RTL*2*48*0*EPSG:4326").adjust()
 
 
+def test_a_target_in_the_place_of_its_station_is_said_to_be_there(tmp_path):
+    points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n1 V 0 0 0 0.001\n"
+    with pytest.raises(InputError, match=r"the target has the coordinates of the station.*coordinates of V"):
+        read(tmp_path, "7 A B 0 0.001\n5 A V 20 0.001\n", points).adjust()
+
+
+def test_metres_are_no_degrees(tmp_path):
+    points = "1 A 652000 6860700 0 0.001\n0 B 652010 6860700 0\n"
+    wanted = (
+        r"^point A \(.*net.cor:1\): 652000, 6860700 are no longitude and latitude in degree, which EPSG:4326"
+    )
+    with pytest.raises(InputError, match=wanted):
+        read(tmp_path, "3 A B 10 0.001\n", points, points_crs="EPSG:4326")
+
+
 def test_disconnected_points_are_listed_with_the_reason(tmp_path):
     points = "1 A 0 0 0 0.001\n1 B 10 0 0 0.001\n"
     observations = "3 A B 10 0.01\n3 P Q 5 0.01\n"

@@ -29,7 +29,8 @@ def guarded(program: str, work: Callable[[], int]) -> int:
         _forget_standard_output()
         return 0
     except OSError as error:
-        return _fail(program, f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        where = f"{error.filename}:" if error.filename else "the output cannot be written:"
+        return _fail(program, f"{where} {error.strerror}" if error.strerror else str(error))
     except MemoryError:
         return _fail(program, "There is not enough memory for this computation.")
     except KeyboardInterrupt:

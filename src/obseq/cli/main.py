@@ -11,7 +11,7 @@ from functools import cache
 from importlib import import_module
 
 from obseq.cli.guard import guarded
-from obseq.cli.parsing import CommandParser
+from obseq.cli.parsing import CommandParser, Parser
 
 COMMANDS = {
     "demo": ("demo",),
@@ -58,7 +58,7 @@ def parser(name: str = "") -> argparse.ArgumentParser:
     Args:
         name: The subcommand that the line begins with: no other is loaded. Where it is none, all are.
     """
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="obseq",
         description=DESCRIPTION,
         epilog=EPILOG,

@@ -1,15 +1,19 @@
 """What the subcommands share when they declare their arguments."""
 
 import argparse
+import difflib
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from obseq.writing import STANDARD_OUTPUT
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
+"""What argparse says of a word that is none of those it takes."""
 Run = Callable[[argparse.Namespace], int]
 
 
@@ -54,7 +58,18 @@ class Given(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-class CommandParser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
+    """A parser that says what a misspelt word may have been."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the line, and end."""
+        choice = CHOICE.search(message)
+        if choice:
+            message += _meant(choice["word"], [name.strip("' ") for name in choice["known"].split(",")])
+        super().error(message)
+
+
+class CommandParser(Parser):
     """A parser of a subcommand that takes positional arguments and options in any order.
 
     argparse gives all positional arguments that may be absent their values at the first of them, and refuses
@@ -69,14 +84,24 @@ class CommandParser(argparse.ArgumentParser):
         self.register("action", None, Given)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse options first, then what is left."""
+        """Parse options first, then what is left; an option that is not known ends it."""
         if self._is_intermixed:
             return super().parse_known_args(args, namespace)
         self._is_intermixed = True
         try:
-            return self.parse_known_intermixed_args(args, namespace)
+            found, rest = self.parse_known_intermixed_args(args, namespace)
         finally:
             self._is_intermixed = False
+        unknown = [word.partition("=")[0] for word in rest if word.startswith("--")]
+        if unknown:
+            self.error(f"there is no option {unknown[0]}{_meant(unknown[0], self._option_string_actions)}")
+        return found, rest
+
+
+def _meant(word: str, known: Iterable[str]) -> str:
+    """What a misspelt word may have been, as the end of a sentence; nothing where no known one is near."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def output_file(text: str) -> Path:

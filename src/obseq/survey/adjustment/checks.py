@@ -55,11 +55,12 @@ def check_sights(book: FieldBook, initial: InitialValues) -> None:
     coordinates = initial.coordinates
     sights = coordinates[observations.to_points[rows]] - coordinates[observations.from_points[rows]]
     seen = np.einsum("nji,nj->ni", initial.rotations[observations.stations[rows]], sights)
-    vertical = rows[np.hypot(seen[:, 0], seen[:, 1]) < SHORTEST_HORIZONTAL]
+    vertical = np.flatnonzero(np.hypot(seen[:, 0], seen[:, 1]) < SHORTEST_HORIZONTAL)
     if vertical.size:
-        row = int(vertical[0])
-        target = book.point_names[observations.to_points[row]]
+        row, target = int(rows[vertical[0]]), book.point_names[observations.to_points[rows[vertical[0]]]]
+        coincide = abs(seen[vertical[0], 2]) < SHORTEST_HORIZONTAL
+        where = "has the coordinates of the station" if coincide else "is on the vertical of the station"
         raise InputError(
-            f"{book.label(row)}: the target is on the vertical of the station; its direction is undefined. "
+            f"{book.label(row)}: the target {where}; its direction is undefined. "
             f"Remove the line, or correct the coordinates of {target}"
         )

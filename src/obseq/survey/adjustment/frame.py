@@ -214,6 +214,8 @@ def frame_of(
         points: The points, in their system; those without coordinates do not count in a mean.
     """
     given = crs.parse(points_crs) if points_crs else None
+    if given is not None:
+        _require_angles(given, points)
     if definition is None:
         if given is None or given.kind in (crs.Kind.LOCAL, crs.Kind.LOCAL_TANGENT):
             frame = _frame_like(given)
@@ -229,6 +231,22 @@ def frame_of(
     if not points.has_coordinates.any():
         raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
     return crs.complete_rtl(_together(points.coordinates[points.has_coordinates]), given), given
+
+
+def _require_angles(given: crs.CoordinateSystem, points: Points) -> None:
+    """Refuses coordinates in metres where longitude and latitude are expected."""
+    unit = given.plan_unit
+    if not unit.is_angle:
+        return
+    beyond = np.flatnonzero((np.abs(points.coordinates[:, :2]) * unit.factor > 2.0 * np.pi).any(axis=1))
+    if beyond.size:
+        first = int(beyond[0])
+        values = ", ".join(f"{value:.10g}" for value in points.coordinates[first, :2])
+        raise InputError(
+            f"point {points.names[first]} ({points.place(first)}): {values} are no longitude and latitude in "
+            f"{unit.name}, which {given.definition} takes. They look like metres: name their own system "
+            "(--points-crs EPSG:2154, for instance), or none for a local site"
+        )
 
 
 def _frame_like(given: crs.CoordinateSystem | None) -> crs.CoordinateSystem:
