@@ -94,7 +94,8 @@ class CommandParser(Parser):
             self._is_intermixed = False
         unknown = [word.partition("=")[0] for word in rest if word.startswith("--")]
         if unknown:
-            self.error(f"there is no option {unknown[0]}{_meant(unknown[0], self._option_string_actions)}")
+            options = re.findall(r"--[\w-]+", self.format_usage())
+            self.error(f"there is no option {unknown[0]}{_meant(unknown[0], options)}")
         return found, rest
 
 
