@@ -143,10 +143,18 @@ def test_a_wrong_survey_distance_is_the_suspect_with_its_line(tables, capsys):
 
 def test_sigmas_that_are_all_too_small_make_no_suspect(tables, capsys):
     folder, options, _ = tables
-    code, first = suspect_of([*options, "--image-sigma=0.05", f"--json={folder / 'r.json'}"], capsys)
+    code, first = suspect_of([*options, "--image-sigma=0.25", f"--json={folder / 'r.json'}"], capsys)
     assert code == 0  # as `obseq adjust` does; the record says the rest
     assert first.startswith("Bundle adjustment: sigma0")
     assert json.loads((folder / "r.json").read_text())["global_test"]["passed"] is False
+
+
+def test_sigmas_of_which_most_measures_say_otherwise_are_no_success(tables, capsys):
+    code, first = suspect_of([*tables[1], "--image-sigma=0.05"], capsys)
+    assert code == 1
+    assert first.startswith(
+        "the result is not to be trusted: half of the image coordinates or more are rejected"
+    )
 
 
 def test_blunders_in_a_block_with_robust_weights_are_all_named(tables, capsys):

@@ -37,7 +37,8 @@ columns (commas or blanks, any order; # begins a comment):
   measures  image point x y [sigma, or sx sy]      pixels
 
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
-the JSON); 1 not converged, something left out, or a gross error suspected; 2 could not run"""
+the JSON); 1 not converged, something left out, a gross error suspected, or half of the measures of the
+block, of an image or of a point rejected; 2 could not run"""
 
 FILES = {
     "json": ("bundle.json", "every result at full precision"),

@@ -13,9 +13,10 @@ from obseq.images.initial.growth import place_images
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import misfit
 from obseq.images.measure_checks import MARGIN
+from obseq.images.names import are_among
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from obseq.arrays import FloatArray
     from obseq.images.camera import Camera
@@ -37,7 +38,7 @@ class Convention:
 
     Attributes:
         trial: what is tried, in a few words.
-        said: what is wrong with a block that is given so.
+        said: what is wrong with a block that is given so; of one image or camera, the end of a sentence.
         change: of pixels (n, 2) and the sizes (n, 2) of their images, the pixels that are meant.
     """
 
@@ -45,16 +46,21 @@ class Convention:
     said: str
     change: Callable[[FloatArray, FloatArray], FloatArray]
 
-    def of(self, measures: ImagePoints, cameras: Mapping[str, Camera]) -> ImagePoints | None:
+    def of(
+        self, measures: ImagePoints, cameras: Mapping[str, Camera], images: Collection[str] | None = None
+    ) -> ImagePoints | None:
         """What measures would be here; None where these are in no image.
 
         Args:
             measures: as they were given.
             cameras: by image.
+            images: only measures in these are of the convention; None for all.
         """
         sizes = np.array([(cameras[name].width, cameras[name].height) for name in measures.image_names])
         size = sizes.reshape(-1, 2)[measures.image].astype(np.float64)
         xy = self.change(measures.xy, size)
+        if images is not None:
+            xy = np.where(are_among(measures.image_names, images)[measures.image, None], xy, measures.xy)
         outside = (size > 0.0) & ((xy < -MARGIN) | (xy > size + MARGIN))
         return None if outside.any() else replace(measures, xy=xy)
 
@@ -73,19 +79,53 @@ CONVENTIONS = (
 )
 
 
+def _of_another_size(factor: float) -> Convention:
+    return Convention(
+        f"its pixels times {factor:g}",
+        f"pixels of an image of another size: (x, y) -> {factor:g} (x, y)",
+        lambda xy, _: factor * xy,
+    )
+
+
+OF_ONE_IMAGE = (
+    Convention(
+        "its lines counted upwards",
+        "lines count upwards: y -> height - y",
+        lambda xy, size: np.column_stack([xy[:, 0], size[:, 1] - xy[:, 1]]),
+    ),
+    Convention(
+        "its columns counted from the right",
+        "columns count from the right: x -> width - x",
+        lambda xy, size: np.column_stack([size[:, 0] - xy[:, 0], xy[:, 1]]),
+    ),
+    Convention("its x and y exchanged", "x and y exchanged: (x, y) -> (y, x)", lambda xy, _: xy[:, ::-1]),
+    *(_of_another_size(factor) for factor in (2.0, 4.0, 8.0, 0.5)),
+)
+"""What the measures of one image, or of one camera, may be given in, where those of the others are not."""
+
+
 def convention_that_fits(
-    measures: ImagePoints, control: ControlPoints, cameras: Mapping[str, Camera], given: Poses
+    measures: ImagePoints, control: ControlPoints, cameras: Mapping[str, Camera], given: Poses, lost: str
 ) -> str:
-    """Why images could not be placed, where they all can in another convention; else empty."""
+    """Why images could not be placed, where they all can in another convention, of all or of one; else empty.
+
+    Args:
+        measures: all image points.
+        control: known points.
+        cameras: by image.
+        given: poses that are known.
+        lost: an image that could not be placed.
+    """
     if len(measures) > MOST_PLACED:
         return ""
-    fits = []
-    for convention in CONVENTIONS:
-        changed = convention.of(measures, cameras)
-        if changed is not None:
-            fits.append((_misfit(changed, control, cameras, given), convention.said))
-    best, said = min(fits, default=(np.inf, ""))
-    return f"; {said}: so changed, all images can be placed" if best <= MEET else ""
+    everywhere = [(convention.of(measures, cameras), convention.said) for convention in CONVENTIONS]
+    there = [(convention.of(measures, cameras, (lost,)), convention.said) for convention in OF_ONE_IMAGE]
+    for tried in (everywhere, there):
+        fits = [(_misfit(m, control, cameras, given), said) for m, said in tried if m is not None]
+        best, said = min(fits, key=lambda fit: fit[0], default=(np.inf, ""))
+        if best <= MEET:
+            return f"; {said}: so changed, all images can be placed"
+    return ""
 
 
 def _misfit(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
+from obseq.images.output.shares import Owners, RejectedShare, rejected_shares
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.plain import from_plain, to_plain
@@ -202,7 +203,17 @@ class BundleRecord:
     @property
     def is_complete(self) -> bool:
         """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
-        return self.converged and not (self.left_out or self.behind or self.suspects or self.cause)
+        is_clean = not (self.left_out or self.behind or self.suspects or self.cause)
+        return self.converged and is_clean and not self.rejected_shares
+
+    @property
+    def rejected_shares(self) -> tuple[RejectedShare, ...]:
+        """The block, or images and points, of which half of the tested coordinates or more are rejected."""
+        if self.reliability is None:
+            return ()
+        images = Owners("image", [item.name for item in self.images], self.residuals.image)
+        points = Owners("point", [item.name for item in self.points], self.residuals.point)
+        return rejected_shares(self.reliability, self.residuals.weight, images, points)
 
     @property
     def suspicion(self) -> LargestTestsRecord | None:

@@ -49,10 +49,10 @@ def suspected(record: BundleRecord) -> str:
     if record.cause:
         return record.cause
     found, tests = record.suspects, record.suspicion
-    if tests is None or not found:
+    if tests is None or not record.converged:
         return ""
-    if not record.converged:
-        return ""
+    if not found:
+        return _distrusted(record)
     if not tests.robust and tests.spread is not None and tests.spread > COMMON:
         return (
             f"most residuals are {tests.spread:.3g} times what their sigmas say: look for a cause that all "
@@ -66,6 +66,19 @@ def suspected(record: BundleRecord) -> str:
     more = tests.n_suspects - len(found[:FIRST])
     listed = "; ".join(item.text for item in found[:FIRST])
     return f"{tests.n_suspects} gross errors are suspected: {listed}" + (f"; and {more} more" if more else "")
+
+
+def _distrusted(record: BundleRecord) -> str:
+    """Of what so much is rejected that the result is not to be trusted, though nothing single stands out."""
+    shares = record.rejected_shares
+    if not shares:
+        return ""
+    listed = first_of([share.text for share in shares])
+    return (
+        f"the result is not to be trusted: half of the image coordinates or more are rejected of {listed}; "
+        "look for a cause that they share (axes of pixels, names of points or images, camera, pose), or for "
+        "sigmas that are too small"
+    )
 
 
 def _one_of(tests: LargestTestsRecord) -> str:

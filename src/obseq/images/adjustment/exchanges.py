@@ -1,0 +1,149 @@
+"""Two points that were taken for each other: measured so in an image, or given so as control points."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.images.initial.intersection import intersect
+from obseq.images.measures import ImagePoints
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.adjustment.trials import Trials
+    from obseq.images.bundle import BundleAdjustment
+    from obseq.images.control import ControlPoints
+    from obseq.images.poses import Poses
+
+WORST, TRIED = 40, 3
+"""Image points among which a pair is looked for, and pairs that are tried."""
+TOWARDS, ASIDE = 0.15, 0.3
+"""Shares of the way to the other point that a residual goes along it at least, and off it at most."""
+NEAR, FAR = 0.3, 0.5
+"""Shares of the distance of two control points: rays meet nearer to the other, farther from their own."""
+
+
+def exchanged_measures(trials: Trials) -> str:
+    """Two points of an image, in words, whose exchange explains their residuals; empty where none are."""
+    pairs = itertools.islice(_pairs_in_images(trials.before), TRIED)
+    return next(filter(None, (exchange_in(trials, *pair) for pair in pairs)), "")
+
+
+def exchange_in(trials: Trials, image: str, first: str, second: str) -> str:
+    """Whether two points of an image were exchanged, in words; empty where they were not."""
+    pair = image, first, second
+    what = f"points {first} and {second} in image {image}"
+    said = f"{what} are exchanged: each measured as the other"
+    changed = trials.measured(lambda measures: _exchanged(measures, *pair))
+    left_out = trials.measured(
+        lambda measures: measures.rows(np.delete(np.arange(len(measures)), _rows(measures, *pair)))
+    )
+    return _explanation(trials, changed, left_out, what, said)
+
+
+def _explanation(
+    trials: Trials, changed: BundleAdjustment | None, left_out: BundleAdjustment | None, what: str, said: str
+) -> str:
+    """What is said of an exchange that explains as much as leaving out both does; else empty."""
+    found = trials.solved(changed, f"{what} exchanged")
+    if found is None:
+        return ""
+    without = trials.solved(left_out, f"the block without {what}")
+    if without is None or not (trials.contradicts(without) and trials.explains(found, without)):
+        return ""
+    return f"{said}; so changed, {trials.falls(found)}"
+
+
+def _rows(measures: ImagePoints, image: str, *points: str) -> list[int]:
+    """Rows of points of an image."""
+    names = measures.image_names, measures.point_names
+    pairs = [(names[0][i], names[1][k]) for i, k in zip(measures.image, measures.point, strict=True)]
+    return [pairs.index((image, point)) for point in points if (image, point) in pairs]
+
+
+def _exchanged(measures: ImagePoints, image: str, first: str, second: str) -> ImagePoints:
+    """Measures with the pixels of two points exchanged in an image, where both are in it."""
+    rows = _rows(measures, image, first, second)
+    xy = measures.xy.copy()
+    if len(rows) == 2:
+        xy[rows] = xy[rows[::-1]]
+    return replace(measures, xy=xy)
+
+
+def _pairs_in_images(solution: BundleSolution) -> Iterator[tuple[str, str, str]]:
+    """Image and points of measures whose residuals point at each other, the most likely first."""
+    found = solution.residuals
+    worst = np.argsort(-np.linalg.norm(found.residuals / found.sigmas, axis=1), kind="stable")[:WORST]
+    pairs = [(i, k) for i, k in itertools.combinations(worst.tolist(), 2) if found.image[i] == found.image[k]]
+    scores = {pair: score for pair in pairs if (score := _towards(found.xy, found.residuals, *pair)) > 0.0}
+    for i, k in sorted(scores, key=lambda pair: -scores[pair]):
+        yield solution.poses.images[found.image[i]], *(solution.points[found.point[row]] for row in (i, k))
+
+
+def _towards(xy: FloatArray, residuals: FloatArray, i: int, k: int) -> float:
+    """How far two points are drawn to each other's place, in shares of the way; 0 where they are not."""
+    way = xy[k] - xy[i]
+    squared = float(way @ way)
+    if squared == 0.0:
+        return 0.0
+    own = residuals[i], -residuals[k]
+    along = [float(residual @ way) / squared for residual in own]
+    aside = [float(np.linalg.norm(r - t * way)) / squared**0.5 for r, t in zip(own, along, strict=True)]
+    return sum(along) if min(along) > TOWARDS and max(aside) < ASIDE else 0.0
+
+
+# Control points
+
+
+def exchanged_control(trials: Trials) -> str:
+    """Two control points, in words, whose exchange explains their residuals; empty where none are."""
+    poses = trials.block.poses, trials.before.poses
+    pairs = dict.fromkeys(pair for these in poses for pair in _pairs_of_control(trials, these))
+    tried = list(pairs)[:TRIED]
+    return next(filter(None, (_control_exchange(trials, *pair) for pair in tried)), "")
+
+
+def _control_exchange(trials: Trials, first: str, second: str) -> str:
+    changed, left_out = trials.copy(), trials.copy()
+    changed.control = _exchanged_names(changed.control, first, second)
+    left_out.control = _freed(left_out.control, (first, second))
+    one, other = trials.block.control_places([first, second])
+    said = f"control points {one} and {other} are exchanged: each has the coordinates of the other"
+    return _explanation(trials, changed, left_out, f"control points {first} and {second}", said)
+
+
+def _exchanged_names(control: ControlPoints, first: str, second: str) -> ControlPoints:
+    other = {first: second, second: first}
+    return replace(control, names=tuple(other.get(name, name) for name in control.names))
+
+
+def _freed(control: ControlPoints, names: tuple[str, ...]) -> ControlPoints:
+    """Control points of which some are not known any more."""
+    kept = [name for name in control.names if name not in names]
+    return control.select(kept)
+
+
+def _pairs_of_control(trials: Trials, poses: Poses) -> list[tuple[str, str]]:
+    """Control points whose rays meet near each other's coordinates, the most likely first."""
+    control = trials.block.control
+    measures = functools.reduce(ImagePoints.joined, (part.measures for part in trials.block.sets))
+    rays = measures.of_points(control.names)
+    if len(control) < 2 or not len(rays):
+        return []
+    at = poses.select(rays.image_names)
+    met = intersect(rays, at, [trials.cameras[image] for image in at.images])
+    given = control.select(met.names).coordinates
+    to_given = np.linalg.norm(met.coordinates[:, None] - given[None], axis=2)
+    apart = np.linalg.norm(given[:, None] - given[None], axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = np.maximum(to_given, to_given.T) / apart
+        far = np.minimum.outer(np.diagonal(to_given), np.diagonal(to_given)) / apart
+    found = np.argwhere(np.triu((near < NEAR) & (far > FAR), 1)).tolist()
+    return [(met.names[i], met.names[k]) for i, k in sorted(found, key=lambda pair: near[pair[0], pair[1]])]

@@ -1,0 +1,214 @@
+"""Images that contradict all others, each or those of one camera, and what explains their measures.
+
+The block is adjusted without them. Where that makes it fit, they are resected on the points of the others in
+each way their measures may have been given in; one that brings nearly all of them to their points is adjusted
+with the whole block, and named where it explains as much as leaving the images out does.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import ObseqError
+from obseq.images.adjustment.exchanges import exchange_in
+from obseq.images.control import ControlPoints
+from obseq.images.initial.conventions import OF_ONE_IMAGE
+from obseq.images.initial.resection import ResectionOptions, resect
+from obseq.images.measures import ImagePoints
+from obseq.images.names import are_among
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import BoolArray
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.adjustment.trials import Trials
+    from obseq.images.bundle import BundleAdjustment
+    from obseq.images.camera import Camera
+
+TRIED = 8
+"""Images that are left out in turn, the worst first."""
+TIMES = 3.0
+"""Times the usual residual, above which an image is tried though the block is not bad."""
+NEAR, SIGMAS = 3.0, 6.0
+"""Pixels and sigmas: a measure fits that misses its point by less than the larger of both."""
+NEARLY_ALL = 0.9
+ALIKE = 1.1
+"""Times the least sigma0 up to which explanations are as good."""
+LOOSE = ResectionOptions(triplets=200, max_error=np.inf)
+
+
+@dataclass(frozen=True)
+class Odd:
+    """Images of a block that share something the others do not.
+
+    Attributes:
+        images: their names.
+        said: what they are called.
+    """
+
+    images: tuple[str, ...]
+    said: str
+
+    @property
+    def is_one(self) -> bool:
+        """Whether it is one image."""
+        return len(self.images) == 1
+
+
+def odd_image(trials: Trials, is_bad: bool) -> str:
+    """Which image, or images of a camera, contradict the others, and why; empty where none does.
+
+    Args:
+        trials: of the block.
+        is_bad: whether the block does not fit as a whole: any image may be the one then.
+    """
+    for odd in _candidates(trials, is_bad):
+        without = trials.solved(_without(trials, odd), f"the block without {odd.said}")
+        if without is not None and trials.contradicts(without):
+            said = _Explanation(trials, odd, without).words()
+            if said or odd.is_one:
+                return said
+    return ""
+
+
+def _candidates(trials: Trials, is_bad: bool) -> Iterator[Odd]:
+    """Cameras of some images, then images, the worst first."""
+    block, images = trials.block, trials.before.poses.images
+    used = list(dict.fromkeys(block.camera_of[image] for image in images))
+    for name in used if is_bad and 1 < len(used) <= TRIED else ():
+        own = tuple(image for image in images if block.camera_of[image] == name)
+        if len(own) > 1:
+            yield Odd(own, f"the images of camera {name}")
+    found = trials.before.residuals
+    norms = np.linalg.norm(found.residuals / found.sigmas, axis=1)
+    middles = np.array(
+        [np.median(norms[found.image == k]) if k in found.image else 0.0 for k, _ in enumerate(images)]
+    )
+    usual = max(1.0, float(np.median(norms)))
+    order = np.argsort(-middles, kind="stable")[:TRIED]
+    for row in order if len(images) > 2 else ():
+        if is_bad or middles[row] > TIMES * usual:
+            yield Odd((images[row],), f"image {images[row]}")
+
+
+def _without(trials: Trials, odd: Odd) -> BundleAdjustment | None:
+    return trials.measured(lambda measures: measures.rows(~_are_of(measures, odd)))
+
+
+def _are_of(measures: ImagePoints, odd: Odd) -> BoolArray:
+    return are_among(measures.image_names, odd.images)[measures.image]
+
+
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """What is wrong with images that contradict the others, in the solution without them."""
+
+    trials: Trials
+    odd: Odd
+    without: BundleSolution
+
+    def words(self) -> str:
+        """The explanation, or that there is none; empty where most of their measures fit as they are."""
+        rows, fits = self._fits(self._measures, self._cameras)
+        said = self._exchange(rows.rows(~fits)) or self._convention() or self._camera()
+        of_its_own = self.odd.is_one and 2 * np.count_nonzero(fits) <= len(fits)
+        return said or (self._unexplained() if of_its_own else "")
+
+    @property
+    def _measures(self) -> ImagePoints:
+        parts = [part.measures.rows(_are_of(part.measures, self.odd)) for part in self.trials.block.sets]
+        return functools.reduce(ImagePoints.joined, parts)
+
+    @property
+    def _cameras(self) -> dict[str, Camera]:
+        """Cameras of the images, as adjusted without them where they are known."""
+        return {image: self._adjusted(self.trials.block.camera_of[image]) for image in self.odd.images}
+
+    def _adjusted(self, camera: str) -> Camera:
+        return self.without.cameras.get(camera, self.trials.block.cameras[camera])
+
+    def _fits(self, measures: ImagePoints, cameras: dict[str, Camera]) -> tuple[ImagePoints, BoolArray]:
+        """Measures of known points, and whether each is near its own from the best pose of its image."""
+        known = ControlPoints.of(self.without.points, self.without.coordinates)
+        try:
+            found = resect(measures, known, cameras, LOOSE)
+        except ObseqError:
+            return measures, np.zeros(len(measures), dtype=bool)
+        sigma0 = max(self.without.sigma0 or 1.0, 1.0)
+        far = np.maximum(NEAR, SIGMAS * sigma0 * found.measures.sigmas)
+        return found.measures, np.asarray((np.abs(found.residuals) <= far).all(axis=1))
+
+    def _fit_so(self, measures: ImagePoints | None, cameras: dict[str, Camera]) -> bool:
+        """Whether nearly all measures fit, given otherwise."""
+        if measures is None:
+            return False
+        _, fits = self._fits(measures, cameras)
+        return bool(np.count_nonzero(fits) >= NEARLY_ALL * len(fits))
+
+    def _exchange(self, misfits: ImagePoints) -> str:
+        """That two points of an image are exchanged, where all others of it fit."""
+        if len(misfits) != 2 or len(misfits.image_names) != 1:
+            return ""
+        return exchange_in(self.trials, misfits.image_names[0], *misfits.point_names)
+
+    def _convention(self) -> str:
+        """Other ways to give the image points that explain them."""
+        found: list[tuple[str, BundleSolution]] = []
+        for convention in OF_ONE_IMAGE:
+            change = partial(convention.of, cameras=self.trials.cameras, images=self.odd.images)
+            if self._fit_so(change(self._measures), self._cameras):
+                found += self._tried(self.trials.measured(change), convention.trial, convention.said)
+        return self._said(found)
+
+    def _camera(self) -> str:
+        """Another camera of the block that explains them."""
+        own = {self.trials.block.camera_of[image] for image in self.odd.images}
+        found: list[tuple[str, BundleSolution]] = []
+        for name in self.without.cameras.keys() - own:
+            camera = self._adjusted(name)
+            if self._fit_so(self._measures, dict.fromkeys(self.odd.images, camera)):
+                found += self._tried(self._taken_by(name), name, f"camera {name} instead of {', '.join(own)}")
+        return self._said(found)
+
+    def _taken_by(self, camera: str) -> BundleAdjustment:
+        made = self.trials.copy()
+        made.camera_of |= dict.fromkeys(self.odd.images, camera)
+        cameras = tuple(made.camera_of[image] for image in made.poses.images)
+        made.poses = replace(made.poses, cameras=cameras)
+        return made
+
+    def _tried(
+        self, block: BundleAdjustment | None, trial: str, said: str
+    ) -> list[tuple[str, BundleSolution]]:
+        """What explains the measures, and the block that is changed so; nothing where it does not."""
+        found = self.trials.solved(block, f"{self.odd.said}, {trial}")
+        if found is None or not self.trials.explains(found, self.without):
+            return []
+        return [(said, found)]
+
+    def _said(self, found: list[tuple[str, BundleSolution]]) -> str:
+        """Explanations in words: the best one, and those that are as good."""
+        least = min((solved.sigma0 or 0.0 for _, solved in found), default=0.0)
+        good = [(said, solved) for said, solved in found if (solved.sigma0 or 0.0) <= ALIKE * least]
+        if not good:
+            return ""
+        listed, falls = ", or ".join(said for said, _ in good), self.trials.falls(good[0][1])
+        return f"{self.odd.said}: {listed} explains {self._count}; so changed, {falls}"
+
+    @property
+    def _count(self) -> str:
+        return f"{'its' if self.odd.is_one else 'their'} {len(self._measures)} measures"
+
+    def _unexplained(self) -> str:
+        return (
+            f"{self.odd.said} contradicts all the others: without {self._count}, "
+            f"{self.trials.falls(self.without)}; look for names of points of another image, another camera, "
+            "or other axes of its pixels"
+        )

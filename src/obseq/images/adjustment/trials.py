@@ -1,0 +1,151 @@
+"""Blocks that are changed in one thing and adjusted again, to see whether that is what was wrong."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import ObseqError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.bundle import BundleAdjustment
+    from obseq.images.camera import Camera
+    from obseq.images.measures import ImagePoints
+    from obseq.images.poses import Poses
+    from obseq.leastsquares import Iteration
+
+SHARE = 0.1
+"""Of sigma0, below which a cause that all measures share explains a block."""
+FEW, TIMES = 25, 2
+"""Iterations of a trial: this many, or as many times those of the adjustment, if that is more."""
+LOUD, QUIET = 6.0, 3.0
+"""Standard deviations: what contradicts the others leaves more than the first, what agrees less than that."""
+EXPLAINED = 0.9
+"""Share of what leaving observations out explains, from which a change of them is the explanation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Adjustments of changed blocks, to compare with one.
+
+    Attributes:
+        block: as it was given; it does not change.
+        before: its solution.
+        given: its poses before others were found.
+        told: is told of each step.
+        options: of `solve`.
+    """
+
+    block: BundleAdjustment
+    before: BundleSolution
+    given: Poses
+    told: Callable[[str], None]
+    options: dict[str, Any]
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The given camera of each image."""
+        return {image: self.block.cameras[name] for image, name in self.block.camera_of.items()}
+
+    def copy(self) -> BundleAdjustment:
+        """The block as it was given, to be changed."""
+        made = copy.copy(self.block)
+        made.poses, made.rules, made.camera_of = self.given, list(made.rules), dict(made.camera_of)
+        return made
+
+    def measured(self, change: Callable[[ImagePoints], ImagePoints | None]) -> BundleAdjustment | None:
+        """The block with other measures; None where there are none for a set of them."""
+        made, sets = self.copy(), []
+        for part in made.sets:
+            measures = change(part.measures)
+            if measures is None:
+                return None
+            sets.append(replace(part, measures=measures))
+        made.sets = sets
+        return made
+
+    def solved(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
+        """The solution of a changed block, if it converges."""
+        if block is None:
+            return None
+        try:
+            self.told(f"the block does not fit: trying {change}")
+            block.initialise()
+            found = block.solve(**self._as_before(change))
+        except ObseqError:
+            return None
+        return found if found.converged and found.sigma0 is not None else None
+
+    def fitting(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
+        """The solution of a changed block that fits ten times better, or better than a mirror image."""
+        found = self.solved(block, change)
+        most = _sigma0(self.before) * (1.0 if is_mirrored(self.before) else SHARE)
+        return None if found is None or _sigma0(found) >= most or is_mirrored(found) else found
+
+    def contradicts(self, without: BundleSolution) -> bool:
+        """Whether what is left out in a solution contradicts all the rest."""
+        more = _redundancy(self.before) - _redundancy(without)
+        gain = _squares(self.before) - _squares(without)
+        return bool(more > 0 and gain > LOUD**2 * _variance(without) * more)
+
+    def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
+        """Whether a change of observations makes them agree with the rest, as it is without them."""
+        more = _redundancy(changed) - _redundancy(without)
+        left, gain = _squares(changed) - _squares(without), _squares(self.before) - _squares(without)
+        return bool(left <= QUIET**2 * _variance(without) * more and left <= (1.0 - EXPLAINED) * gain)
+
+    def falls(self, after: BundleSolution) -> str:
+        """What becomes of sigma0."""
+        return f"sigma0 falls from {_sigma0(self.before):.3g} to {_sigma0(after):.3g}"
+
+    def _as_before(self, change: str) -> dict[str, Any]:
+        """The options, with a limit to the iterations that a hopeless trial does not pass."""
+        most = max(FEW, TIMES * len(self.before.iterations))
+        given = self.options.get("max_iterations")
+        return {
+            **self.options,
+            "covariance": False,
+            "max_iterations": min(given or most, most),
+            "progress": lambda step: self.told(_step(change, step)),
+        }
+
+
+def _step(change: str, step: Iteration) -> str:
+    sigma0 = "" if step.sigma0 is None else f": sigma0 {step.sigma0:.6g}"
+    return f"the block does not fit: trying {change}{sigma0}"
+
+
+def _sigma0(found: BundleSolution) -> float:
+    return np.inf if found.sigma0 is None else float(found.sigma0)
+
+
+def _redundancy(found: BundleSolution) -> int:
+    return int(found.result.redundancy)
+
+
+def _squares(found: BundleSolution) -> float:
+    return _sigma0(found) ** 2 * _redundancy(found)
+
+
+def _variance(found: BundleSolution) -> float:
+    """Of the residuals of most, by their sigmas; not less than these say."""
+    return max(_sigma0(found) ** 2, 1.0)
+
+
+def is_mirrored(solution: BundleSolution) -> bool:
+    """Whether mirrored images fit: with points behind the cameras, or distortions that change sides."""
+    behind = 2 * int(np.count_nonzero(solution.is_behind)) > len(solution.is_behind)
+    return behind or any(_changes_sides(camera) for camera in solution.cameras.values())
+
+
+def _changes_sides(camera: Camera) -> bool:
+    """Whether x or y go the wrong way about the axis of a camera: an affine term below -1, usually."""
+    _, jacobian = camera.project_with_jacobian([[0.0, 0.0, 1.0]])
+    return bool(np.linalg.det(jacobian[0, :, :2]) < 0.0)

@@ -1,0 +1,164 @@
+"""What some measures share: an image of other axes or size, points that were exchanged; and verdicts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from obseq.errors import InputError
+from obseq.images.adjustment.causes import common_cause
+from obseq.images.output.record import record_of
+from obseq.images.output.summary import suspected
+
+SIZE = np.array([scenes.CAMERA.width, scenes.CAMERA.height])
+
+
+def _block(**shape):
+    block, _, _ = scenes.block(**{"n_images": 5, "n_points": 16, "n_control": 7, **shape})
+    block.freeze_parameters("K.|p.|b.")
+    return block
+
+
+def _cause(block):
+    given = block.poses
+    block.initialise()
+    return common_cause(block, block.solve(), given)
+
+
+def _rows(block, image):
+    measures = block.sets[0].measures
+    return np.flatnonzero(measures.image == measures.image_names.index(image))
+
+
+def _changed(block, image, change):
+    (part,) = block.sets
+    xy, rows = part.measures.xy.copy(), _rows(block, image)
+    xy[rows] = change(xy[rows])
+    block.sets = [replace(part, measures=replace(part.measures, xy=xy))]
+    return len(rows)
+
+
+def _upwards(xy):
+    return np.column_stack([xy[:, 0], SIZE[1] - xy[:, 1]])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (_upwards, "lines count upwards: y -> height - y"),
+        (lambda xy: xy[:, ::-1], "x and y exchanged"),
+        (lambda xy: xy / 2.0, "pixels of an image of another size: (x, y) -> 2 (x, y)"),
+    ],
+)
+def test_one_image_of_another_convention_is_named_with_it(change, said):
+    block = _block()
+    n = _changed(block, "i3", change)
+    before = block.sets, block.poses
+    cause = _cause(block)
+    assert cause.startswith("image i3: ") and said in cause and f"explains its {n} measures" in cause
+    assert float(cause.rsplit(" ", 1)[1]) < 1.5
+    assert (block.sets, block.poses) == before
+
+
+def test_an_image_that_contradicts_the_others_is_named_without_a_convention():
+    block = _block()
+    rng = np.random.default_rng(0)
+    _changed(block, "i2", lambda xy: rng.permutation(xy))
+    assert _cause(block).startswith("image i2 contradicts all the others: without its ")
+
+
+def test_an_image_that_cannot_be_placed_is_told_the_convention_that_places_it():
+    block = _block()
+    _changed(block, "i0", _upwards)
+    block.poses = block.poses.select([])
+    with pytest.raises(InputError, match=r"lines count upwards: .*: so changed, all images can be placed"):
+        block.initialise()
+
+
+def test_the_images_of_one_camera_are_named_together():
+    block = _block(n_images=6)
+    block.add_cameras(replace(scenes.CAMERA, name="d"))
+    for image in ("i1", "i4"):
+        block.camera_of[image] = "d"
+        _changed(block, image, _upwards)
+    block.poses = replace(block.poses, cameras=tuple(block.camera_of.values()))
+    assert _cause(block).startswith("the images of camera d: lines count upwards")
+
+
+def test_an_image_of_another_camera_is_named():
+    block = _block(n_images=6)
+    block.add_cameras(replace(scenes.CAMERA, name="d", focal=1.3 * scenes.CAMERA.focal))
+    for image in ("i1", "i4"):
+        block.camera_of[image] = "d"
+        _changed(block, image, lambda xy: SIZE / 2 + 1.3 * (xy - SIZE / 2))
+    _changed(block, "i2", lambda xy: SIZE / 2 + 1.3 * (xy - SIZE / 2))
+    block.poses = replace(block.poses, cameras=tuple(block.camera_of.values()))
+    block.freeze_parameters()
+    assert _cause(block).startswith("image i2: camera d instead of c explains its ")
+
+
+@pytest.mark.parametrize("is_placed", [True, False])
+def test_two_exchanged_measures_of_an_image_are_named(is_placed):
+    block = _block()
+    xy, rows = block.sets[0].measures.xy, _rows(block, "i1")[[2, 9]]
+    xy[rows] = xy[rows[::-1]]
+    if not is_placed:
+        block.poses = block.poses.select([])
+    labels = [label.rpartition(" ")[2] for label in block.sets[0].measures.labels(rows)]
+    cause = _cause(block)
+    pairs = [
+        f"points {first} and {second} in image i1 are exchanged" for first, second in (labels, labels[::-1])
+    ]
+    assert cause.startswith(tuple(pairs))
+
+
+def test_two_exchanged_control_points_are_named():
+    block = _block()
+    block.control.coordinates[[1, 4]] = block.control.coordinates[[4, 1]]
+    assert _cause(block).startswith("control points P1 and P4 are exchanged")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_single_gross_errors_are_no_exchange_and_no_odd_image(seed):
+    rng = np.random.default_rng(seed)
+    block = _block(seed=seed)
+    block.sets[0].measures.xy[rng.integers(len(block.sets[0].measures))] += rng.normal(0.0, 60.0, 2)
+    assert _cause(block) == ""
+    block = _block(seed=seed)
+    block.control.coordinates[seed] += rng.normal(0.0, 0.3, 3)
+    assert _cause(block) == ""
+
+
+# Verdicts
+
+
+def _record(block):
+    return record_of(block.solve())
+
+
+def test_a_block_of_which_most_is_rejected_is_no_success():
+    block = _block()
+    (part,) = block.sets
+    block.sets = [replace(part, measures=replace(part.measures, sigmas=part.measures.sigmas / 9.0))]
+    record = _record(block)
+    assert record.converged and not record.suspects and not record.is_complete
+    (share,) = record.rejected_shares
+    assert share.name == "the block" and share.rejected > share.tested / 2
+    assert suspected(record).startswith("the result is not to be trusted: half of")
+
+
+def test_an_image_that_is_rejected_as_a_whole_is_named_though_no_measure_of_it_is_the_worst():
+    """All its measures are seven times worse than those of the others, none is beyond the limit of all."""
+    block = _block(n_images=8, n_points=30)
+    noise = np.random.default_rng(1)
+    _changed(block, "i5", lambda xy: xy + 3.5 * np.sign(noise.normal(size=xy.shape)))
+    record = _record(block)
+    assert record.converged and not record.suspects and not record.is_complete
+    assert [share.name for share in record.rejected_shares] == ["image i5"]
+    assert "image i5 (" in suspected(record)
+
+
+def test_a_good_block_is_trusted():
+    record = _record(_block())
+    assert record.is_complete and not record.rejected_shares and not suspected(record)
