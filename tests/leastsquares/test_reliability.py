@@ -274,7 +274,7 @@ def test_errors_say_what_is_missing():
 @pytest.mark.slow
 def test_a_million_and_a_half_observations():
     rng = np.random.default_rng(0)
-    side, repeats = 160, 10
+    side, repeats = 80, 40
     x, y = np.meshgrid(np.arange(side), np.arange(side))
     heights = rng.normal(0, 1.0, side * side)  # as uneven as wide: few iterations
     grid = np.column_stack([x.ravel(), y.ravel(), heights]).astype(float)
