@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.initial.ways import PlumbWays
 
+    Sought = tuple[tuple[float, Space | None], BestPosition]
+    """The least strength and the hint with which a position was looked for, and what was found."""
+
 SOUND = 0.02
 WEAK = 0.002
 """Least strengths of the geometry (see `relations.Refined`): an intersection at about 2, and at 0.2 gon."""
@@ -88,7 +91,7 @@ class Placement:
         self.traverse = Traverse(known, graph, ways, self.allowed)
         self.dirty_polar: set[int] = set()
         self.dirty_geometry: set[int] = set()
-        self.best_positions: dict[int, tuple[tuple[float, bool], BestPosition]] = {}
+        self.best_positions: dict[int, Sought] = {}
         self.seen_anew: set[int] = set()
         self.located_anew: list[int] = []
         self.touched_points: list[int] = []
@@ -312,18 +315,17 @@ class Placement:
 
     def _best_position(self, point: int, level: Level) -> BestPosition:
         """What the relations of a point say, computed anew only when something has changed around it."""
-        key = (level.strength, level.uses_hints)
+        hint = self.hints.get(point) if level.uses_hints else None
         cached = self.best_positions.get(point)
-        if cached is not None and cached[0] == key:
+        if cached is not None and _says_the_same(cached, level.strength, hint):
             return cached[1]
         relations = collect(self.known, self.graph, point, self.allowed)
         position, sigmas = self.known.positions[point], self.graph.sigmas
         if position is not None:
             best = best_height(self.known, relations, sigmas, level.strength, position)
         else:
-            hint = self.hints.get(point) if level.uses_hints else None
             best = best_position(self.known, relations, sigmas, level.strength, hint)
-        self.best_positions[point] = (key, best)
+        self.best_positions[point] = (level.strength, hint), best
         return best
 
     def _averaged(self, point: int, fit: Fit) -> Fit:
@@ -360,3 +362,14 @@ class Placement:
             self.known.azimuth_sigmas[station] = min(azimuth_sigma, math.pi)
             self.known.station_steps[station] = Step("together with its position")
             self._spread_orientation(station)
+
+
+def _says_the_same(cached: Sought, strength: float, hint: Space | None) -> bool:
+    """Whether a position looked for before is what this strength and this hint would give.
+
+    A hint decides between alternatives only; where all geometry is weaker than asked for, there is nothing.
+    """
+    (least, decided_by), best = cached
+    if best.fit is None and not best.alternatives:
+        return strength == least or best.strength < strength
+    return strength == least and (hint == decided_by or (decided_by is None and not best.alternatives))
