@@ -18,7 +18,8 @@ from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.singular_words import free_motions_in_words
-from obseq.survey.initial.initial_values import InitialValues, initial_values
+from obseq.survey.initial.initial_values import InitialValues, values_by
+from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join
 
@@ -59,6 +60,11 @@ class Fieldwork:
         """The coordinates of points in the system of their files."""
         return PointSystem(self.frame.system, self.points_crs)
 
+    @cached_property
+    def _graphs(self) -> Graphs:
+        """What the networks of trials, which differ in little, have in common."""
+        return Graphs()
+
     def initial_values(self) -> InitialValues:
         """Initial values as far as they go."""
         return self._started(self.points, self.book)
@@ -67,7 +73,7 @@ class Fieldwork:
         """Initial values of points and observations in the frame."""
         points = with_first_places(self.frame, points, book)
         while True:
-            found = initial_values(points, book, self.frame.plumb)
+            found = values_by(self._graphs, points, book, self.frame.plumb)
             more = with_barycentres(points, book, found.coordinates)
             if more is None:
                 return found

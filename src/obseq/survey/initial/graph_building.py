@@ -7,6 +7,7 @@ the one that a reader of the file finds.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,6 +68,23 @@ def build_graph(
         flats,
         _of(parts, Start.RISE),
     )
+
+
+def measured_anew(graph: SightGraph, book: FieldBook) -> SightGraph:
+    """The graph of a field book that differs from that of a graph in values and sigmas only.
+
+    All that is in the graph is measured: neither angles from backsights nor sights that are taken for level.
+    """
+    sights, sigmas = graph.sights, book.observations.sigmas
+    values = np.full(len(book.observations) + 1, np.nan)  # the last one is for what was not measured
+    for _, measured in _parts(book):
+        values[measured.rows] = measured.values
+    measures = replace(sights.measures, values=values[sights.measures.rows])
+    ends = np.array((sights.stations, sights.origins, sights.targets))
+    slopes, flats, rises = (
+        replace(part, values=values[part.rows]) for part in (graph.slopes, graph.flats, graph.rises)
+    )
+    return graph.with_numbers(decimals(sigmas), make_sights(ends, measures, sigmas), slopes, flats, rises)
 
 
 def _parts(book: FieldBook) -> list[Part]:

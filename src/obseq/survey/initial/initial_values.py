@@ -27,14 +27,13 @@ from obseq.crs.normals import Normals
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
-from obseq.survey.initial.graph_building import build_graph
+from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
 from obseq.survey.initial.placement import GOOD, REST, Placement
 from obseq.survey.initial.steps import GIVEN, Steps
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
-from obseq.survey.initial.ways import PlumbWays
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.initial.steps import Cause, Step
+    from obseq.survey.initial.ways import PlumbWays
 
 _MOST_LISTED = 20
 _SIGMA_OF_APPROXIMATE = 10.0
@@ -116,8 +116,20 @@ def initial_values(
     Raises:
         InputError: a #VERT station in a frame without vertical, or a point where the frame has no vertical.
     """
+    return values_by(Graphs(), points, book, vertical, recompute_free=recompute_free)
+
+
+def values_by(
+    graphs: Graphs,
+    points: Points,
+    book: FieldBook,
+    vertical: Vertical | None,
+    *,
+    recompute_free: bool = False,
+) -> InitialValues:
+    """`initial_values` of networks that differ in little, one after the other: they share their graphs."""
     with _collector_at_rest():
-        return _all_values(points, book, vertical, recompute_free)
+        return _all_values(graphs, points, book, vertical, recompute_free)
 
 
 @contextmanager
@@ -133,17 +145,17 @@ def _collector_at_rest() -> Iterator[None]:
 
 
 def _all_values(
-    points: Points, book: FieldBook, vertical: Vertical | None, recompute_free: bool
+    graphs: Graphs, points: Points, book: FieldBook, vertical: Vertical | None, recompute_free: bool
 ) -> InitialValues:
     orientations = automatic_fix(book)
     if vertical is None:
         _refuse_plumb_stations(book, orientations)
-    graph = build_graph(book, len(points), orientations, is_level=_is_level(points))
+    graph, ways = graphs.of(book, len(points), orientations, is_level=_is_level(points))
     free = points.is_free.any(axis=1) & points.has_coordinates & ~points.in_datum.any(axis=1)
     if recompute_free:
-        return _computed(points, book, graph, vertical, points.is_free.all(axis=1) & free)
+        return _computed(points, book, graph, ways, vertical, points.is_free.all(axis=1) & free)
     approximations = Approximations(book, orientations, vertical)
-    return _checked(points, graph, approximations, free)
+    return _checked(points, graph, ways, approximations, free)
 
 
 def _is_level(points: Points) -> bool:
@@ -153,36 +165,40 @@ def _is_level(points: Points) -> bool:
 
 
 def _checked(
-    points: Points, graph: SightGraph, approximations: Approximations, free: BoolArray
+    points: Points, graph: SightGraph, ways: PlumbWays, approximations: Approximations, free: BoolArray
 ) -> InitialValues:
     """Initial values that start from the approximate coordinates, but for those that are far off."""
     book, vertical, given = approximations.book, approximations.vertical, points.coordinates
     before = approximations.contradictions(given, free)
     hidden = before > 0
-    found = _computed(points, book, graph, vertical, hidden)
+    found = _computed(points, book, graph, ways, vertical, hidden)
     if not hidden.any():
         return found
     after = approximations.contradictions(found.coordinates, free)
     if (after[~hidden] > 0).any():  # what the others were placed with is wrong too: trust no approximation
-        found = _computed(points, book, graph, vertical, free)
+        found = _computed(points, book, graph, ways, vertical, free)
         before, hidden = np.maximum(before, 1), free
         after = approximations.contradictions(found.coordinates, free)
     better = hidden & (after < before)
     if (better != hidden).any():
-        found = _computed(points, book, graph, vertical, better)
+        found = _computed(points, book, graph, ways, vertical, better)
     moved = replaced(given, book, found.coordinates, better)
     return replace(found, replaced=tuple(moved.tolist()))
 
 
 def _computed(
-    points: Points, book: FieldBook, graph: SightGraph, vertical: Vertical | None, hidden: BoolArray
+    points: Points,
+    book: FieldBook,
+    graph: SightGraph,
+    ways: PlumbWays,
+    vertical: Vertical | None,
+    hidden: BoolArray,
 ) -> InitialValues:
     """Initial values without the coordinates of hidden points, as far as the observations place these."""
     known = Known(points.names, len(graph.origins), vertical)
     hints = _take_given(known, points, hidden)
     _take_parts(known, points, hidden)
     known.origins = graph.origins
-    ways = PlumbWays(graph)
     placement = Placement(known, graph, ways, hints)
     _work(placement, LocalFrames(known, graph, ways))
     coordinates = known.coordinates()

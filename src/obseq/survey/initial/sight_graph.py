@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.initial.sights import Sights
+
+_OF_LINKS = ("is_plumb", "station_of", "origin_of", "target_of", "sights_from", "sights_to", "stations_at")
+"""What graphs that differ in numbers only have in common."""
 
 Joined = tuple[int, float, int]
 """What joins a point with another: the other point, the value (m) seen from there, and the row."""
@@ -94,6 +98,14 @@ class SightGraph:
     slopes: Measured
     flats: Measured
     rises: Measured
+
+    def with_numbers(
+        self, sigmas: array[float], sights: Sights, slopes: Measured, flats: Measured, rises: Measured
+    ) -> SightGraph:
+        """The same graph with other numbers; who is linked to whom is not looked up again."""
+        graph = replace(self, sigmas=sigmas, sights=sights, slopes=slopes, flats=flats, rises=rises)
+        vars(graph).update({name: found for name, found in vars(self).items() if name in _OF_LINKS})
+        return graph
 
     @cached_property
     def is_plumb(self) -> BoolArray:
