@@ -90,6 +90,20 @@ def test_a_wrong_known_height_is_named(tmp_path, held):
     assert set(error.points) == {"BM1", "BM2"} and error.what.startswith("one of ")
 
 
+@pytest.mark.parametrize("off", [0.3, 100.0, -1000.0])
+def test_one_wrong_bench_mark_is_one_finding_of_any_size(tmp_path, off):
+    """Between A and C the others cannot say which line is wrong; with the one from BM1 it is the mark."""
+    lines = "BM1-A A-B B-C C-D D-BM1".split()
+    (error,) = levelled(tmp_path, lines, marks("BM1", "C", A=HEIGHTS["A"] + off), held=True)
+    assert error.what.startswith("height of known point A") and error.points == ("A",)
+
+
+def test_two_wrong_bench_marks_are_two_findings(tmp_path):
+    known = marks("BM1", "F", "H", BM2=113.345, D=99.1544)
+    found = {error.points for error in levelled(tmp_path, NET, known)}
+    assert found == {("BM2",), ("D",)}
+
+
 def test_what_else_could_be_wrong_is_not_asked_in_a_large_network(tmp_path, monkeypatch):
     monkeypatch.setattr(ambiguous, "_MOST_WORK", 3)
     (error,) = levelled(tmp_path, LOOP, marks("BM1"), lambda line, rise: rise + 0.3 * (line == "B-C"))

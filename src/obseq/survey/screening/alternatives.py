@@ -18,7 +18,6 @@ from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.adjustment.known_coordinates import GROUP
 from obseq.survey.adjustment.quality import numbers, of_observations
-from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.kinds.registry import IS_ANGLE
 
 if TYPE_CHECKING:
@@ -35,7 +34,9 @@ _PLANTED = 100.0
 """Size of the error, in sigmas, with which correlations are found: its effects are linear."""
 _SAME = 25.0
 """Weighted squares by which one explanation must be worse than another to be told from it: five sigmas."""
-_DIGITS = 3
+_LARGEST = 1e3
+"""Size, in sigmas, beyond which an error tells explanations no better apart: effects are linear roughly."""
+_DIGITS = 1
 """Decimals of such squares that count: explanations that are as good come in the order of the files."""
 _STIFF = 0.01
 """Sigma of coordinates that are held, as a share of the smallest sigma of a length."""
@@ -62,8 +63,8 @@ class Alternative:
 
 
 @dataclass(frozen=True, eq=False)
-class _Tested:
-    """The network with a small error in one observation, adjusted.
+class Tested:
+    """A network, adjusted by least squares and tested.
 
     Attributes:
         found: the network it was made from.
@@ -78,6 +79,11 @@ class _Tested:
     equations: Equations
     solution: LeastSquaresResult
     quality: Reliability
+
+    @property
+    def explanations(self) -> list[tuple[float, Alternative]]:
+        """What may be wrong, with the test of its equation (w)."""
+        return [*_observations(self), *_coordinates(self)]
 
     def of_observations(self, name: str) -> FloatArray:
         """(n,) one of the numbers of the observations."""
@@ -99,38 +105,52 @@ def alternatives(model: Model, found: Estimate, row: int, suspects: list[int]) -
         suspects: observations that contradict the others, which say nothing about it.
     """
     try:
-        tested = _tested(model, found, row, suspects)
+        points, book = _exact_points(found), _exact_book(found, row, suspects)
+        tested = adjusted(model, found, points, book)
     except ObseqError:
         return []
     w, redundancy = tested.of_observations("w"), tested.of_observations("redundancy")
     if not abs(w[row]) > 0.0:
         return []
     size = float(found.ratios[row]) * float(redundancy[row]) ** 0.5 / found.scale
-    every = [*_observations(tested), *_coordinates(tested)]
-    losses = [(size**2 * (1.0 - min(1.0, (one / w[row]) ** 2)), item) for one, item in every]
     scale = float(found.ratios[row]) / _PLANTED
+    same = as_good(tested.explanations, float(w[row]), size)
+    return [replace(item, off=scale * item.off) for item in same]
+
+
+def as_good(every: list[tuple[float, Alternative]], w: float, size: float) -> list[Alternative]:
+    """What explains an error of a size, in sigmas, as well as the equation of test w, the best first."""
+    size = min(abs(size), _LARGEST)
+    losses = [(size**2 * (1.0 - min(1.0, (one / w) ** 2)), item) for one, item in every]
     same = sorted((pair for pair in losses if pair[0] <= _SAME), key=lambda pair: round(pair[0], _DIGITS))
-    return [replace(item, off=scale * item.off) for _, item in same]
+    return [item for _, item in same]
 
 
-def _tested(model: Model, found: Estimate, row: int, suspects: list[int]) -> _Tested:
+def adjusted(model: Model, found: Estimate, points: Points, book: FieldBook) -> Tested:
+    """The network with other points or observations, adjusted and tested.
+
+    Raises:
+        ObseqError: nothing of it can be computed.
+    """
     from obseq.leastsquares.statistics.reliability import reliability
 
-    points, book = _exact_points(found), _exact_book(found, row, suspects)
-    start = Determined(points, book, model.initial(points, book))
-    start = leave_out(start, start.initial.unplaced)
+    start = model.start(points, book)
     equations = model.equations(start)
     solution = equations.system.solve(
         max_iterations=_ITERATIONS, before_iteration=equations.follow, covariance=True
     )
-    return _Tested(found, start.points, equations, solution, reliability(equations.system, solution))
+    return Tested(found, start.points, equations, solution, reliability(equations.system, solution))
 
 
 def _exact_points(found: Estimate) -> Points:
-    """The points where they were found, held coordinates as known ones that hardly give way."""
-    points = found.points
+    """The points where they were found."""
     located = np.asarray(np.isfinite(found.coordinates).all(axis=1))
-    coordinates = np.where(located[:, None], found.coordinates, points.coordinates)
+    return stiff(found, np.where(located[:, None], found.coordinates, found.points.coordinates))
+
+
+def stiff(found: Estimate, coordinates: FloatArray) -> Points:
+    """The points at some coordinates, those that are held as known ones that hardly give way."""
+    points = found.points
     lengths = np.asarray(found.book.observations.active & ~IS_ANGLE[found.book.observations.types])
     smallest = float(np.min(found.book.observations.sigmas[lengths], initial=1e-3))
     sigmas = np.where(points.is_held, _STIFF * smallest, points.sigmas)
@@ -147,7 +167,7 @@ def _exact_book(found: Estimate, row: int, suspects: list[int]) -> FieldBook:
     return replace(found.book, observations=observations).without(left_out)
 
 
-def _observations(tested: _Tested) -> Iterator[tuple[float, Alternative]]:
+def _observations(tested: Tested) -> Iterator[tuple[float, Alternative]]:
     """W of the observations that others control, and what their errors would be."""
     names = ("w", "left_out_residuals", "redundancy")
     w, misfits, redundancy = (tested.of_observations(name) for name in names)
@@ -157,7 +177,7 @@ def _observations(tested: _Tested) -> Iterator[tuple[float, Alternative]]:
         yield float(w[row]), Alternative(row, -1, -1, -float(misfits[row]), spread)
 
 
-def _coordinates(tested: _Tested) -> Iterator[tuple[float, Alternative]]:
+def _coordinates(tested: Tested) -> Iterator[tuple[float, Alternative]]:
     """The same of the known coordinates."""
     w, misfits, redundancy, sigmas = (
         tested.of_coordinates(name) for name in ("w", "left_out_residuals", "redundancy", "sigmas")

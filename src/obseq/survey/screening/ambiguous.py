@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
 from obseq.survey.screening.findings import Cause, GrossError, coordinates_told, gap_of
+from obseq.survey.screening.levelling import errors_of_levelling
 from obseq.survey.screening.values import COORDINATE, Explanation, difference, explain
 
 if TYPE_CHECKING:
@@ -20,7 +22,8 @@ _MOST = 12
 """Suspects for which it is asked what else could be wrong."""
 _MOST_WORK = 100_000
 """Observations in all the adjustments that this takes."""
-_NAMED = 6
+_NAMED, _TOLD = 6, 3
+"""How many places are named, and of how many it is told how far off they are."""
 _TOLERANCE = 5.0
 """Sigmas within which two estimates of an error agree."""
 _HIT = 3.0
@@ -44,6 +47,8 @@ class Ambiguity:
 
     def errors(self, model: Model, suspects: list[int]) -> tuple[list[GrossError], list[int]]:
         """Errors in one of several places, or in one that explains several suspects; and other suspects."""
+        if suspects and (told := self._of_levelling(self.levelling(model), suspects)):
+            return told, []
         n = max(len(self.found.book.observations), 1)
         asked = suspects[: min(_MOST, _MOST_WORK // n)]
         choices = {row: alternatives(model, self.found, row, suspects) for row in asked}
@@ -60,6 +65,24 @@ class Ambiguity:
                 errors.append(self._error(rows, places))
                 left = [other for other in left if other not in rows]
         return errors, left
+
+    def levelling(self, model: Model) -> list[list[Alternative]]:
+        """The places of each error of a levelling; none where they are not told, or it is large."""
+        return (
+            errors_of_levelling(model, self.found) if len(self.found.book.observations) <= _MOST_WORK else []
+        )
+
+    def _of_levelling(self, errors: list[list[Alternative]], suspects: list[int]) -> list[GrossError]:
+        """The errors of a levelling; none where they are the suspects, which are told one by one."""
+        rows = [[one.row for one in places if one.row >= 0] for places in errors]
+        if all(map(_is_observation, errors)) and set(chain.from_iterable(rows)) == set(suspects):
+            return []
+        told = []
+        for k, places in enumerate(errors):
+            others = {row for other in rows[:k] + rows[k + 1 :] for row in other}
+            mine = [row for row in suspects if row not in others]
+            told.append(self._error(mine or rows[k] or suspects, places))
+        return told
 
     def _suspects_explained_by(
         self, one: Alternative, left: list[int], choices: dict[int, list[Alternative]]
@@ -88,10 +111,10 @@ class Ambiguity:
         text = "nothing tells them apart, an error in any one of them explains it all: "
         if told:
             text += "; or ".join(
-                f"{self._name(one)}: {self._gap(one)}, likely: {why.text}" for one, why in told[:3]
+                f"{self._name(one)}: {self._gap(one)}, likely: {why.text}" for one, why in told[:_TOLD]
             )
         else:
-            text += f"{self._gap(places[0])} if it is the first; no usual slip points to one of them"
+            text += f"{self._gaps(places)}; no usual slip points to one of them"
         return GrossError(f"one of {names}{more}", cause, text, size, concerned, points, is_one=True)
 
     def _name(self, one: Alternative) -> str:
@@ -119,6 +142,12 @@ class Ambiguity:
         given, gap = coordinates_told(self.found.units, self.system, one.component, fits, value - fits)
         return f"the others give {given}, it is {gap} off"
 
+    def _gaps(self, places: list[Alternative]) -> str:
+        """How far off each of a few places is; of many the first."""
+        if len(places) > _TOLD:
+            return f"{self._gap(places[0])} if it is the first"
+        return "; or ".join(f"{self._name(one)}: {self._gap(one)}" for one in places)
+
     def _explanation(self, one: Alternative) -> Explanation | None:
         kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else COORDINATE
         value, fits, unit = self._values(one)
@@ -127,6 +156,11 @@ class Ambiguity:
 
 def _place(one: Alternative) -> Place:
     return one.row, one.point, one.component
+
+
+def _is_observation(places: list[Alternative]) -> bool:
+    """Whether it is one observation that has an error, and nothing else may have it."""
+    return len(places) == 1 and places[0].row >= 0
 
 
 def _likely(told: list[tuple[Alternative, Explanation]]) -> str:

@@ -47,18 +47,7 @@ class _Trial:
 
 def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
     """The wrong known point that explains most contradictions, with the network without it."""
-    return _cause(trials, system, list(_trials(system, trials.found)))
-
-
-def known_height_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
-    """The same, of a network in which nothing but heights is sought."""
-    return _cause(trials, system, list(_unknown(trials.found, of_plan=False)))
-
-
-def _cause(
-    trials: Trials, system: PointSystem, all_trials: list[_Trial]
-) -> tuple[GrossError, Estimate] | None:
-    found = trials.found
+    found, all_trials = trials.found, list(_trials(system, trials.found))
     best: tuple[float, _Trial, Estimate] | None = None
     if len(all_trials) > trials.most:
         trials.untried.append(f"{len(all_trials) - trials.most} more mistakes of known points")
@@ -110,15 +99,15 @@ def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
         coordinates[[a, b]] = coordinates[[b, a]]
         text = "the coordinates of these two points are exchanged, or their names"
         yield _Trial(Cause.SWAPPED_NAMES, text, replace(found.points, coordinates=coordinates), (a, b))
-    yield from _unknown(found, of_plan=True)
+    yield from _unknown(found, candidates)
 
 
-def _unknown(found: Estimate, of_plan: bool) -> Iterator[_Trial]:
-    """Known points taken as unknown, in a network that seeks places in plan, or in one that does not."""
+def _unknown(found: Estimate, candidates: list[int]) -> Iterator[_Trial]:
+    """Known points taken as unknown, where places in plan are sought."""
     counts = _observation_counts(found)
-    for row in _candidates(found):
+    for row in candidates:
         sought = _sought(found.points, row)
-        if sought[0] == of_plan and counts[row] > sought.sum():
+        if sought[0] and counts[row] > sought.sum():
             yield _Trial(Cause.MISTYPED, "", _without(found.points, row, sought), (row,))
 
 

@@ -46,7 +46,7 @@ _ENDLESS = 1e9
 """Ratio beyond which a contradiction is a whole one."""
 WELL_CONTROLLED = 0.6
 """Redundancy for each observation from which the majority is right."""
-_LARGEST_SCALE = 4.0
+LARGEST_SCALE = 4.0
 """Sigmas may be too small by so much; when misfits are larger still, something is wrong."""
 
 
@@ -273,4 +273,4 @@ def _scale(ratios: FloatArray, redundancy: int) -> float:
     if not seen.size or share <= 0.0:
         return 1.0
     size = 1.4826 * float(np.median(seen)) / min(1.0, share) ** 0.5
-    return float(min(max(1.0, size), _LARGEST_SCALE))
+    return float(min(max(1.0, size), LARGEST_SCALE))

@@ -16,7 +16,7 @@ from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.groups import group_cause
-from obseq.survey.screening.known_points import known_height_cause, known_point_cause
+from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.offsets import offset_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
 from obseq.survey.screening.setups import setup_cause
@@ -125,15 +125,11 @@ def _cause_of_many(
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]
     best = _best([step for step in steps if step is not None])
+    if best is None and Ambiguity(system, found).levelling(model):
+        return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
         best = sight_cause(trials)
-    return best or _noise_or_height(trials, system)
-
-
-def _noise_or_height(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
-    """Sigmas that are too small, unless one wrong height makes a levelling look like that."""
-    noise = sigmas_cause(trials)
-    return noise and (known_height_cause(trials, system) or noise)
+    return best or sigmas_cause(trials)
 
 
 def _best(steps: list[tuple[GrossError, Estimate]]) -> tuple[GrossError, Estimate] | None:
