@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.odd_images import odd_image
-from obseq.images.adjustment.trials import Trials, is_mirrored
+from obseq.images.adjustment.trials import Trials, is_mirrored, is_rejected
 from obseq.images.initial.conventions import CONVENTIONS, MOST_MEASURES, MOST_PLACED
 
 if TYPE_CHECKING:
@@ -54,7 +55,9 @@ def common_cause(
         return ""
     trials = Trials(block, solution, given, told or _silent, options)
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
-    cause = _cause_of_all(trials) if is_bad else ""
+    cause = control_unit(trials) or _cause_of_all(trials) if is_bad else ""
+    if not cause and is_rejected(solution):
+        cause = control_sigmas(trials)
     if not cause and measures <= MOST_PLACED and (is_bad or _has_gross(solution)):
         cause = _cause_of_some(trials, is_bad)
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")

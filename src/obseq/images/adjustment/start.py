@@ -15,6 +15,7 @@ from obseq.images.camera import are_in_front
 from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH, misfit, usual_places
+from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of, numbered
 from obseq.images.poses import Poses
@@ -325,5 +326,11 @@ def _require_in_front(block: Block, start: Start) -> None:
                 f"{f'{origin.place(row)}: ' if origin else ''}{part.given.measures.label(row)}: the point is "
                 f"behind the camera ({np.count_nonzero(~seen)} measures are); check the coordinates, the "
                 "name, and the convention of the pose: here x = centre + R x_camera, the camera looking "
-                "along +z"
+                f"along +z{_unit_hint(block)}"
             )
+
+
+def _unit_hint(block: Block) -> str:
+    """In which unit control points seem to be, where poses are in another."""
+    unit = unit_of_control(block, block.poses)
+    return "" if unit is None else f"; the control points are {unit[0]:.6g} times too large: {unit[1]}?"

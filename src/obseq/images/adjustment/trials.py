@@ -10,6 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
+from obseq.leastsquares.statistics.hypothesis_tests import global_test
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,10 +85,11 @@ class Trials:
         return found if found.converged and found.sigma0 is not None else None
 
     def fitting(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
-        """The solution of a changed block that fits ten times better, or better than a mirror image."""
+        """The solution of a changed block that fits: ten times better, by its test, or as no mirror image."""
         found = self.solved(block, change)
         most = _sigma0(self.before) * (1.0 if is_mirrored(self.before) else SHARE)
-        return None if found is None or _sigma0(found) >= most or is_mirrored(found) else found
+        fits = found is not None and (_sigma0(found) < most or not is_rejected(found))
+        return None if found is None or not fits or is_mirrored(found) else found
 
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
@@ -100,6 +102,10 @@ class Trials:
         more = _redundancy(changed) - _redundancy(without)
         left, gain = _squares(changed) - _squares(without), _squares(self.before) - _squares(without)
         return bool(left <= QUIET**2 * _variance(without) * more and left <= (1.0 - EXPLAINED) * gain)
+
+    def gains(self, found: BundleSolution) -> float:
+        """By how much a change lowers the weighted sum of squares, in the variances of most residuals."""
+        return (_squares(self.before) - _squares(found)) / _variance(found)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -137,6 +143,12 @@ def _squares(found: BundleSolution) -> float:
 def _variance(found: BundleSolution) -> float:
     """Of the residuals of most, by their sigmas; not less than these say."""
     return max(_sigma0(found) ** 2, 1.0)
+
+
+def is_rejected(solution: BundleSolution) -> bool:
+    """Whether sigma0 is too large, by its test."""
+    test = global_test(solution.result) if solution.result.redundancy > 0 else None
+    return test is not None and not test.passed and test.sigma0 > test.sigma0_limits[1]
 
 
 def is_mirrored(solution: BundleSolution) -> bool:

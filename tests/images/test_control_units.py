@@ -1,0 +1,64 @@
+"""Control points in another unit than the rest of a block, or than their own sigmas."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from obseq.errors import InputError
+from obseq.images.adjustment.causes import common_cause
+
+
+def _block(factor, noise=0.5):
+    """A small ring whose control points, but not their sigmas, are in another unit."""
+    block, _, _ = scenes.block(noise, n_images=4, n_points=16, n_control=8)
+    block.freeze_parameters()
+    block.control = replace(block.control, coordinates=block.control.coordinates * factor)
+    return block
+
+
+def _cause(block):
+    given = block.poses
+    block.initialise()
+    return common_cause(block, block.solve(), given)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(1000.0, "1000 times"), (1 / 0.3048, "3.28084 times"), (0.3048, "0.3048 times"), (0.001, "0.001 times")],
+)
+def test_control_points_in_another_unit_than_a_length_are_named_with_the_factor(factor, said):
+    block = _block(factor)
+    length = float(np.linalg.norm(block.control.coordinates[0] - block.control.coordinates[1])) / factor
+    block.poses = block.poses.select([])
+    block.add_length("P0", "P1", length, 0.002)
+    assert _cause(block).startswith(f"the control points are {said} as large as the rest of the block says (")
+
+
+def test_control_points_in_another_unit_than_observed_poses_are_named():
+    block = _block(1 / 0.3048)
+    block.observe_poses(block.poses, 0.05)
+    cause = _cause(block)
+    assert (
+        cause.startswith("the control points are 3.28084 times") and "feet, and the rest in metres" in cause
+    )
+
+
+def test_points_behind_the_camera_of_another_unit_are_told_so():
+    block = _block(1000.0)
+    with pytest.raises(InputError, match=r"behind the camera .* control points are 1000 times .*millimetres"):
+        block.solve()
+
+
+def test_sigmas_of_control_points_in_another_unit_are_named():
+    block = _block(1000.0, noise=0.1)
+    block.poses = block.poses.select([])
+    assert _cause(block).startswith("the sigmas of the control points are about 1000 times too small")
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.1, 4.0])
+def test_other_scales_are_no_units(factor):
+    block = _block(factor)
+    block.observe_poses(block.poses, 0.05)
+    assert "times as large" not in _cause(block) and "times too small" not in _cause(block)
