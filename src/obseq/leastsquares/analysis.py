@@ -21,7 +21,7 @@ from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver
 from obseq.leastsquares.iterations.gauss_newton import Progress
 from obseq.leastsquares.iterations.newton import factor
-from obseq.leastsquares.iterations.runs import iterations_of
+from obseq.leastsquares.iterations.runs import iterations_of, move_at_once
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.result import Iteration, StopReason
 from obseq.leastsquares.solvers import checked_solver, choose_solver
@@ -125,6 +125,14 @@ class Analysis:
             done = run(options, redundancy, before, progress)
         before(len(done.iterations))
         return done
+
+    def step(self) -> bool:
+        """Moves the unknowns by one Gauss-Newton step, for those who want nothing else of an iteration.
+
+        Returns:
+            Whether they have moved; not so where `iterate` needs more than its two loops for small systems.
+        """
+        return bool(self._problem.n_free) and move_at_once(self.equations, self.solver)
 
     def cofactors(self) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""

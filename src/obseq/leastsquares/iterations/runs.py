@@ -57,12 +57,27 @@ def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver
             raise InputError("a constant damping holds a free network where it is: not together with a datum")
         return partial(iterate, equations, normal, linearise=partial(equations.assemble, strategy.share))
     if strategy.step == "normal":
-        is_dense = isinstance(solver, BaseSolver) and solver.name == "dense"
-        linearise = partial(_linearised, equations) if is_dense else equations.assemble
+        linearise = partial(_linearised, equations) if _is_dense(solver) else equations.assemble
         return partial(iterate, equations, normal, linearise=linearise)
     _require_plain(strategy.step, equations)
     rows = partial(_row_direction, equations, ROW_STEPS[strategy.step])
     return partial(iterate, equations, rows, linearise=equations.assemble)
+
+
+def move_at_once(equations: NormalEquations, solver: Solver) -> bool:
+    """Moves the unknowns by one Gauss-Newton step where matrix and step are found at once, or not at all.
+
+    Returns:
+        Whether they have moved: the system is small, without constraints or datum, and clearly regular.
+    """
+    solved = equations.solve_at_once() if _is_dense(solver) else None
+    if solved is not None:
+        equations.table.move(solved.step)
+    return solved is not None
+
+
+def _is_dense(solver: Solver) -> bool:
+    return isinstance(solver, BaseSolver) and solver.name == "dense"
 
 
 def _require_plain(name: str, equations: NormalEquations) -> None:

@@ -6,13 +6,16 @@ who is in which equation. For a small network these take longer to build and to 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import numpy.typing as npt
+
+    from obseq.arrays import BoolArray
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import Observations, Points
@@ -51,8 +54,8 @@ def _have_same_equations(first: Determined, other: Determined) -> bool:
     return (
         _are_alike(first.points, other.points)
         and np.array_equal(first.initial.orientations, other.initial.orientations)
-        and np.array_equal(first.book.stations.origins, other.book.stations.origins)
-        and np.array_equal(first.book.stations.orientations, other.book.stations.orientations)
+        and _are_equal(first.book.stations.origins, other.book.stations.origins)
+        and _are_equal(first.book.stations.orientations, other.book.stations.orientations)
         and not (first.book.clusters or other.book.clusters)
         and first.book.groups == other.book.groups
         and _count_alike(first.book.observations, other.book.observations)
@@ -65,17 +68,34 @@ def _are_alike(first: Points, other: Points) -> bool:
     return (
         all(part is None for part in parts)
         and first.names == other.names
-        and np.array_equal(first.is_free, other.is_free)
-        and np.array_equal(first.is_held, other.is_held)
-        and np.array_equal(first.deflections, other.deflections, equal_nan=True)
+        and (first.sigmas is other.sigmas or _are_known_alike(first, other))
+        and _are_equal(first.deflections, other.deflections)
     )
+
+
+def _are_known_alike(first: Points, other: Points) -> bool:
+    """Whether the same components are free, and the same held."""
+    return np.array_equal(first.is_free, other.is_free) and np.array_equal(first.is_held, other.is_held)
 
 
 def _count_alike(first: Observations, other: Observations) -> bool:
     """Whether observations are between the same points, heights in the same places, and none counts more."""
-    heights = ((rows.from_heights != 0.0) | (rows.to_heights != 0.0) for rows in (first, other))
     return (
-        all(np.array_equal(getattr(first, name), getattr(other, name)) for name in _OF_EQUATIONS)
-        and np.array_equal(*heights)
-        and not (other.active & ~first.active).any()
+        all(_are_equal(getattr(first, name), getattr(other, name)) for name in _OF_EQUATIONS)
+        and (_share_heights(first, other) or np.array_equal(_has_heights(first), _has_heights(other)))
+        and (other.active is first.active or not (other.active & ~first.active).any())
     )
+
+
+def _share_heights(first: Observations, other: Observations) -> bool:
+    return first.from_heights is other.from_heights and first.to_heights is other.to_heights
+
+
+def _has_heights(rows: Observations) -> BoolArray:
+    """(n,) whether instruments or targets of observations have a height."""
+    return np.asarray((rows.from_heights != 0.0) | (rows.to_heights != 0.0))
+
+
+def _are_equal(first: npt.NDArray[Any], other: npt.NDArray[Any]) -> bool:
+    """Whether two columns hold the same; most often they are the same one."""
+    return first is other or np.array_equal(first, other, equal_nan=first.dtype.kind == "f")

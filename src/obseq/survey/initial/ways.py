@@ -272,6 +272,8 @@ class PlumbWays:
     def _blocks(self) -> list[int]:
         """The block that each station belongs to."""
         graph = self._graph
+        if len(graph.sights) * _MOST_STATIONS < _BLOCK:
+            return [0] * len(graph.origins)
         seen_by = np.minimum(list(map(len, graph.sights_to)), _MOST_STATIONS)
         sizes = np.bincount(graph.sights.stations, seen_by[graph.sights.targets], len(graph.origins))
         blocks: list[int] = (np.cumsum(sizes) // _BLOCK).astype(np.int64).tolist()

@@ -171,7 +171,7 @@ def first_sight(model: Model, start: Determined) -> float:
         ObseqError: its equations cannot be made.
     """
     equations = model.equations(start)
-    misfits = _misfits(equations, _settled(equations, GLANCE))
+    misfits = _misfits(equations, _glanced(equations))
     return sum(float(_softly(ratios / GROSS).sum()) for _, _, ratios in misfits)
 
 
@@ -179,6 +179,22 @@ def _softly(sizes: FloatArray) -> FloatArray:
     """From 0 to 1, how much misfits contradict, of their sizes as shares of a limit."""
     squares = np.square(np.fmin(sizes, _ENDLESS))
     return np.asarray(squares / (1.0 + squares))
+
+
+def _glanced(equations: Equations) -> LeastSquares | LeastSquaresResult:
+    """Moves the unknowns by one step, as `_settled` does in the stages of a glance."""
+    system, ((loss, _),) = equations.system, GLANCE
+    for _, batch in equations.batches.values():
+        batch.loss = loss
+    try:
+        equations.follow(system, 0)
+        has_moved = system.analysis(reduced=True).step()
+    except ObseqError:
+        has_moved = False
+    if not has_moved:
+        return _settled(equations, GLANCE)
+    equations.linearise()
+    return system
 
 
 def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquaresResult:
