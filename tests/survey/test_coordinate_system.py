@@ -9,6 +9,7 @@ import pytest
 
 from obseq.survey import Network, write_cor, write_obs
 from obseq.survey.kinds.lengths import DIST
+from obseq.survey.screening import search
 from obseq.survey.screening.findings import Cause
 
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
@@ -45,6 +46,14 @@ def test_a_wrong_coordinate_system_is_the_one_cause(files):
     assert error.cause is Cause.COORDINATE_SYSTEM
     assert "EPSG:3949" in error.text and "--points-crs" in error.text
     assert len(error.points) == 12
+
+
+@pytest.mark.parametrize("definition", ["EPSG:2056", "EPSG:27572"])
+def test_one_that_is_used_elsewhere_is_said_before_anything_is_tried(files, monkeypatch, definition):
+    monkeypatch.setattr(search, "_cause_of_many", lambda *_: pytest.fail("causes are tried one by one"))
+    (error,) = errors_of(files, definition)
+    assert error.cause is Cause.COORDINATE_SYSTEM and len(error.points) == 12
+    assert f"outside the area where {definition} is used" in error.text
 
 
 def test_the_right_one_raises_no_alarm(files):

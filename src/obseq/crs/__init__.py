@@ -5,7 +5,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 """
 
 from obseq.arrays import FloatArray
-from obseq.crs.area import area_warning
+from obseq.crs.area import area_warning, outside_area
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
 from obseq.crs.normals import Normals
 from obseq.crs.operations import KEPT_HEIGHTS, Operation, geodetic_from_geocentric
@@ -54,6 +54,7 @@ __all__ = [
     "east_north_up",
     "geodetic_from_geocentric",
     "horizontal_distance",
+    "outside_area",
     "parse",
     "refraction_correction",
     "rtl_at",

@@ -33,10 +33,8 @@ def area_warning(system: CoordinateSystem, points: FloatArray, names: Sequence[s
         points: (n, 3) coordinates, in its units.
         names: (n,) of the points.
     """
-    if not isinstance(system, ProjSystem) or not len(points):
-        return None
-    outside: BoolArray = _outside(system, points)
-    if not outside.any():
+    outside = outside_area(system, points)
+    if not isinstance(system, ProjSystem) or not outside.any():
         return None
     which = [names[row] for row in np.flatnonzero(outside).tolist()]
     more = f", ... ({len(which)} points)" if len(which) > SHOWN else ""
@@ -47,6 +45,13 @@ def area_warning(system: CoordinateSystem, points: FloatArray, names: Sequence[s
     name = area.name if area else ""
     where = f"the area where {system.definition!r} is used ({name[:LONGEST]}{'...' * (len(name) > LONGEST)})"
     return f"{', '.join(which[:SHOWN])}{more}: outside {where}; {hint}"
+
+
+def outside_area(system: CoordinateSystem, points: FloatArray) -> BoolArray:
+    """(n,) whether points (n, 3) are outside the area of use of their system; false where it has none."""
+    if not isinstance(system, ProjSystem) or not len(points):
+        return np.zeros(len(points), dtype=bool)
+    return _outside(system, points)
 
 
 def _outside(system: ProjSystem, points: FloatArray) -> BoolArray:

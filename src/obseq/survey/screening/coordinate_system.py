@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import crs
 from obseq.geometry import closest_rotation
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, QUICK
@@ -29,6 +30,8 @@ _NEARLY_ALL = 0.9
 """Share of the known points with suspects, and..."""
 _MOST = 0.5
 """...share of suspects among their observations from which they are wrong together."""
+_MANY = 0.1
+"""Share of suspects from which points outside the area of their system say that it is another."""
 _SCALE, _TURN, _FIT = 0.08, 0.25, 0.2
 """Scale less 1, turn (rad) and misfit over size of a network that another coordinate system may explain."""
 
@@ -37,6 +40,8 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     """A wrong coordinate system of all known points; None where something else is wrong."""
     found = trials.found
     known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
+    if elsewhere := _of_another_area(found, system, known):
+        return elsewhere
     if len(known) < _LEAST_KNOWN or not _are_wrong_together(found, known):
         return None
     alone = estimated(trials.model, _on_two(found.points, known), found.book, QUICK)
@@ -55,6 +60,24 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     rows = tuple(found.suspects.tolist())
     what = f"all {len(known)} known points together"
     return GrossError(what, Cause.COORDINATE_SYSTEM, text, float(found.ratios.max()), rows, names)
+
+
+def _of_another_area(found: Estimate, system: PointSystem, known: IntArray) -> GrossError | None:
+    """A system that is used elsewhere, where many observations contradict it: no trial is needed then."""
+    if len(found.suspects) < _MANY * np.count_nonzero(found.book.observations.active) or len(known) < 2:
+        return None
+    if not crs.outside_area(system.system, system.coordinates(found.points.coordinates[known])).all():
+        return None
+    text = (
+        f"they lie outside the area where {system.system.definition} is used, and the observations "
+        "contradict them: likely it is not their coordinate system: correct --points-crs, or leave it out "
+        "for a local site"
+    )
+    names = tuple(found.points.names[row] for row in known.tolist())
+    rows, size = tuple(found.suspects.tolist()), float(found.ratios.max())
+    return GrossError(
+        f"all {len(known)} known points together", Cause.COORDINATE_SYSTEM, text, size, rows, names
+    )
 
 
 def _are_wrong_together(found: Estimate, known: IntArray) -> bool:
