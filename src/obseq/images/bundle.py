@@ -144,7 +144,7 @@ class BundleAdjustment(Block):
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
             raise InputError(
                 f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}"
-                f"{convention_that_fits(*asked, lost[0])}"
+                f"{convention_that_fits(*asked, growth.as_poses(), lost)}"
             )
         self.add_poses(growth.as_poses().select(waiting))
         return tuple(waiting)

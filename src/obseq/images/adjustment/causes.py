@@ -1,7 +1,7 @@
 """Causes of a block that ends badly: tried, and named when one explains it.
 
-First what all measures share (axes, focal length), then what some share: one image, two points that were
-exchanged, the unit of the control points.
+Two points that were exchanged, the unit of the control points, what all measures share (axes, focal length),
+what those of one image or camera share.
 """
 
 from __future__ import annotations
@@ -55,11 +55,16 @@ def common_cause(
         return ""
     trials = Trials(block, solution, given, told or _silent, options)
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
-    cause = control_unit(trials) or _cause_of_all(trials) if is_bad else ""
+    may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
+    cause = control_unit(trials) if is_bad else ""
+    if not cause and may_search:
+        cause = exchanged_control(trials) or exchanged_measures(trials)
+    if not cause and is_bad:
+        cause = _cause_of_all(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
-    if not cause and measures <= MOST_PLACED and (is_bad or _has_gross(solution)):
-        cause = _cause_of_some(trials, is_bad)
+    if not cause and may_search:
+        cause = odd_image(trials, is_bad)
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
 
 
@@ -85,11 +90,6 @@ def _cause_of_all(trials: Trials) -> str:
     if found is None:
         return ""
     return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {_falls(trials, found)}"
-
-
-def _cause_of_some(trials: Trials, is_bad: bool) -> str:
-    """Two points that were exchanged, or one image that is of its own."""
-    return exchanged_control(trials) or exchanged_measures(trials) or odd_image(trials, is_bad)
 
 
 def _principal_shift(found: BundleSolution) -> float:

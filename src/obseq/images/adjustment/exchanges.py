@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.adjustment.trials import LOUD
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
 
@@ -53,7 +54,7 @@ def _explanation(
 ) -> str:
     """What is said of an exchange that explains as much as leaving out both does; else empty."""
     found = trials.solved(changed, f"{what} exchanged")
-    if found is None:
+    if found is None or trials.gains(found) < LOUD**2:
         return ""
     without = trials.solved(left_out, f"the block without {what}")
     if without is None or not (trials.contradicts(without) and trials.explains(found, without)):

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 SHARE = 0.1
 """Of sigma0, below which a cause that all measures share explains a block."""
-FEW, TIMES = 25, 2
-"""Iterations of a trial: this many, or as many times those of the adjustment, if that is more."""
+FEW, TIMES, MOST = 25, 2, 50
+"""Iterations of a trial: the first, or so many times those of the adjustment if more; at most the last."""
 LOUD, QUIET = 6.0, 3.0
 """Standard deviations: what contradicts the others leaves more than the first, what agrees less than that."""
 EXPLAINED = 0.9
@@ -113,7 +113,7 @@ class Trials:
 
     def _as_before(self, change: str) -> dict[str, Any]:
         """The options, with a limit to the iterations that a hopeless trial does not pass."""
-        most = max(FEW, TIMES * len(self.before.iterations))
+        most = min(max(FEW, TIMES * len(self.before.iterations)), MOST)
         given = self.options.get("max_iterations")
         return {
             **self.options,

@@ -16,7 +16,7 @@ from obseq.images.measure_checks import MARGIN
 from obseq.images.names import are_among
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.images.camera import Camera
@@ -105,7 +105,12 @@ OF_ONE_IMAGE = (
 
 
 def convention_that_fits(
-    measures: ImagePoints, control: ControlPoints, cameras: Mapping[str, Camera], given: Poses, lost: str
+    measures: ImagePoints,
+    control: ControlPoints,
+    cameras: Mapping[str, Camera],
+    given: Poses,
+    placed: Poses,
+    lost: Sequence[str],
 ) -> str:
     """Why images could not be placed, where they all can in another convention, of all or of one; else empty.
 
@@ -114,18 +119,17 @@ def convention_that_fits(
         control: known points.
         cameras: by image.
         given: poses that are known.
-        lost: an image that could not be placed.
+        placed: these and the poses that were found.
+        lost: images that could not be placed.
     """
     if len(measures) > MOST_PLACED:
         return ""
-    everywhere = [(convention.of(measures, cameras), convention.said) for convention in CONVENTIONS]
-    there = [(convention.of(measures, cameras, (lost,)), convention.said) for convention in OF_ONE_IMAGE]
-    for tried in (everywhere, there):
-        fits = [(_misfit(m, control, cameras, given), said) for m, said in tried if m is not None]
-        best, said = min(fits, key=lambda fit: fit[0], default=(np.inf, ""))
-        if best <= MEET:
-            return f"; {said}: so changed, all images can be placed"
-    return ""
+    trials = [(convention.of(measures, cameras), given, convention.said) for convention in CONVENTIONS]
+    if len(lost) == 1:
+        trials += [(each.of(measures, cameras, lost), placed, each.said) for each in OF_ONE_IMAGE]
+    fits = [(_misfit(m, control, cameras, known), said) for m, known, said in trials if m is not None]
+    best, said = min(fits, key=lambda fit: fit[0], default=(np.inf, ""))
+    return f"; {said}: so changed, all images can be placed" if best <= MEET else ""
 
 
 def _misfit(
