@@ -138,6 +138,16 @@ def test_at_a_point_of_unknown_height_the_targets_on_it_may_be_wrong_instead(tmp
     assert error.text.endswith("nothing tells these apart")
 
 
+@pytest.mark.parametrize(("off", "may_be_target"), [(3.0, False), (-30.0, False), (-3.0, True)])
+def test_a_target_under_the_ground_or_in_the_sky_is_not_thought_of(tmp_path, monkeypatch, off, may_be_target):
+    """C is a target only: its height may be wrong, or that of all targets on it, where that can be."""
+    lines = [line for line in measured() if line.origin != "C"]
+    monkeypatch.setitem(PLACES, "C", (1090.0, 2190.0, 97.0 + off))
+    (error,) = network(tmp_path, lines).gross_errors()
+    assert error.points == ("C",) and "known point C" in error.what
+    assert ("height of the target" in error.text) == may_be_target
+
+
 def test_a_forgotten_height_of_one_target_is_named(tmp_path):
     (error,) = spoilt(tmp_path, lambda line: {"prism": 0.0}, origin=("P2",), target=("P4",))
     assert error.what.startswith("height of the target of 2 observations from P2 to P4")

@@ -41,6 +41,8 @@ _ROUNDS, _STEP = 4, 1e-3
 """How often an offset is improved, and by what its effect is found (m)."""
 _EQUAL = 0.1
 """Contradictions by which two offsets may differ that explain a network equally well."""
+_HIGHEST = 10.0
+"""Height of an instrument or a target (m) above which none is thought of where none is written."""
 _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
 
@@ -84,6 +86,7 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The offset that explains most, with the network in which it is corrected; None when there is none."""
     offsets = sorted(_offsets(trials.found), key=lambda one: -len(one.suspects))
     offsets = _once(found for one in offsets for found in _with_equals(trials.found, one))
+    offsets = [one for one in offsets if _is_possible(trials.found, one)]
     explaining: list[tuple[float, _Offset, Estimate]] = []
     for number, one in enumerate(offsets):
         if number == trials.most:
@@ -100,7 +103,6 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         return None
     least = min(left for left, _, _ in explaining)
     equal = [(one, corrected) for left, one, corrected in explaining if left <= least + _EQUAL]
-    equal = [pair for pair in equal if not _is_odd(trials.found, pair[0])] or equal
     return any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
 
 
@@ -108,11 +110,14 @@ def _once(offsets: Iterator[_Offset]) -> list[_Offset]:
     return list({(one.what, one.rows.tobytes()): one for one in offsets}.values())
 
 
-def _is_odd(found: Estimate, one: _Offset) -> bool:
-    """Whether it would make a height negative."""
+def _is_possible(found: Estimate, one: _Offset) -> bool:
+    """Whether heights would be such as others of the network are, or upright and some metres at most."""
     if one.what is What.CONSTANT:
-        return False
-    return bool((_heights(found, one.what)[one.rows] + one.size < 0.0).any())
+        return True
+    written, margin = _heights(found, one.what), _HIT * one.sigma
+    right = written[one.rows] + one.size
+    lowest, highest = min(0.0, float(written.min())), max(_HIGHEST, float(written.max()))
+    return bool((right >= lowest - margin).all() and (right <= highest + margin).all())
 
 
 def _heights(found: Estimate, what: What) -> FloatArray:
