@@ -20,6 +20,17 @@ def test_an_explanation_says_what_a_rejection_means(make, plain) -> None:
     assert "sigmas are too large" in Verdict(make(global_test=rejected | {"sigma0": 0.01})).explanation
 
 
+def test_one_condition_that_fails_names_all_that_it_checks(make, plain) -> None:
+    rejected = plain["global_test"] | {"passed": False, "sigma0": 4.25, "upper": 2.241}
+    seen = [row | {"standardised_residual": 4.25} for row in plain["observations"][:2]]
+    unseen = plain["observations"][2] | {"standardised_residual": None}
+    said = Verdict(make(global_test=rejected, redundancy=1, observations=[*seen, unseen])).explanation
+    first, second = (f"{row['from']} -> {row['to']} (site.obs:{row['line']})" for row in seen)
+    assert "misclosure is 4.25 times" in said and "nothing tells these apart" in said
+    assert first in said and second in said and f"site.obs:{unseen['line']}" not in said
+    assert "blunder" in Verdict(make(global_test=rejected, redundancy=1)).explanation
+
+
 def test_without_a_test_it_says_why(make) -> None:
     nothing = Verdict(make(global_test=None, redundancy=0))
     assert (nothing.headline, nothing.is_accepted) == ("not tested", False)

@@ -104,6 +104,8 @@ class Verdict:
         if self.spoilt:
             return self._of_gross_errors()
         if not self.test.passed:
+            if self.record.redundancy == 1 and self.test.sigma0 > self.test.upper:
+                return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
             return TOO_LARGE if self.test.sigma0 > self.test.upper else TOO_SMALL
         whole = " all together" if self.types_beyond else ""
         return f"The residuals{whole} are what the sigmas of the observations announce."
@@ -128,13 +130,32 @@ class Verdict:
         )
 
 
+def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
+    """What fails where a single condition, of a loop say, checks all; empty where its parts are not known."""
+    within = [row for row in record.observations if abs(row.standardised_residual or 0.0) > 0.5 * misclosure]
+    names = tuple(f"{row.type} {row.origin} -> {row.target} ({row.file}:{row.line})" for row in within)
+    if not names:
+        return ""
+    known = " or a known coordinate" if record.constraints else ""
+    return (
+        f"One condition checks all of them, and its misclosure is {misclosure:.3g} times what the sigmas "
+        f"announce. An error in {_one_of(names)}{known} explains it, and nothing tells these apart; or the "
+        "sigmas are too small."
+    )
+
+
+def _one_of(names: tuple[str, ...]) -> str:
+    """The names, if they are many the first."""
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    listed = f"{', '.join(names[:_MOST_NAMED])}{more}"
+    return listed if len(names) == 1 else f"one of {listed}"
+
+
 def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     """Which observation one gross error is suspected in, and what to do."""
     names = suspicion.observations
     size = units.units_of(record).small(suspicion.unit, suspicion.blunder)
-    listed = ", ".join(names[:_MOST_NAMED])
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    which = listed if len(names) == 1 else f"one of {listed}{more}, which cannot be told apart"
+    which = _one_of(names) if len(names) == 1 else f"{_one_of(names)}, which cannot be told apart"
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
     return (
         f"GROSS ERROR suspected: {which}: {estimate} (standardised residual {suspicion.statistic:.2f}). One "

@@ -158,6 +158,7 @@ class Fieldwork:
         """Adjusts with the known coordinates, or the datum, that the points have."""
         from obseq.survey.adjustment.sequence import one_after_the_other
         from obseq.survey.screening.common_factor import common_factor
+        from obseq.survey.screening.odd_sigmas import odd_sigmas
         from obseq.survey.screening.search import blame, refuse
 
         with computation.watch.phase("initial values"):
@@ -183,7 +184,8 @@ class Fieldwork:
             if strict and errors:
                 refuse(errors)
         told = () if errors else one_after_the_other(computation, given, adjustment)
-        return adjustment.announcing(errors, replaced).warned(*told)
+        notes = (*adjustment.notes, *odd_sigmas(adjustment, self.model().units))
+        return replace(adjustment, notes=notes).announcing(errors, replaced).warned(*told)
 
     def _check_datum(self) -> None:
         """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""
