@@ -6,16 +6,14 @@ who is in which equation. For a small network these take longer to build and to 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy.typing as npt
-
-    from obseq.arrays import BoolArray
+    from obseq.arrays import Array, BoolArray
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import Observations, Points
@@ -96,6 +94,6 @@ def _has_heights(rows: Observations) -> BoolArray:
     return np.asarray((rows.from_heights != 0.0) | (rows.to_heights != 0.0))
 
 
-def _are_equal(first: npt.NDArray[Any], other: npt.NDArray[Any]) -> bool:
+def _are_equal(first: Array, other: Array) -> bool:
     """Whether two columns hold the same; most often they are the same one."""
     return first is other or np.array_equal(first, other, equal_nan=first.dtype.kind == "f")
