@@ -19,6 +19,7 @@ sys.path.append(str(Path(__file__).parent))  # the files that tests of several f
 
 from outside import OutsideData
 from sources import forget
+from unchanged import Seen
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
@@ -78,6 +79,12 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def shared_data() -> OutsideData:
     """The outside values: `shared_data / "nist-strd-dev"` is the folder of a data set."""
     return OutsideData()
+
+
+@pytest.fixture(scope="session")
+def seen(pytestconfig: pytest.Config) -> Seen:
+    """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
+    return Seen(getattr(pytestconfig, "cache", None))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,8 +1,6 @@
 """Computes nodes of an expression graph on numbers, to test what the generator does to it."""
 
-import sys
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -10,10 +8,6 @@ import pytest
 
 from obseq.codegen.expression_graph import CONSTANT, INPUT, ExpressionGraph
 from obseq.formulas import functions
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from unchanged import Seen  # it lies beside the folder
 
 ARITHMETIC = {
     "add": lambda a, b: a + b,
@@ -51,9 +45,3 @@ def _evaluate(graph: ExpressionGraph, node: int, inputs: Mapping[str, Any]) -> A
 def evaluate() -> Callable[[ExpressionGraph, int, Mapping[str, Any]], Any]:
     """(graph, node, value of each input) -> value of the node, in the arithmetic of the inputs."""
     return _evaluate
-
-
-@pytest.fixture(scope="package")
-def seen(pytestconfig: pytest.Config) -> Seen:
-    """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
-    return Seen(getattr(pytestconfig, "cache", None))

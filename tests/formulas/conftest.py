@@ -1,18 +1,12 @@
 """Shared by the tests of formulas: exact derivatives, from high precision."""
 
-import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
 from obseq.formulas import Formula
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from unchanged import Seen  # it lies beside the folder
 
 DIGITS = 80
 
@@ -38,9 +32,3 @@ def _exact(
             columns.append([(high - low) / (2 * step) for low, high in zip(*ends, strict=True)])
         values = formula.evaluate(u, o)
     return np.array(values, dtype=float), np.array(columns, dtype=float).T
-
-
-@pytest.fixture(scope="package")
-def seen(pytestconfig: pytest.Config) -> Seen:
-    """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
-    return Seen(getattr(pytestconfig, "cache", None))
