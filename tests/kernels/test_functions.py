@@ -1,3 +1,4 @@
+import linecache
 import math
 import re
 from functools import cache
@@ -5,9 +6,10 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
-from numba import njit
 
-from obseq.compilation.numba_compiler import dispatcher
+from obseq.compilation import compiled, host
+from obseq.compilation.digests import CONTRACT
+from obseq.compilation.numba_compiler import optimised
 from obseq.kernels import functions
 
 DIGITS = 110
@@ -93,19 +95,23 @@ CASES = {
 
 @cache
 def _loop(name, count):
-    """The function in a loop, compiled once for all tests."""
-    names = ", ".join("abc"[:count])
-    scope = {"f": dispatcher(getattr(functions, name))}
-    items = names.replace(",", "[i],") + "[i]"
-    exec(f"def loop(out, {names}):\n for i in range(out.size):\n  out[i] = f({items})", scope)
-    return njit(error_model="numpy", fastmath={"contract"})(scope["loop"])
+    """The function in a loop over arrays, compiled as kernels are."""
+    taken = ", ".join(f"{argument}: 'FloatArray'" for argument in "abc"[:count])
+    items = ", ".join(f"{argument}[i]" for argument in "abc"[:count])
+    text = (
+        f"def loop(out: 'FloatArray', {taken}) -> None:\n for i in range(len(out)):\n  out[i] = f({items})\n"
+    )
+    file = f"<loop of {name}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    scope = {"f": getattr(functions, name), "__name__": __name__}
+    exec(compile(text, file, "exec"), scope)
+    return compiled(flags=CONTRACT)(scope["loop"])
 
 
 def _evaluate(name, *arguments):
-    loop = _loop(name, len(arguments))
     out = np.empty(len(arguments[0]))
-    loop(out, *(np.ascontiguousarray(argument, dtype=float) for argument in arguments))
-    return out, loop
+    _loop(name, len(arguments))(out, *(np.ascontiguousarray(argument, dtype=float) for argument in arguments))
+    return out
 
 
 def _ulps(computed, exact):
@@ -116,9 +122,10 @@ def _ulps(computed, exact):
 @pytest.mark.parametrize("name", CASES)
 def test_accuracy_in_units_in_the_last_place(name):
     reference, arguments, bound = CASES[name]
-    computed, _ = _evaluate(name, *arguments)
+    computed = _evaluate(name, *arguments)
     with mpmath.workdps(DIGITS):
-        exact = [reference(*(mpmath.mpf(float(x)) for x in row)) for row in zip(*arguments, strict=True)]
+        columns = [map(mpmath.mpf, values.tolist()) for values in arguments]
+        exact = [reference(*row) for row in zip(*columns, strict=True)]
         errors = [_ulps(*pair) for pair in zip(computed, exact, strict=True)]
     worst = int(np.argmax(errors))
     assert errors[worst] <= bound, (
@@ -132,9 +139,10 @@ def test_accuracy_in_units_in_the_last_place(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_the_loop_around_it_is_vectorised(name):
-    _, arguments, _ = CASES[name]
-    _, loop = _evaluate(name, *arguments)
-    (assembly,) = loop.inspect_asm().values()
+    routine = _loop(name, len(CASES[name][1])).routine
+    machine = host.machine(routine.signature.wide)
+    module = optimised(routine.function, routine.signature, routine.symbol, machine)
+    assembly = machine.emit_assembly(module)
     packed = re.findall(r"v(?:add|sub|mul|f[n]?m(?:add|sub)\d+)pd", assembly)
     assert len(packed) >= 2, name
     assert not re.search(r"call\S*\s+\S*(sin|cos|tan|exp|log)\b", assembly), name
@@ -180,20 +188,20 @@ SPECIAL = {
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_values(name):
     arguments, expected = zip(*SPECIAL[name], strict=True)
-    computed, _ = _evaluate(name, *np.array(arguments).T)
+    computed = _evaluate(name, *np.array(arguments).T)
     np.testing.assert_allclose(computed, expected, rtol=4e-16, err_msg=name)
 
 
 @pytest.mark.slow
 def test_subnormal_numbers():
     x = np.array([-708.5, -720.0, -744.0])
-    np.testing.assert_allclose(_evaluate("exp", x)[0], np.exp(x), rtol=0, atol=5e-324)
+    np.testing.assert_allclose(_evaluate("exp", x), np.exp(x), rtol=0, atol=5e-324)
     y = np.array([5e-324, 1e-310, 2.2e-308])
-    np.testing.assert_allclose(_evaluate("log", y)[0], np.log(y), rtol=2e-16)
+    np.testing.assert_allclose(_evaluate("log", y), np.log(y), rtol=2e-16)
 
 
 @pytest.mark.slow
 def test_fish_eye_functions_are_exact_in_the_backward_cone():
     radius = np.array([1e-3, 1e-5, 1e-9])
-    ratio, _ = _evaluate("angle_ratio", radius**2, np.full(3, -1.0))
+    ratio = _evaluate("angle_ratio", radius**2, np.full(3, -1.0))
     np.testing.assert_allclose(ratio * radius, PI - np.arctan(radius), rtol=4e-16)
