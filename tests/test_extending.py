@@ -27,7 +27,7 @@ REGISTRY = tuple(f for f in REGISTRY if not type(f).__module__.endswith({others}
 """Keeps the registry of the copy short: generating all of it takes many seconds, and shows nothing more."""
 
 LENDER = """
-import json, os, sys
+import gc, json, os, sys
 import hypothesis, jinja2, llvmlite.binding, numba, numpy, pytest, scipy.sparse.linalg, scipy.special, sympy
 
 def check(folder, output, *arguments):
@@ -42,9 +42,12 @@ def check(folder, output, *arguments):
     files.generate = cache(files.generate)
     if main([]) or main(["--check"]):
         return "gencode"
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     loaded = "ignore::pytest.PytestAssertRewriteWarning"
     return int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-W", loaded, *arguments]))
 
+gc.collect()
+gc.freeze()
 for line in sys.stdin:
     child = os.fork()
     if not child:
@@ -104,12 +107,17 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def before(whole: Path) -> dict[Path, tuple[int, bytes]]:
+    """When each file that people or the generator write was changed, and what is in it."""
+    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in written(whole)}
+
+
 @pytest.fixture
-def copy(whole: Path) -> Iterator[Path]:
+def copy(whole: Path, before: dict[Path, tuple[int, bytes]]) -> Iterator[Path]:
     """The copy as it was made: what a test writes is taken back."""
-    before = texts(whole)
     yield whole
-    for path in texts(whole).keys() - before.keys():
+    for path in set(written(whole)) - before.keys():
         path.unlink()
     for path, (changed, content) in before.items():
         if not path.exists() or path.stat().st_mtime_ns != changed:
@@ -126,10 +134,9 @@ def keep(project: Path, families: tuple[str, ...]) -> None:
     registry.write_text(registry.read_text("utf-8") + FEW.format(others=others), "utf-8")
 
 
-def texts(project: Path) -> dict[Path, tuple[int, bytes]]:
-    """When each file that people or the generator write was changed, and what is in it."""
-    written = (path for path in project.rglob("*") if path.suffix in (".py", ".md", ".toml"))
-    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in written}
+def written(project: Path) -> Iterator[Path]:
+    """The files that people or the generator write."""
+    return (path for path in project.rglob("*") if path.suffix in (".py", ".md", ".toml"))
 
 
 def sections() -> Iterator[tuple[str, str]]:
