@@ -1,5 +1,6 @@
 """What some measures share: an image of other axes or size, points that were exchanged; and verdicts."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.images.adjustment import trials
+from obseq.images.adjustment import odd_images, trials
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import suspected
@@ -53,8 +54,8 @@ def _upwards(xy):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_upwards, "lines count upwards: y -> height - y"),
-        (lambda xy: xy / 2.0, "pixels of an image of another size: (x, y) -> 2 (x, y)"),
+        (_upwards, "lines count upwards (y -> height - y)"),
+        (lambda xy: xy / 2.0, "pixels are those of an image of another size (x, y -> 2 x, 2 y)"),
     ],
 )
 def test_one_image_of_another_convention_is_named_with_it(change, said):
@@ -62,7 +63,7 @@ def test_one_image_of_another_convention_is_named_with_it(change, said):
     n = _changed(block, "i3", change)
     before = block.sets, block.poses
     cause = _cause(block)
-    assert cause.startswith("image i3: ") and said in cause and f"explains its {n} measures" in cause
+    assert cause.startswith("image i3: ") and said in cause and f"that explains its {n} measures" in cause
     assert float(cause.rsplit(" ", 1)[1]) < 1.5
     assert (block.sets, block.poses) == before
 
@@ -78,7 +79,9 @@ def test_an_image_that_cannot_be_placed_is_told_the_convention_that_places_it():
     block = _block()
     _changed(block, "i0", _upwards)
     block.poses = block.poses.select([])
-    with pytest.raises(InputError, match=r"lines count upwards: .*: so changed, all images can be placed"):
+    with pytest.raises(
+        InputError, match=r"image i0: lines count upwards .*: so changed, all images can be placed"
+    ):
         block.initialise()
 
 
@@ -92,6 +95,14 @@ def test_the_images_of_one_camera_are_named_together():
     assert _cause(block).startswith("the images of camera d: lines count upwards")
 
 
+def test_two_images_of_another_convention_are_named_together(monkeypatch):
+    monkeypatch.setattr(odd_images, "TRIED", 1)  # one image alone is not it
+    block = _block(n_images=6)
+    for image in ("i1", "i4"):
+        _changed(block, image, _upwards)
+    assert re.match(r"images i[14] and i[14]: lines count upwards .* their 32 measures", _cause(block))
+
+
 def test_an_image_of_another_camera_is_named():
     block = _block(n_images=6)
     block.add_cameras(replace(scenes.CAMERA, name="d", focal=1.3 * scenes.CAMERA.focal))
@@ -101,7 +112,7 @@ def test_an_image_of_another_camera_is_named():
     _changed(block, "i2", lambda xy: SIZE / 2 + 1.3 * (xy - SIZE / 2))
     block.poses = replace(block.poses, cameras=tuple(block.camera_of.values()))
     block.freeze_parameters()
-    assert _cause(block).startswith("image i2: camera d instead of c explains its ")
+    assert _cause(block).startswith("image i2: camera d instead of c: that explains its ")
 
 
 @pytest.mark.parametrize("is_placed", [True, False])

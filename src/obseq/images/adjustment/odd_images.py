@@ -8,6 +8,7 @@ with the whole block, and named where it explains as much as leaving the images 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 TRIED = 8
 """Images that are left out in turn, the worst first."""
+SEVERAL = 4
+"""Images that are left out together, a third of a block at most."""
 TIMES = 3.0
 """Times the usual residual, above which an image is tried though the block is not bad."""
 NEAR, SIGMAS = 3.0, 6.0
@@ -75,6 +78,22 @@ def odd_image(trials: Trials, is_bad: bool) -> str:
             said = _Explanation(trials, odd, without).words()
             if said or odd.is_one:
                 return said
+    return _several(trials) if is_bad else ""
+
+
+def _several(trials: Trials) -> str:
+    """Images that contradict the others together, the worst of each solution added to those before."""
+    names: tuple[str, ...] = ()
+    solution = trials.before
+    for _ in range(min(SEVERAL, len(solution.poses) // 3)):
+        names += (next(_worst_first(solution))[0],)
+        odd = Odd(names, f"images {' and '.join(names)}" if len(names) > 1 else f"image {names[0]}")
+        without = trials.last(_without(trials, odd), f"the block without {odd.said}")
+        if without is None:
+            return ""
+        if without.converged and trials.contradicts(without):
+            return _Explanation(trials, odd, without).words()
+        solution = without
     return ""
 
 
@@ -86,16 +105,19 @@ def _candidates(trials: Trials, is_bad: bool) -> Iterator[Odd]:
         own = tuple(image for image in images if block.camera_of[image] == name)
         if len(own) > 1:
             yield Odd(own, f"the images of camera {name}")
-    found = trials.before.residuals
+    for image, times in itertools.islice(_worst_first(trials.before), TRIED) if len(images) > 2 else ():
+        if is_bad or times > TIMES:
+            yield Odd((image,), f"image {image}")
+
+
+def _worst_first(solution: BundleSolution) -> Iterator[tuple[str, float]]:
+    """Images, and how many times the usual residual their middle one is."""
+    found = solution.residuals
     norms = np.linalg.norm(found.residuals / found.sigmas, axis=1)
-    middles = np.array(
-        [np.median(norms[found.image == k]) if k in found.image else 0.0 for k, _ in enumerate(images)]
-    )
     usual = max(1.0, float(np.median(norms)))
-    order = np.argsort(-middles, kind="stable")[:TRIED]
-    for row in order if len(images) > 2 else ():
-        if is_bad or middles[row] > TIMES * usual:
-            yield Odd((images[row],), f"image {images[row]}")
+    middles = {number: float(np.median(norms[found.image == number])) for number in np.unique(found.image)}
+    for number in sorted(middles, key=lambda number: -middles[number]):
+        yield solution.poses.images[number], middles[number] / usual
 
 
 def _without(trials: Trials, odd: Odd) -> BundleAdjustment | None:
@@ -200,7 +222,7 @@ class _Explanation:
         if not good:
             return ""
         listed, falls = ", or ".join(said for said, _ in good), self.trials.falls(good[0][1])
-        return f"{self.odd.said}: {listed} explains {self._count}; so changed, {falls}"
+        return f"{self.odd.said}: {listed}: that explains {self._count}; so changed, {falls}"
 
     @property
     def _count(self) -> str:

@@ -74,15 +74,19 @@ class Trials:
 
     def solved(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
         """The solution of a changed block, if it converges."""
+        found = self.last(block, change)
+        return found if found is not None and found.converged and found.sigma0 is not None else None
+
+    def last(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
+        """The solution of a changed block, converged or not, if there is any."""
         if block is None:
             return None
         try:
             self.told(f"the block does not fit: trying {change}")
             block.initialise()
-            found = block.solve(**self._as_before(change))
+            return block.solve(**self._as_before(change))
         except ObseqError:
             return None
-        return found if found.converged and found.sigma0 is not None else None
 
     def fitting(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
         """The solution of a changed block that fits: ten times better, by its test, or as no mirror image."""

@@ -82,7 +82,7 @@ CONVENTIONS = (
 def _of_another_size(factor: float) -> Convention:
     return Convention(
         f"its pixels times {factor:g}",
-        f"pixels of an image of another size: (x, y) -> {factor:g} (x, y)",
+        f"pixels are those of an image of another size (x, y -> {factor:g} x, {factor:g} y)",
         lambda xy, _: factor * xy,
     )
 
@@ -90,15 +90,15 @@ def _of_another_size(factor: float) -> Convention:
 OF_ONE_IMAGE = (
     Convention(
         "its lines counted upwards",
-        "lines count upwards: y -> height - y",
+        "lines count upwards (y -> height - y)",
         lambda xy, size: np.column_stack([xy[:, 0], size[:, 1] - xy[:, 1]]),
     ),
     Convention(
         "its columns counted from the right",
-        "columns count from the right: x -> width - x",
+        "columns count from the right (x -> width - x)",
         lambda xy, size: np.column_stack([size[:, 0] - xy[:, 0], xy[:, 1]]),
     ),
-    Convention("its x and y exchanged", "x and y exchanged: (x, y) -> (y, x)", lambda xy, _: xy[:, ::-1]),
+    Convention("its x and y exchanged", "x and y are exchanged", lambda xy, _: xy[:, ::-1]),
     *(_of_another_size(factor) for factor in (2.0, 4.0, 8.0, 0.5)),
 )
 """What the measures of one image, or of one camera, may be given in, where those of the others are not."""
@@ -126,7 +126,10 @@ def convention_that_fits(
         return ""
     trials = [(convention.of(measures, cameras), given, convention.said) for convention in CONVENTIONS]
     if len(lost) == 1:
-        trials += [(each.of(measures, cameras, lost), placed, each.said) for each in OF_ONE_IMAGE]
+        trials += [
+            (each.of(measures, cameras, lost), placed, f"image {lost[0]}: {each.said}")
+            for each in OF_ONE_IMAGE
+        ]
     fits = [(_misfit(m, control, cameras, known), said) for m, known, said in trials if m is not None]
     best, said = min(fits, key=lambda fit: fit[0], default=(np.inf, ""))
     return f"; {said}: so changed, all images can be placed" if best <= MEET else ""
