@@ -9,7 +9,7 @@ from planned import PLACES, network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import Network, Quality, plan, read_cor, read_obs, simulate, write_obs
+from obseq.survey import Network, Quality, join, plan, read_cor, read_obs, simulate, write_obs
 from obseq.survey.adjustment.datum import Datum
 from obseq.survey.planning.simulation import Simulation
 
@@ -69,6 +69,16 @@ def test_a_gain_is_what_a_plan_with_the_observation_shows(tmp_path, code):
     assert gain.point_after == pytest.approx(
         np.sqrt(np.trace(after.adjustment.points.covariances[row])), rel=1e-6
     )
+
+
+def test_a_line_that_is_off_may_name_any_point(tmp_path, planned):
+    write_obs(tmp_path / "off.obs", planned.book)
+    with (tmp_path / "off.obs").open("a") as file:
+        file.write("-3 Nowhere Elsewhere 5000 0.01\n")
+    book = read_obs(tmp_path / "off.obs")
+    numbered = join(planned.points, book)[1]
+    gains = [plan(replace(planned, book=found)).gains for found in (planned.book, numbered)]
+    assert gains[0] and [gain.after for gain in gains[1]] == pytest.approx([gain.after for gain in gains[0]])
 
 
 def test_gains_count_the_points_that_matter(planned):

@@ -158,9 +158,9 @@ def _can_be_tried(book: FieldBook, code: int) -> bool:
 
 def _longest(network: Network) -> float:
     observations, places = network.book.observations, network.points.coordinates
-    ends = places[observations.from_points], places[observations.to_points]
-    sights = np.linalg.norm(ends[1] - ends[0], axis=1)[observations.active]
-    return float(np.nanmax(sights, initial=0.0))
+    rows = observations.active  # the others may name points that the network does not have
+    sights = places[observations.to_points[rows]] - places[observations.from_points[rows]]
+    return float(np.nanmax(np.linalg.norm(sights, axis=1), initial=0.0))
 
 
 def _of_kind(network: Network, code: int, farthest: float) -> Observations:
