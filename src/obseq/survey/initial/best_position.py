@@ -129,7 +129,7 @@ def _is_same(around: Surroundings, a: Candidate, b: Candidate) -> bool:
     """Whether two candidates are one solution; of two without height, in plan."""
     offset = times(around.vertical, minus(a.position, b.position))
     apart = math.hypot(*(offset if a.has_height or b.has_height else offset[:2]))
-    return apart <= _SAME * max(math.hypot(*minus(a.position, around.origin)), 1e-3)
+    return apart <= _SAME * max(math.dist(a.position, around.origin), 1e-3)
 
 
 def _decide(
@@ -170,7 +170,7 @@ def averaged(known: Known, relations: list[Relation], sigmas: Sequence[float], f
     if len(chosen) == len(candidate.used) or not candidate.has_height:
         return fit
     refined = refine(known, chosen, candidate.position, sigmas, weighted=True)
-    moved = math.hypot(*minus(refined.position, candidate.position))
+    moved = math.dist(refined.position, candidate.position)
     if not (refined.point_sigma <= fit.refined.point_sigma and moved <= _FARTHEST * fit.refined.point_sigma):
         return fit
     better = Candidate(refined.position, candidate.method, tuple(chosen))
@@ -181,7 +181,7 @@ def _by_hint(fits: list[Fit], strongest: float, hint: Space | None) -> BestPosit
     """The position clearly nearest to the hint; without one, the alternatives."""
     positions = tuple(fit.candidate.position for fit in fits)
     if hint is not None:
-        distances = [math.hypot(*minus(position, hint)) for position in positions]
+        distances = [math.dist(position, hint) for position in positions]
         nearest, second = sorted(distances)[:2]
         if nearest < 0.5 * second:
             return BestPosition(fits[distances.index(nearest)], strongest)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.known import Known, Matrix, minus, plus, transposed_times
+from obseq.survey.initial.known import Known, Matrix, plus, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
     READING_AT,
@@ -174,7 +174,7 @@ def _expected_misfits(
 def _apart(known: Known, a: int, b: int) -> float:
     """Distance of two points, 0 where one has only a height."""
     first, second = known.positions[a], known.positions[b]
-    return 0.0 if first is None or second is None else math.hypot(*minus(first, second))
+    return 0.0 if first is None or second is None else math.dist(first, second)
 
 
 def _mean_distance(known: Known, relations: Sequence[Relation], position: Space) -> float:

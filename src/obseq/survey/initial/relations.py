@@ -190,13 +190,15 @@ def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, 
     kind, other, value = relation.kind, relation.other, relation.value
     if kind == _LEVEL:
         return known.height_of(position, vertical) - value
-    offset = minus(position, known.position_of(other))
+    there = known.positions[other]
+    assert there is not None
     if kind == _DISTANCE:
-        return math.hypot(*offset) - value
+        return math.dist(position, there) - value
+    x, y, z = minus(position, there)
     if kind in _AT:
-        east, north, up = times(vertical, (-offset[0], -offset[1], -offset[2]))
+        east, north, up = times(vertical, (-x, -y, -z))
     else:
-        east, north, up = times(known.vertical_of(other), offset)
+        east, north, up = times(known.vertical_of(other), (x, y, z))
     if kind == _AZIMUTH:
         return wrap(math.atan2(east, north) - value)
     if kind == READING_AT:
@@ -255,7 +257,7 @@ def distance_to(known: Known, relation: Relation, position: Space) -> float:
     other = known.positions[relation.other]
     if other is None:
         other = known.position_of(known.reference or 0)
-    return max(math.hypot(*minus(position, other)), 1e-3)
+    return max(math.dist(position, other), 1e-3)
 
 
 def station_g0s(
