@@ -66,7 +66,9 @@ def _of_another_area(found: Estimate, system: PointSystem, known: IntArray) -> G
     """A system that is used elsewhere, where many observations contradict it: no trial is needed then."""
     if len(found.suspects) < _MANY * np.count_nonzero(found.book.observations.active) or len(known) < 2:
         return None
-    if not crs.outside_area(system.system, system.coordinates(found.points.coordinates[known])).all():
+    given = system.coordinates(found.points.coordinates[known])
+    exchanged = given[:, [1, 0, 2]]  # it may be that of points whose easting and northing are exchanged
+    if not all(crs.outside_area(system.system, points).all() for points in (given, exchanged)):
         return None
     text = (
         f"they lie outside the area where {system.system.definition} is used, and the observations "
