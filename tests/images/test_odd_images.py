@@ -31,7 +31,7 @@ def _block(**shape):
 def _cause(block):
     given = block.poses
     block.initialise()
-    return common_cause(block, block.solve(), given)
+    return common_cause(block, block.solve(max_iterations=15), given)
 
 
 def _rows(block, image):

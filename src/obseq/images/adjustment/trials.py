@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import global_test
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera
@@ -48,7 +49,7 @@ class Trials:
     before: BundleSolution
     given: Poses
     told: Callable[[str], None]
-    options: dict[str, Any]
+    options: Solving
 
     @property
     def cameras(self) -> dict[str, Camera]:
@@ -115,7 +116,7 @@ class Trials:
         """What becomes of sigma0."""
         return f"sigma0 falls from {_sigma0(self.before):.3g} to {_sigma0(after):.3g}"
 
-    def _as_before(self, change: str) -> dict[str, Any]:
+    def _as_before(self, change: str) -> Solving:
         """The options, with a limit to the iterations that a hopeless trial does not pass."""
         most = min(max(FEW, TIMES * len(self.before.iterations)), MOST)
         given = self.options.get("max_iterations")
