@@ -73,3 +73,9 @@ def test_of_two_bench_marks_nothing_tells_which_is_wrong(height):
     assert error.what == "one of height of known point A (points:1), height of known point B (points:2)"
     assert error.points == ("A", "B") and "nothing tells them apart" in error.text
     assert "the others give 2347.00" in error.text or "likely: " in error.text
+
+
+def test_one_bench_mark_that_is_suspected_is_not_told_as_several_observations():
+    adjustment = levelling(2347.01).adjust()
+    assert adjustment.suspicion is not None and adjustment.suspicion.may_be_known
+    assert not any("gross errors" in text for text in adjustment.warnings)

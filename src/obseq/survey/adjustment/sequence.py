@@ -29,7 +29,8 @@ def one_after_the_other(
 ) -> tuple[str, ...]:
     """A sentence that lists several gross errors in the order of their removal; none for fewer than two.
 
-    They are told only where what remains is honest: where sigmas are wrong, snooping has no end.
+    They are told only where what remains is honest: where sigmas are wrong, snooping has no end. Nor where
+    one known coordinate is suspected: snooping leaves out observations only, several of them for it.
 
     Args:
         computation: how the network was adjusted.
@@ -38,7 +39,8 @@ def one_after_the_other(
     """
     count = len(given.book.observations)
     asked = computation.quality.reliability and computation.quality.snooping is None
-    if not asked or count > _LARGEST or adjustment.suspicion is None:
+    suspicion = adjustment.suspicion
+    if not asked or count > _LARGEST or suspicion is None or suspicion.may_be_known:
         return ()
     wanted = replace(computation.plain().quality, snooping="w", snooping_level=_LEVEL, reliability=True)
     try:
