@@ -56,6 +56,12 @@ def test_one_that_is_used_elsewhere_is_said_before_anything_is_tried(files, monk
     assert f"outside the area where {definition} is used" in error.text
 
 
+def test_a_map_of_another_size_is_said_with_its_size(files):
+    (error,) = errors_of(files, "EPSG:3857")
+    assert error.cause is Cause.COORDINATE_SYSTEM
+    assert "1.625 times as large" in error.text and "EPSG:3857" in error.text
+
+
 def test_the_right_one_raises_no_alarm(files):
     assert errors_of(files, "IGNF:LAMB93") == ()
 

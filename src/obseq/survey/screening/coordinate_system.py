@@ -47,13 +47,15 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     alone = estimated(trials.model, _on_two(found.points, known), found.book, QUICK)
     if alone is None or not trials.explains(alone.disagreement(GROSS)):
         return None
-    change = _change(found.points.coordinates[known], alone.coordinates[known])
+    places = found.points.coordinates[known]
+    change = _change(places, alone.coordinates[known], _map_scale(system, places))
     if change is None:
         return None
     scale, turn = change
+    larger = f"{1e6 * scale:+.0f} ppm larger" if abs(scale) <= _SCALE else f"{1.0 + scale:.4g} times as large"
     names = tuple(found.points.names[row] for row in known.tolist())
     text = (
-        f"the observations agree with each other, and place them {1e6 * scale:+.0f} ppm larger and turned by "
+        f"the observations agree with each other, and place them {larger} and turned by "
         f"{found.units.angle.text(turn)}: likely the coordinate system of the points "
         f"({system.system.definition}) or the frame is wrong: correct --points-crs or --frame"
     )
@@ -106,8 +108,20 @@ def _on_two(points: Points, known: IntArray) -> Points:
     return replace(points, coordinates=coordinates, sigmas=sigmas)
 
 
-def _change(given: FloatArray, found: FloatArray) -> tuple[float, float] | None:
-    """Scale less 1 and angle from places (k, 3) to others; None when these are not their image."""
+def _map_scale(system: PointSystem, places: FloatArray) -> float:
+    """How much larger the map is than the ground at places (k, 3): 1.6 for a web map at 52 degrees."""
+    if system.system.is_geographic:
+        return 1.0
+    drawn = system.system.plan_unit.factor * system.coordinates(places)[:, :2]
+    true = places[:, :2]
+    return float(np.linalg.norm(drawn - drawn.mean(axis=0)) / np.linalg.norm(true - true.mean(axis=0)))
+
+
+def _change(given: FloatArray, found: FloatArray, map_scale: float) -> tuple[float, float] | None:
+    """Scale less 1 and angle from places (k, 3) to others; None when these are not their image.
+
+    Coordinates of another map, placed by one that is `map_scale` times too large, are found that much larger.
+    """
     is_there = np.isfinite(found).all(axis=1)
     a, b = given[is_there] - given[is_there].mean(axis=0), found[is_there] - found[is_there].mean(axis=0)
     if len(a) < _LEAST_KNOWN:
@@ -117,5 +131,5 @@ def _change(given: FloatArray, found: FloatArray) -> tuple[float, float] | None:
     scale = float(np.sum(b * turned) / np.sum(a * a))
     misfit = float(np.linalg.norm(b - scale * turned) / np.linalg.norm(b))
     turn = float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
-    is_similar = abs(scale - 1.0) <= _SCALE and turn <= _TURN and misfit <= _FIT
-    return (scale - 1.0, turn) if is_similar else None
+    is_of_map = min(abs(scale - 1.0), abs(scale / map_scale - 1.0)) <= _SCALE
+    return (scale - 1.0, turn) if is_of_map and turn <= _TURN and misfit <= _FIT else None
