@@ -71,7 +71,7 @@ class Formula(Patterned):
             Argument(
                 parameter.name,
                 parameter.kind is not inspect.Parameter.KEYWORD_ONLY,
-                _declare(parameter.name, hints[parameter.name], self),
+                _declare(parameter.name, hints.get(parameter.name), self),
             )
             for parameter in parameters
         )
@@ -131,16 +131,23 @@ class Formula(Patterned):
         return _flatten(self.residual(*positional, **keyword))
 
     def expressions(self) -> tuple[sympy.Expr, ...]:
-        """The residuals as unevaluated sympy expressions of the named unknowns and observations."""
+        """The residuals as unevaluated sympy expressions of the named unknowns and observations.
+
+        Raises:
+            FormulaError: `residual` takes symbols for numbers.
+        """
         self.check_names()
+        unknowns, observations = (
+            [sympy.Symbol(name, real=True) for name in names] for names in (self.unknowns, self.observations)
+        )
         with sympy.evaluate(False):
-            return tuple(
-                sympy.sympify(residual)
-                for residual in self.evaluate(
-                    [sympy.Symbol(name, real=True) for name in self.unknowns],
-                    [sympy.Symbol(name, real=True) for name in self.observations],
-                )
-            )
+            try:
+                return tuple(map(sympy.sympify, self.evaluate(unknowns, observations)))
+            except TypeError as error:
+                raise FormulaError(
+                    f"{self.name}: its residual is no equation of symbols: {error}. It is written with the "
+                    "functions of obseq.formulas.functions, not those of math or numpy, and has no conditions"
+                ) from error
 
     def check_names(self) -> None:
         """Raises FormulaError when there are too many scalars, or a name is repeated or no identifier."""
@@ -165,7 +172,10 @@ def _declare(argument: str, annotation: object, formula: Formula) -> Declaration
     if typing.get_origin(annotation) is typing.Annotated:
         block, *labels = typing.get_args(annotation)
     if not hasattr(block, "declare"):
-        raise FormulaError(f"{formula.name}: the argument {argument!r} is not annotated with a block type")
+        raise FormulaError(
+            f"{formula.name}: the argument {argument!r} is not annotated with a block type "
+            f"({argument}: Point3, say; see obseq.formulas.blocks)"
+        )
     units = [label.name for label in labels if isinstance(label, Unit)]
     labels = [label for label in labels if not isinstance(label, Unit)] or [argument]
     declaration: Declaration = block.declare(labels, formula)

@@ -40,3 +40,9 @@ def test_outside_the_domain_the_error_says_what_would_be_inside():
         crs.parse("EPSG:4326").to_geocentric([2.35, 148.85, 35.0])
     with pytest.raises(CrsError, match=r"It takes longitude and latitude \(degree\)"):
         crs.parse("EPSG:4326").to_geocentric(PARIS)
+
+
+def test_the_number_of_a_zone_in_front_of_the_easting_is_recognised():
+    zoned = [[32_455_210.1, 5_540_300.0, 310.0], [32_456_100.2, 5_541_000.0, 305.0]]
+    with pytest.raises(CrsError, match="Without the zone number 32 in front of the easting it is inside"):
+        crs.parse("EPSG:25832").to_geocentric(zoned)

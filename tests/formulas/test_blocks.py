@@ -11,6 +11,7 @@ from obseq.formulas.blocks import (
     WORLD_TO_LOCAL,
     Length,
     Matrix3,
+    Point2,
     Point3,
     Pose,
     Rotation,
@@ -83,8 +84,27 @@ def test_an_argument_without_a_block_type_is_refused():
         def residual(self, a: float):
             return a
 
-    with pytest.raises(FormulaError, match="Bare: the argument 'a'"):
-        _ = Bare().unknowns
+    class Untyped(Formula):
+        def residual(self, a):
+            return a
+
+    for formula in (Bare(), Untyped()):
+        with pytest.raises(FormulaError, match=f"{formula.name}: the argument 'a' is not annotated"):
+            _ = formula.unknowns
+
+
+def test_what_takes_numbers_for_symbols_is_refused():
+    class Rooted(Formula):
+        def residual(self, a: Point2):
+            return np.sqrt(a.x**2 + a.y**2)
+
+    class Chosen(Formula):
+        def residual(self, a: Point2):
+            return a.x if a.y > 0 else -a.x
+
+    for formula in (Rooted(), Chosen()):
+        with pytest.raises(FormulaError, match=f"{formula.name}: .* functions of obseq.formulas.functions"):
+            formula.expressions()
 
 
 def test_a_vector_takes_its_names_from_the_formula():

@@ -5,6 +5,7 @@ import pytest
 from networks import levelled_square
 
 from obseq import InputError, SingularSystemError
+from obseq.errors import DivergenceError
 from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.iterations.constraints import ContradictoryConstraintsError
 
@@ -223,3 +224,15 @@ def test_many_shared_unknowns_are_not_quadratic():
     result = system.solve()
     assert result.values(ids).ravel() == pytest.approx(np.full(n, (n - 1) / 2.0))
     assert result.n_unknowns == 1
+
+
+def test_a_constraint_that_is_undefined_where_it_begins_is_named():
+    system = LeastSquares()
+    here, there = system.add_points(["O"], np.zeros((1, 3))), system.add_points(["P"], np.zeros((1, 3)))
+    system.freeze(here)
+    system.add_prior(there, np.zeros((1, 3)), 1.0)
+    system.constrain("Dist3D", {"p1": here, "p2": there}, [145.0])
+    with pytest.raises(
+        DivergenceError, match=r"constraint Dist3D .*O.*P.*: its value or its derivatives are not"
+    ):
+        system.solve()

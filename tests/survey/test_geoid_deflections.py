@@ -43,3 +43,13 @@ def test_on_the_command_line(tmp_path, capsys):
 def test_a_geoid_of_other_points_is_refused(tmp_path):
     with pytest.raises(InputError, match="gives no deflection of the vertical for any"):
         Network.read(*files(tmp_path, "XYZ"), points_crs=SYSTEM, geoid=tmp_path / "g.geo")
+
+
+def test_a_geoid_without_deflections_is_told_to_have_no_part(tmp_path):
+    obs, cor = files(tmp_path)
+    flat = (tmp_path / "g.geo").read_text().replace("-7.500", " 0.000").replace("12.500", " 0.000")
+    (tmp_path / "flat.geo").write_text(flat)
+    network = Network.read(obs, cor, points_crs=SYSTEM, geoid=tmp_path / "flat.geo")
+    (told,) = (text for text in network.book.warnings if "flat.geo" in text)
+    assert "all its deflections of the vertical are 0, and its geoid heights have no part" in told
+    assert not Network.read(obs, cor, points_crs=SYSTEM, geoid=tmp_path / "g.geo").book.warnings

@@ -73,7 +73,10 @@ def _add_files(command: argparse.ArgumentParser) -> None:
         "--outside", action="store_true", help="let a project read files outside of its own folder"
     )
     files.add_argument(
-        "--geoid", type=Path, metavar="FILE", help="geoid heights and deflections, for files that need them"
+        "--geoid",
+        type=Path,
+        metavar="FILE",
+        help="deflections of the vertical; for DynAdjust files geoid heights too",
     )
     files.add_argument(
         "--formulas",

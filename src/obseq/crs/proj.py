@@ -13,6 +13,9 @@ from obseq.crs.system import CoordinateSystem, Kind
 from obseq.crs.units import METRE, Unit
 from obseq.dataclass import dataclass
 
+ZONED, MOST_ZONES = 1e6, 60
+"""Metres by which eastings are larger for each number of their zone, where they begin with it."""
+
 
 @dataclass(frozen=True)
 class ProjSystem(CoordinateSystem):
@@ -67,6 +70,11 @@ class ProjSystem(CoordinateSystem):
 
     def _hint(self, given: FloatArray) -> str:
         """What may be wrong with coordinates (..., 3) outside the domain."""
+        zones = np.unique(given[..., 0] // ZONED)
+        if not self.is_geographic and len(zones) == 1 and 1 <= zones[0] <= MOST_ZONES:
+            bare = given - np.array([zones[0] * ZONED, 0.0, 0.0])
+            if np.isfinite(self.operation.forward(bare)).all():
+                return f" Without the zone number {zones[0]:.0f} in front of the easting it is inside."
         if np.isfinite(self.operation.forward(given[..., [1, 0, 2]])).all():
             first, second = ("longitude", "latitude") if self.is_geographic else ("easting", "northing")
             return f" With {first} and {second} exchanged it is inside: {first} comes first."

@@ -219,7 +219,8 @@ class Network:
         Points are looked up where files or first values put them, the others in the middle of these.
 
         Args:
-            geoid: A grid (.gsb) or a list of stations (.geo); its heights have no part.
+            geoid: A grid (.gsb) or a list of stations (.geo); its heights have no part: a warning says so
+                where all that it gives are heights.
 
         Raises:
             InputError: The network has no place on the Earth, or the geoid says nothing of its points.
@@ -230,11 +231,18 @@ class Network:
         xyz = self.fieldwork.initial_values().coordinates
         xyz = np.where(np.isfinite(xyz), xyz, np.nanmean(xyz, axis=0))
         longitudes, latitudes, _ = self.frame.system.geodetic(xyz).T
-        found = read_geoid(geoid).at(self.points.names, longitudes, latitudes)[:, 1:]
+        heights, *columns = read_geoid(geoid).at(self.points.names, longitudes, latitudes).T
+        found = np.column_stack(columns)
         if not np.isfinite(found).any():
             raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")
         deflections = np.where(np.isnan(given), found, given)
-        return replace(self, points=replace(self.points, deflections=deflections))
+        book = self.book
+        if not np.nan_to_num(found).any() and np.nan_to_num(heights).any():
+            book = book.warned(
+                f"{geoid}: all its deflections of the vertical are 0, and its geoid heights have no part in "
+                "these files: their heights are taken as above the ellipsoid"
+            )
+        return replace(self, points=replace(self.points, deflections=deflections), book=book)
 
     def __repr__(self) -> str:
         return f"Network: {network_text(self.points, self.book, self.frame)}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import ContradictoryConstraintsError, InputError
+from obseq.errors import ContradictoryConstraintsError, DivergenceError, InputError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def substitution(table: UnknownTable, free: FreeUnknowns, batches: Sequence[Batc
 
     Raises:
         ContradictoryConstraintsError: they cannot hold together.
+        DivergenceError: a constraint is undefined at the current values.
         InputError: a constraint concerns an eliminated block.
     """
     solved = _Elimination()
@@ -93,6 +94,12 @@ def _rows(table: UnknownTable, free: FreeUnknowns, batch: Batch) -> list[Row]:
         raise InputError(f"constraint {batch.label(wrong[0])}: it concerns a block that is to be eliminated")
     count, unknowns = batch.shape.n_residuals, batch.shape.n_unknowns
     evaluated = jacobian_rows(table, batch)
+    undefined = np.flatnonzero(~np.isfinite(evaluated).all(axis=0))
+    if undefined.size:
+        raise DivergenceError(
+            f"constraint {batch.label(undefined[0])}: its value or its derivatives are not finite. It is "
+            "undefined there: begin with other initial values"
+        )
     numbers = _numbers(free, batch)
     return [
         Row(

@@ -124,9 +124,10 @@ def stable(
             return staying, removed
         if np.count_nonzero(staying) <= least:
             listed = ", ".join(moved.names[row] for row in removed)
+            without = f" even without {listed}: more than half have moved" if listed else ": some have moved"
             raise InputError(
-                f"compare: the reference points do not agree even without {listed}: more than half have "
-                "moved, or the sigmas are too small; name reference points that have stayed (--reference)"
+                f"compare: the reference points do not agree{without}, or the sigmas are too small; name "
+                "reference points that have stayed, or more of them (--reference)"
             )
         worst = _worst(now, staying)
         staying[worst] = False

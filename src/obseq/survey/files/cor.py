@@ -65,7 +65,10 @@ _FLAGS = {
 _KNOWN_FLAGS = frozenset(str(flag) for flag in _FLAGS)
 _HELP = "flag name x y z [sx sy sz, or s] [eta xi]"
 _NO_NUMBER = f"{{}} (fields are: {_HELP}; a name has no blanks)"
-_FLAG_HELP = "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 to 9 plane only"
+_FLAG_HELP = (
+    "0 free, 1 known, 2 known in x y, 3 known in z, 4 and 5 heights only, 6 to 9 plane only; "
+    "a comment begins with *"
+)
 
 
 class _Rest(NamedTuple):

@@ -113,7 +113,7 @@ def _read_list(path: Path, encoding: str) -> StationList:
         name = line[:40].strip()
         file.check_name(index, name)
         fields = (line[a:b].strip() for a, b in ((40, 50), (50, 69), (69, 999)))
-        said = "{} (columns: name, N, deflections in seconds)"
+        said = "{} (columns 1-40: name, 41-50: N, 51-69 and 70 on: deflections north and east, in seconds)"
         height, north, east = (file.number(index, field, said) for field in fields)
         values[name] = (height, east * SECOND, north * SECOND)
     return StationList(values)
