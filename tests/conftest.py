@@ -6,7 +6,7 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # whose import takes as long again
@@ -52,6 +52,22 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtestloop(session: pytest.Session) -> Generator[None, object, object]:
+    """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
+    if session.config.getoption("numprocesses", None) and not is_worker(session.config):
+        return (yield)
+    from vectorised import judging  # with numba, which what only hands tests to workers need not load
+
+    with judging(session.config):
+        return (yield)
+
+
+def is_worker(config: pytest.Config) -> bool:
+    """Whether another process hands tests to this one."""
+    return hasattr(config, "workerinput")
+
+
 def pytest_sessionfinish() -> None:
     """What tests have left open is looked for when they have ended, among little else."""
     forget()
@@ -64,7 +80,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     Half of what thousands of tests send, which is read only where times or a file of results are asked for.
     """
     asked = ("durations", "xmlpath", "maxfail")
-    if not hasattr(item.config, "workerinput") or any(map(item.config.getoption, asked)):
+    if not is_worker(item.config) or any(map(item.config.getoption, asked)):
         return None
     reports = runtestprotocol(item, log=False, nextitem=nextitem)
     passed = all(report.passed for report in reports)
@@ -85,12 +101,3 @@ def shared_data() -> OutsideData:
 def seen(pytestconfig: pytest.Config) -> Seen:
     """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
     return Seen(getattr(pytestconfig, "cache", None))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _judged_when_compiled(pytestconfig: pytest.Config) -> Iterator[None]:
-    """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
-    from vectorised import judging  # with numba, which what only hands tests to workers need not load
-
-    with judging(pytestconfig):
-        yield
