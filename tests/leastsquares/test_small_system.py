@@ -130,3 +130,24 @@ def test_what_is_not_small():
     assert many.equations().small is None
     many.freeze(scalars[:1])
     assert many.equations().small is not None
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_step_moves_as_one_iteration_does(name):
+    (alone, points), (whole, _) = CASES[name](), CASES[name]()
+    assert alone.analysis(reduced=True).step()
+    whole.solve(max_iterations=1)
+    np.testing.assert_array_equal(alone.values(points), whole.values(points))
+    for one, other in zip(alone.batches, whole.batches, strict=True):
+        np.testing.assert_array_equal(alone.residuals(one), whole.residuals(other))
+
+
+def test_nothing_moves_where_a_step_needs_more():
+    viscous, points = trilateration(viscous=True)
+    before = viscous.values(points).copy()
+    assert not viscous.analysis(reduced=True).step()
+    on_datum, ids = trilateration()
+    on_datum.set_datum(ids)
+    assert not on_datum.analysis(reduced=True).step()
+    np.testing.assert_array_equal(viscous.values(points), before)
+    np.testing.assert_array_equal(on_datum.values(ids), before)
