@@ -59,17 +59,22 @@ def test_sigterm_ends_a_command_as_the_keyboard_does_and_is_given_back(monkeypat
 LOADING = """\
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from obseq.cli import start
+from obseq.cli import start, gencode
 class Loading:
     def find_spec(self, name, path=None, target=None):
-        if name == "obseq.cli.main":
+        if name == sys.argv[2]:
             signal.raise_signal(signal.SIGINT)
 sys.meta_path.insert(0, Loading())
-sys.exit(start.main())
+begin = {"obseq": start.main, "gencode": gencode.main}[sys.argv[1]]
+sys.exit(begin())
 """
 
 
-def test_a_command_that_is_interrupted_while_it_loads() -> None:
-    done = subprocess.run([sys.executable, "-c", LOADING], capture_output=True, text=True, check=False)
+@pytest.mark.parametrize(
+    ("program", "module"), [("obseq", "obseq.cli.main"), ("gencode", "obseq.codegen.main")]
+)
+def test_a_command_that_is_interrupted_while_it_loads(program: str, module: str) -> None:
+    command = [sys.executable, "-c", LOADING, program, module]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "\nobseq: interrupted; no file is half-written.\n"
+    assert done.stderr == f"\n{program}: interrupted; no file is half-written.\n"

@@ -1,16 +1,15 @@
 """The `gencode` command: says what to install where the generator's own needs are missing."""
 
-import sys
-
-from obseq.cli.guard import CANNOT_RUN, guarded
-from obseq.errors import MissingPackageError
+from obseq.cli.guard import guarded
 
 
 def main() -> int:
     """Run gencode and return its exit code."""
-    try:
-        from obseq.codegen.main import main as generate
-    except MissingPackageError as error:
-        sys.stderr.write(f"gencode: {error}\n")
-        return CANNOT_RUN
-    return guarded("gencode", generate)
+    return guarded("gencode", _generate)
+
+
+def _generate() -> int:
+    """Load the generator, which takes half a second, and run it."""
+    from obseq.codegen.main import main as generate
+
+    return generate()
