@@ -19,7 +19,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.images.adjustment.exchanges import exchange_in
 from obseq.images.control import ControlPoints
-from obseq.images.initial.conventions import OF_ONE_IMAGE
+from obseq.images.initial.conventions import ALIKE, OF_ONE_IMAGE
 from obseq.images.initial.resection import ResectionOptions, resect
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
@@ -42,8 +42,6 @@ TIMES = 3.0
 NEAR, SIGMAS = 3.0, 6.0
 """Pixels and sigmas: a measure fits that misses its point by less than the larger of both."""
 NEARLY_ALL = 0.9
-ALIKE = 1.1
-"""Times the least sigma0 up to which explanations are as good."""
 LOOSE = ResectionOptions(triplets=200, max_error=np.inf)
 
 

@@ -31,6 +31,9 @@ MOST_PLACED = 20_000
 MEET = 3.0
 """Pixels: rays that miss each other by less, in the median, meet."""
 
+ALIKE = 1.1
+"""Times the least misfit, or sigma0, up to which explanations are as good."""
+
 
 @dataclass(frozen=True)
 class Convention:
@@ -131,8 +134,9 @@ def convention_that_fits(
             for each in OF_ONE_IMAGE
         ]
     fits = [(_misfit(m, control, cameras, known), said) for m, known, said in trials if m is not None]
-    best, said = min(fits, key=lambda fit: fit[0], default=(np.inf, ""))
-    return f"; {said}: so changed, all images can be placed" if best <= MEET else ""
+    best = min((off for off, _ in fits), default=np.inf)
+    alike = [said for off, said in fits if off <= min(ALIKE * best, MEET)]
+    return f"; {', or '.join(alike)}: so changed, all images can be placed" if alike else ""
 
 
 def _misfit(
