@@ -37,7 +37,7 @@ class PlaneSite:
         with_angles: horizontal angles from the first target instead of directions.
     """
 
-    def __init__(self, columns: int = 4, rows: int = 3, *, with_angles: bool = False, seed: int = 3) -> None:
+    def __init__(self, columns: int = 3, rows: int = 3, *, with_angles: bool = False, seed: int = 3) -> None:
         random = np.random.default_rng(seed)
         grid = {f"M{i}{j}": (150.0 * i, 140.0 * j) for i in range(columns) for j in range(rows)}
         self.places = {

@@ -52,3 +52,19 @@ def test_constant_and_scale_of_horizontal_distances_can_be_estimated():
     constant, scale = (float(found[part].split()[0]) for part in ("constant", "scale"))
     assert constant == pytest.approx(0.025, abs=0.003) and scale == pytest.approx(3e-4, abs=2e-5)
     assert 0.8 < adjustment.sigma0 < 1.2
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda v: v - 0.0644, "0.06"),
+        (lambda v: 1.0012 * v, " ppm added to each of them fits: likely a correction in ppm that is wrong"),
+    ],
+)
+def test_what_the_distances_of_one_set_up_share_is_one_cause(with_angles, change, words):
+    site = PlaneSite(with_angles=with_angles)
+    rows = site.change_values(change, ("DistHz",), "M11")
+    (error,) = site.network().gross_errors()
+    assert error.cause is Cause.DISTANCES and words in error.text and set(error.rows) <= set(rows)
+    assert error.what.startswith("the 6 distances from M11") and len(error.rows) >= 4

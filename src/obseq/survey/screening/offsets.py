@@ -1,4 +1,4 @@
-"""One offset that several sights share: a height of instrument or target, the constant of a prism.
+"""One offset that several sights share: a height of instrument or target, the constant or scale of distances.
 
 Each group of sights that may share one is corrected by the offset that fits it best, and the network is
 computed anew. A height changes zenith angles by its share across the sight and distances by that along it.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.kinds.registry import codes_where, codes_with
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
@@ -43,6 +43,8 @@ _EQUAL = 0.1
 """Contradictions by which two offsets may differ that explain a network equally well."""
 _HIGHEST = 10.0
 """Height of an instrument or a target (m) above which none is thought of where none is written."""
+_LARGEST_SCALE = 3e-3
+"""Scale less 1 beyond which distances are in another unit, which is a cause of its own."""
 _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
 
@@ -61,6 +63,12 @@ class What(enum.Enum):
     INSTRUMENT = "height of the instrument"
     TARGET = "height of the target"
     CONSTANT = "constant of the distances"
+    SCALE = "scale of the distances"
+
+    @property
+    def is_height(self) -> bool:
+        """Whether it is a height, not something of distances."""
+        return self in (What.INSTRUMENT, What.TARGET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +78,8 @@ class _Offset:
     Attributes:
         what: what is off.
         rows: the observations that share it.
-        size: m, to be added.
-        sigma: m, its standard deviation.
+        size: m, to be added; of a scale, parts.
+        sigma: its standard deviation, as the size.
         suspects: the suspects that it explains.
     """
 
@@ -112,7 +120,7 @@ def _once(offsets: Iterator[_Offset]) -> list[_Offset]:
 
 def _is_possible(found: Estimate, one: _Offset) -> bool:
     """Whether heights would be such as others of the network are, or upright and some metres at most."""
-    if one.what is What.CONSTANT:
+    if not one.what.is_height:
         return True
     written, margin = _heights(found, one.what), _HIT * one.sigma
     right = written[one.rows] + one.size
@@ -146,7 +154,7 @@ def _with_equals(found: Estimate, one: _Offset) -> Iterator[_Offset]:
 def _of_the_other_end(found: Estimate, one: _Offset) -> Iterator[_Offset]:
     """The height at the other end of sights that have both ends in common, and that no other sights share."""
     observations = found.book.observations
-    if one.what is What.CONSTANT or not _has_one_way(found, one.rows):
+    if not one.what.is_height or not _has_one_way(found, one.rows):
         return
     if one.what is What.INSTRUMENT:
         yield replace(one, what=What.TARGET, size=-one.size)
@@ -177,7 +185,7 @@ def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
     ends = observations.from_points, observations.to_points
     mine, others = ends if one.what is What.INSTRUMENT else ends[::-1]
     point = mine[one.rows[0]]
-    if one.what is What.CONSTANT or (mine[one.rows] != point).any():
+    if not one.what.is_height or (mine[one.rows] != point).any():
         return
     rows = _rows(_height_seeing(found) & (others == point))
     if len(rows):
@@ -194,6 +202,8 @@ def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset
     sigmas = np.array([sigma_of(found, row) for row in rows.tolist()])
     changed = sights.change(what, rows)
     size, sigma = _size(found.misfits[rows], sigmas, changed)
+    if what is What.SCALE and abs(size) > _LARGEST_SCALE:
+        return None
     change = changed(size)
     fits = np.abs(found.misfits[rows] + change) / sigmas <= found.limit
     shown = np.abs(change) / sigmas > found.limit
@@ -226,12 +236,16 @@ class _Sights:
     Attributes:
         vectors: (k, 3) from instrument to target; NaN where a point has no place.
         up: (k, 3) verticals of the instruments.
-        is_zenith, is_distance: (k,) which are zenith angles, and slope distances.
+        values: (k,) what was read (m, rad).
+        is_zenith, is_slope: (k,) which are zenith angles, and slope distances.
+        is_distance: (k,) which are distances of an instrument.
     """
 
     vectors: FloatArray
     up: FloatArray
+    values: FloatArray
     is_zenith: BoolArray
+    is_slope: BoolArray
     is_distance: BoolArray
 
     @classmethod
@@ -239,19 +253,22 @@ class _Sights:
         """Those of an estimate."""
         observations = found.book.observations
         is_used = observations.active & np.isfinite(found.misfits)
-        kinds = (is_used & np.isin(observations.types, codes) for codes in (_zenith_angles(), _slopes()))
+        chosen = _zenith_angles(), _slopes(), list(codes_with("constant"))
+        kinds = (is_used & np.isin(observations.types, codes) for codes in chosen)
         up = _verticals(found)
-        return cls(_vectors(found, up), up, *kinds)
+        return cls(_vectors(found, up), up, observations.values, *kinds)
 
     def seeing(self, what: What, rows: Rows) -> Rows:
         """Those of some rows that an offset changes."""
-        mask = self.is_distance if what is What.CONSTANT else self.is_zenith | self.is_distance
+        mask = self.is_zenith | self.is_slope if what.is_height else self.is_distance
         return rows[mask[rows]]
 
     def change(self, what: What, rows: Rows) -> Change:
         """What offsets add to misfits."""
         if what is What.CONSTANT:
             return lambda size: np.full(len(rows), -size)
+        if what is What.SCALE:
+            return lambda size: -size * self.values[rows]
         sign = 1.0 if what is What.TARGET else -1.0
         vectors, up, is_zenith = self.vectors[rows], self.up[rows], self.is_zenith[rows]
         before = _observed(vectors, up, is_zenith)
@@ -287,7 +304,10 @@ def _vectors(found: Estimate, up: FloatArray) -> FloatArray:
 
 
 def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
-    """Sights from a point with one height, to a point, and of both; distances from and to a point."""
+    """Sights from a point with one height, to a point, and of both; distances from and to a point.
+
+    A scale is of the instrument, not of what it looks at.
+    """
     observations = found.book.observations
     is_used = observations.active & np.isfinite(found.misfits)
     ends = observations.from_points, observations.to_points
@@ -296,6 +316,7 @@ def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
         for height in np.unique(observations.from_heights[mine]).tolist():
             yield What.INSTRUMENT, _rows(mine & (observations.from_heights == height))
         yield What.CONSTANT, _rows(mine)
+        yield What.SCALE, _rows(mine)
     for target in np.unique(ends[1][found.suspects]).tolist():
         mine = is_used & (ends[1] == target)
         yield What.TARGET, _rows(mine)
@@ -310,9 +331,9 @@ def _rows(mask: BoolArray) -> Rows:
 
 def _corrected(book: FieldBook, one: _Offset) -> FieldBook:
     """The observations with an offset added."""
-    name = {What.INSTRUMENT: "from_heights", What.TARGET: "to_heights", What.CONSTANT: "values"}[one.what]
+    name = {What.INSTRUMENT: "from_heights", What.TARGET: "to_heights"}.get(one.what, "values")
     column = getattr(book.observations, name).copy()
-    column[one.rows] += one.size
+    column[one.rows] += one.size * (column[one.rows] if one.what is What.SCALE else 1.0)
     return replace(book, observations=replace(book.observations, **{name: column}))
 
 
@@ -320,16 +341,22 @@ def _described(found: Estimate, one: _Offset) -> GrossError:
     rows = one.rows
     label = found.book.label(int(rows[0]))
     size = float(found.ratios[one.suspects].max())
-    if one.what is What.CONSTANT:
-        cause = Cause.DISTANCES
-        what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
-        text = f"{_signed(found, one.size)} added to each of them fits: likely the constant of the prism"
-    else:
+    if one.what.is_height:
         cause, text = _of_height(found, one)
         what = f"{one.what.value} of {len(rows)} observations {_between(found, rows)} (the first: {label})"
-    return GrossError(
-        what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what is not What.CONSTANT
-    )
+    else:
+        cause, text = Cause.DISTANCES, _of_distances(found, one)
+        what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
+    return GrossError(what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what.is_height)
+
+
+def _of_distances(found: Estimate, one: _Offset) -> str:
+    """What constant or scale distances want, in words."""
+    if one.what is What.SCALE:
+        return (
+            f"{1e6 * one.size:+.0f} ppm added to each of them fits: likely a correction in ppm that is wrong"
+        )
+    return f"{_signed(found, one.size)} added to each of them fits: likely the constant of the prism"
 
 
 def _between(found: Estimate, rows: Rows) -> str:
