@@ -21,7 +21,7 @@ def test_an_honest_network_raises_no_alarm(with_angles):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda v: v - 0.1344, "a constant added to all of them fits (0.134"),
+        (lambda v: v - 0.1344, "a constant added to all of them fits (0.13"),
         (lambda v: 1.0005 * v, "one scale for all of them fits (-"),
     ],
 )
@@ -68,3 +68,41 @@ def test_what_the_distances_of_one_set_up_share_is_one_cause(with_angles, change
     (error,) = site.network().gross_errors()
     assert error.cause is Cause.DISTANCES and words in error.text and set(error.rows) <= set(rows)
     assert error.what.startswith("the 6 distances from M11") and len(error.rows) >= 4
+
+
+def beside(site, name, shift):
+    """The set-up of a point, as from a place beside it; its rows."""
+    mark = site.places[name]
+
+    def moved(row):
+        before = site.sight(name, row.target), site.sight(name, row.backsight or name)
+        site.places[name] = mark + shift
+        after = site.sight(name, row.target), site.sight(name, row.backsight or name)
+        site.places[name] = mark
+        if row.type == "DistHz":
+            return replace(row, value=row.value + after[0][1] - before[0][1])
+        turn = after[0][0] - before[0][0] - (after[1][0] - before[1][0] if row.backsight else 0.0)
+        return replace(row, value=(row.value + turn) % 400.0)
+
+    return site.change(moved, origin=name)
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["M11", "M21"])
+def test_an_eccentric_set_up_is_one_cause(with_angles, name):
+    site = PlaneSite(with_angles=with_angles)
+    rows = beside(site, name, (0.25, 0.1))
+    (error,) = site.network().gross_errors()
+    assert error.cause is Cause.ECCENTRIC and error.points == (name,) and set(rows) <= set(error.rows)
+    assert float(error.text.partition("), ")[2].split()[0]) == pytest.approx(0.27, abs=0.01)
+
+
+@BOTH
+def test_a_set_up_of_another_point_is_one_cause(with_angles):
+    site = PlaneSite(4, 3, with_angles=with_angles)
+    targets = {end for row in site.rows if row.origin == "M11" for end in (row.target, row.backsight)}
+    (other, *_) = (name for name in site.places if name not in {*targets, "M11"})
+    rows = site.change(lambda row: replace(row, origin=other), origin="M11")
+    (error,) = site.network().gross_errors()
+    assert error.cause is Cause.WRONG_POINT and error.points == (other, "M11") and error.rows == tuple(rows)
+    assert f"they fit M11, not {other}: the name of the station is wrong" in error.text

@@ -28,6 +28,7 @@ class Cause(enum.StrEnum):
     WRONG_POINT = "wrong point"
     MISTYPED = "mistyped"
     NEW_SETUP = "new set-up"
+    ECCENTRIC = "eccentric set-up"
     DISTANCES = "constant or scale of distances"
     HEIGHT = "height of instrument or target"
     SIGMAS = "sigmas too small"

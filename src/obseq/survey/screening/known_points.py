@@ -76,7 +76,7 @@ def _as_good(
     equal = [(trial, corrected)]
     if trial.cause is not Cause.MISTYPED:
         return equal
-    points, sought = trials.found.points, _sought(trials.found.points, trial.rows[0])
+    points, sought = trials.found.points, sought_at(trials.found.points, trial.rows[0])
     known = np.flatnonzero(~points.is_free[:, sought].any(axis=1)).tolist()
     for other in all_trials:
         if len(known) == 2 and other.cause is trial.cause and other is not trial and other.rows[0] in known:
@@ -106,7 +106,7 @@ def _unknown(found: Estimate, candidates: list[int]) -> Iterator[_Trial]:
     """Known points taken as unknown, where places in plan are sought."""
     counts = _observation_counts(found)
     for row in candidates:
-        sought = _sought(found.points, row)
+        sought = sought_at(found.points, row)
         if sought[0] and counts[row] > sought.sum():
             yield _Trial(Cause.MISTYPED, "", _without(found.points, row, sought), (row,))
 
@@ -169,7 +169,7 @@ def _observation_counts(found: Estimate) -> FloatArray:
     )
 
 
-def _sought(points: Points, row: int) -> BoolArray:
+def sought_at(points: Points, row: int) -> BoolArray:
     """(3,) the coordinates that a point lacks when it is not known: in plan, in height, as other points."""
     others = points.is_free[np.arange(len(points)) != row]
     return np.repeat([others[:, :2].any(), others[:, 2].any()], (2, 1))

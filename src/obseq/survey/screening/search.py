@@ -23,6 +23,7 @@ from obseq.survey.screening.setups import setup_cause
 from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
+from obseq.survey.screening.standpoints import standpoint_cause
 from obseq.survey.screening.trials import Trials
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def _cause_of_many(
     if best is None and Ambiguity(system, found).levelling(model):
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
-        best = sight_cause(trials)
+        best = standpoint_cause(trials, system) or sight_cause(trials)
     return best or sigmas_cause(trials)
 
 
