@@ -81,7 +81,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "files": ("model", "kinds"),
         "initial": ("model", "kinds"),
         "adjustment": ("initial", "model", "kinds"),
-        "screening": ("adjustment", "initial", "model", "kinds"),
+        "screening": ("adjustment", "initial", "model", "points", "kinds"),
         "tables": ("files", "model", "kinds"),
         "fieldwork": ("screening", "adjustment", "initial", "model"),
         "network": ("fieldwork", "screening", "adjustment", "initial", "files", "model"),

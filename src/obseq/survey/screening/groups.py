@@ -22,7 +22,7 @@ from obseq.survey.screening.robust import GROSS, Estimate
 from obseq.survey.screening.values import GON, Mistake, mistakes_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.kinds.kind import ObservationKind
@@ -53,7 +53,7 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The mistake of a group that explains most, with the network without it; None when there is none."""
     found = trials.found
     best: tuple[float, int, Group, str, Cause, Estimate] | None = None
-    for number, (group, mistake, values) in enumerate(_trials(found)):
+    for number, (group, mistake, values) in enumerate(_trials(trials)):
         if number == trials.most:
             trials.untried.append(f"groups from {group.name} on")
             break
@@ -65,7 +65,7 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         key = (round(left, 1), -len(group.rows))
         if best is None or key < best[:2]:
             best = (*key, group, mistake.text, mistake.cause, corrected)
-        if trials.is_decisive(left):
+        if trials.is_decisive(corrected):
             break
     if best is None:
         return None
@@ -77,11 +77,12 @@ def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     return GrossError(what, cause, f"they look like {text}", size, rows), corrected
 
 
-def _trials(
-    found: Estimate,
-) -> Iterator[tuple[Group, Mistake, FloatArray]]:
+def _trials(trials: Trials) -> Iterator[tuple[Group, Mistake, FloatArray]]:
     """Groups, mistakes, and the values of all observations with that mistake put right."""
-    for group in _groups(found):
+    found = trials.found
+    for group in _groups(found, by_share=trials.is_mostly_right):
+        if not trials.may_be_of(group.rows):
+            continue
         kinds = {BY_CODE[kind] for kind in found.book.observations.types[group.rows].tolist()}
         for mistake in _shared_mistakes(kinds):
             values = found.book.observations.values.copy()
@@ -164,17 +165,27 @@ def _are_whole_set_ups(book: FieldBook, group: Group) -> bool:
     return bool(turns.all()) and np.array_equal(whole, np.sort(group.rows))
 
 
-def _groups(found: Estimate) -> Iterator[Group]:
-    """Groups with many suspects: of all files, of one file, of one station or point; the largest first."""
+def _groups(found: Estimate, *, by_share: bool) -> Iterator[Group]:
+    """Groups with many suspects: of all files and of one file, the largest first; then those of one point.
+
+    By their share, those with the most suspects come first.
+    """
     seen: set[bytes] = set()
-    for group in _possible_groups(found.book):
+    parts = (_files_of, _origins_of)
+    groups = [group for part in parts for group in _possible_groups(found.book, part)]
+    if by_share:
+        groups.sort(key=lambda group: -_share(found, group))
+    for group in groups:
         key = group.rows.tobytes()
-        share = float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
-        least = _least_share(found, group)
         is_new = len(group.rows) >= 2 and key not in seen
-        if is_new and share > least:
+        if is_new and _share(found, group) > _least_share(found, group):
             seen.add(key)
             yield group
+
+
+def _share(found: Estimate, group: Group) -> float:
+    """Share of suspects in a group."""
+    return float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
 
 
 def _least_share(found: Estimate, group: Group) -> float:
@@ -188,8 +199,10 @@ def _least_share(found: Estimate, group: Group) -> float:
     return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
 
 
-def _possible_groups(book: FieldBook) -> Iterator[Group]:
-    """All and each file of all angles, all lengths and each kind, then the same from each point."""
+def _possible_groups(
+    book: FieldBook, part: Callable[[FieldBook, str, Rows], Iterator[Group]]
+) -> Iterator[Group]:
+    """Parts of all angles, all lengths and each kind: all and each file of them, or those from each point."""
     observations = book.observations
     kinds = [BY_CODE[kind] for kind in np.unique(observations.types[observations.active]).tolist()]
     angles = [kind for kind in kinds if kind.is_angle]
@@ -197,10 +210,9 @@ def _possible_groups(book: FieldBook) -> Iterator[Group]:
     sets = [("angles", angles), ("lengths", lengths)]
     sets = [(name, chosen) for name, chosen in sets if len(chosen) > 1]
     sets += [(f"{kind.name} observations", [kind]) for kind in kinds]
-    for part in (_files_of, _origins_of):
-        for name, chosen in sets:
-            mine = np.flatnonzero(np.isin(observations.types, codes(*chosen)) & observations.active)
-            yield from part(book, name, mine)
+    for name, chosen in sets:
+        mine = np.flatnonzero(np.isin(observations.types, codes(*chosen)) & observations.active)
+        yield from part(book, name, mine)
 
 
 def _files_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:

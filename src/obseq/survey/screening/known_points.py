@@ -52,13 +52,15 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
     if len(all_trials) > trials.most:
         trials.untried.append(f"{len(all_trials) - trials.most} more mistakes of known points")
     for trial in all_trials[: trials.most]:
+        if not _may_be(trials, trial):
+            continue
         corrected = trials.explaining(trial.points, found.book)
         if corrected is None or not np.isfinite(corrected.coordinates[list(trial.rows)]).all():
             continue
         left = corrected.disagreement(GROSS)
         if best is None or left < best[0] - 0.3:
             best = (left, trial, corrected)
-        if trials.is_decisive(left):
+        if trials.is_decisive(corrected):
             break
     if best is None:
         return None
@@ -66,6 +68,15 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
     told = [(*_described(system, found, trial, there), there) for trial, there in equal]
     likely = [one for one in told if one[1]] or told
     return any_of([error for error, *_ in likely]), likely[0][2]
+
+
+def _may_be(trials: Trials, trial: _Trial) -> bool:
+    """Whether the others agree without what sees one or two points that may be wrong; yes for more points."""
+    if len(trial.rows) > 2:
+        return True
+    book, points = trials.found.book, np.zeros(len(trials.found.book.point_names), np.bool_)
+    points[list(trial.rows)] = True
+    return trials.may_be_of(np.flatnonzero(book.naming(points)).astype(np.int32))
 
 
 def _as_good(

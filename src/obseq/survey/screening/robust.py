@@ -86,6 +86,7 @@ class Estimate:
         points: the points.
         book: the observations.
         start: what could be computed of them, where the iterations started.
+        end: the same where they ended.
         coordinates: (n, 3) of all points of the frame; NaN where nothing determines them.
         rotations: (m, 3, 3) instrument -> frame of all stations; NaN where unknown.
         misfits: (k,) computed minus observed, m or rad; NaN where it is not known.
@@ -99,6 +100,7 @@ class Estimate:
     points: Points
     book: FieldBook
     start: Determined
+    end: Determined
     coordinates: FloatArray
     rotations: FloatArray
     misfits: FloatArray
@@ -244,9 +246,11 @@ def _estimate(
     kept_points = [points.index[name] for name in start.points.names]
     kept_stations = _kept_stations(book, start.book)
     coordinates, rotations = np.full((n, 3), np.nan), np.full((m, 3, 3), np.nan)
-    coordinates[kept_points] = equations.system.values(equations.points)
+    places, turned = equations.system.values(equations.points), start.initial.rotations
+    coordinates[kept_points] = places
     if len(kept_stations):
-        rotations[kept_stations] = equations.instruments.rotations(equations.system)
+        turned = equations.instruments.rotations(equations.system)
+        rotations[kept_stations] = turned
     redundancy = equations.system.redundancy
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))
@@ -256,6 +260,7 @@ def _estimate(
         points,
         book,
         start,
+        replace(start, initial=replace(start.initial, coordinates=places, rotations=turned)),
         coordinates,
         rotations,
         misfits,

@@ -99,7 +99,9 @@ def _without(trials: Trials, rows: Rows) -> _Without | None:
     estimate = None if start is None else trials.explaining(found.points, book, start)
     if estimate is None and (start is None or lost(book, start) > lost(found.book, found.start)):
         estimate = trials.explaining(found.points, unweighted(found.book, rows))
-    return None if estimate is None else _Without(rows, estimate.disagreement(GROSS), estimate)
+    if estimate is None or estimate.suspects.size:
+        return None
+    return _Without(rows, estimate.disagreement(GROSS), estimate)
 
 
 def _computed(trials: Trials, one: _Without) -> FloatArray:

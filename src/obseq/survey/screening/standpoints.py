@@ -74,7 +74,7 @@ def standpoint_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, E
         moved = _moved(trials, one)
         if moved is not None:
             found.append(moved)
-        if moved is not None and trials.is_decisive(moved.left):
+        if moved is not None and trials.is_decisive(moved.estimate):
             break
     if not found:
         return None

@@ -11,10 +11,19 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.screening.robust import GROSS, QUICK, Estimate, Model, Stages, estimate, first_sight
+from obseq.survey.screening.robust import (
+    GROSS,
+    QUICK,
+    WELL_CONTROLLED,
+    Estimate,
+    Model,
+    Stages,
+    estimate,
+    first_sight,
+)
 
 if TYPE_CHECKING:
-    from obseq.arrays import IntArray
+    from obseq.arrays import BoolArray, IntArray
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
@@ -25,6 +34,10 @@ _PROMISING = 0.8
 _MOST_TRIALS, _FEWEST_TRIALS = 60, 4
 _MOST_WORK = 600_000
 """Observations in all trials of groups, and of known points: about a minute."""
+_FEW = 0.2
+"""Share of suspects, and of some observations, up to which it is asked whether others agree without these."""
+_MARGIN = 1.0
+"""Contradictions that the others may have beyond those with which a cause explains a network."""
 NO_WEIGHT = 1e5
 """By which sigmas are multiplied of what is to have no weight."""
 
@@ -47,6 +60,7 @@ class Trials:
     def __post_init__(self) -> None:
         self.model = self.model.for_trials()
         self.before = self.found.disagreement(GROSS)
+        self._agreeing: dict[bytes, bool] = {}
 
     @cached_property
     def _at_start(self) -> float:
@@ -103,9 +117,43 @@ class Trials:
         explains = corrected is not None and self.explains(corrected.disagreement(GROSS))
         return corrected if explains else None
 
-    def is_decisive(self, left: float) -> bool:
-        """Whether hardly any contradiction is left, so that no other cause need be tried."""
-        return left <= max(0.5, 0.03 * self.before)
+    @property
+    def is_mostly_right(self) -> bool:
+        """Whether suspects are few in a network whose majority is right."""
+        found = self.found
+        most = _FEW * np.count_nonzero(found.book.observations.active)
+        return found.control > WELL_CONTROLLED and bool(len(found.suspects) <= most)
+
+    def may_be_of(self, rows: IntArray) -> bool:
+        """Whether the others agree without some observations: else no mistake of these explains all.
+
+        It is asked where the majority is right, and suspects and these are few; else yes.
+        """
+        if not self.is_mostly_right or len(rows) > _FEW * len(self.found.book.observations):
+            return True
+        key = rows.tobytes()
+        if key not in self._agreeing:
+            self._agreeing[key] = self._agree_without(rows)
+        return self._agreeing[key]
+
+    def _agree_without(self, rows: IntArray) -> bool:
+        """From where the network was found; anew where nearby points may have been led astray."""
+        found, most = self.found, self._most_left + _MARGIN
+        start = replace(found.end, book=unweighted(found.end.book, rows))
+        without = estimated(self.model, found.points, unweighted(found.book, rows), QUICK, start)
+        if without is None:
+            return True
+        left = without.contradictions(GROSS)
+        if left.sum() <= most or left[~_near(found.book, rows)].sum() > most:
+            return bool(left.sum() <= most)
+        mask = np.zeros(len(left), np.bool_)
+        mask[rows] = True
+        anew = estimated(self.model, found.points, found.book.without(mask), QUICK)
+        return anew is None or bool(anew.contradictions(GROSS).sum() <= most)
+
+    def is_decisive(self, corrected: Estimate) -> bool:
+        """Whether hardly any contradiction is left beyond noise, so that no other cause need be tried."""
+        return corrected.disagreement(GROSS) - corrected.noise <= max(0.5, 0.03 * self.before)
 
     def explains(self, left: float) -> bool:
         """Whether a cause that leaves so many contradictions explains the network."""
@@ -130,6 +178,14 @@ def estimated(
         return estimate(model, points, book, stages, start)
     except ObseqError:
         return None
+
+
+def _near(book: FieldBook, rows: IntArray) -> BoolArray:
+    """(k,) which observations name a point that some of them name."""
+    observations, named = book.observations, np.zeros(len(book.point_names), np.bool_)
+    for ends in (observations.from_points, observations.to_points):
+        named[ends[rows]] = True
+    return book.naming(named)
 
 
 def lost(book: FieldBook, start: Determined) -> int:
