@@ -37,6 +37,9 @@ class Cause(enum.StrEnum):
     UNKNOWN = "unknown"
 
 
+_NOT_APART = "; nothing tells these apart"
+
+
 @dataclass(frozen=True)
 class GrossError:
     """One gross error, or one cause of many.
@@ -75,10 +78,11 @@ def any_of(errors: list[GrossError]) -> GrossError:
     if len(errors) == 1:
         return errors[0]
     first, *others = errors
-    text = "; or ".join([first.text, *(f"{one.what}: {one.text}" for one in others)])
+    told = [first.text, *(f"{one.what}: {one.text}" for one in others)]
+    text = "; or ".join(one.removesuffix(_NOT_APART) for one in told)
     rows = tuple(dict.fromkeys(row for one in errors for row in one.rows))
     points = tuple(dict.fromkeys(name for one in errors for name in one.points))
-    return replace(first, text=f"{text}; nothing tells these apart", rows=rows, points=points)
+    return replace(first, text=f"{text}{_NOT_APART}", rows=rows, points=points)
 
 
 def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -14,7 +13,7 @@ from obseq.survey.screening.ambiguous import Ambiguity
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
-from obseq.survey.screening.findings import Cause, GrossError
+from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.offsets import offset_cause
@@ -138,12 +137,8 @@ def _best(steps: list[tuple[GrossError, Estimate]]) -> tuple[GrossError, Estimat
     if not steps:
         return None
     left = [step[1].disagreement(GROSS) for step in steps]
-    first, *others = [step for step, one in zip(steps, left, strict=True) if one <= min(left) + _EQUAL]
-    text = "; or, which nothing tells apart, ".join(
-        [first[0].text, *(f"{other.what}: {other.text}" for other, _ in others)]
-    )
-    points = tuple(dict.fromkeys(name for error, _ in (first, *others) for name in error.points))
-    return replace(first[0], text=text, points=points), first[1]
+    equal = [step for step, one in zip(steps, left, strict=True) if one <= min(left) + _EQUAL]
+    return any_of([error for error, _ in equal]), equal[0][1]
 
 
 def is_doubtful(start: Determined, equations: Equations) -> bool:
