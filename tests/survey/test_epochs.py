@@ -141,6 +141,21 @@ def folder(tmp_path, monkeypatch):
 MAY = ["--obs", "may/simulated.obs", "--cor", "may/simulated.cor"]
 
 
+def test_a_reference_point_that_moved_far_is_named_and_no_obstacle(folder):
+    """Its coordinates of old would be a gross error of the second epoch, and bend the network."""
+    planned = Network.read("plan.obs", "plan.cor")
+    places = planned.points.coordinates.copy()
+    places[planned.points.index["K2"]] += 10.0 * SHIFT
+    (folder / "far.cor").write_text(point_text(places))
+    assert main(["simulate", "--obs", "plan.obs", "--cor", "far.cor", "--seed", "3", "--out", "later"]) == 0
+    reference = ["--reference", "K1", "K2", "A", "C", "--level", "0.001"]
+    assert main(["compare", *MAY, "--obs-2", "later/simulated.obs", *reference, "--out", "far"]) == 1
+    record = json.loads((folder / "far/comparison.json").read_text())
+    assert (record["moved"], record["obstacles"]) == (["K2"], [])
+    (found,) = (row for row in record["displacements"] if row["point"] == "K2")
+    np.testing.assert_allclose([found[axis] for axis in ("east", "north", "up")], 10.0 * SHIFT, atol=0.005)
+
+
 def test_the_command_names_what_has_moved(folder, capsys):
     level = ["--level", "0.001"]
     assert main(["compare", *MAY, "--obs-2", "june/simulated.obs", *level]) == 0

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 MORE = """
 Adjusts both epochs in one frame, and tests which points have moved. Without --reference, the known points are
-taken to have stayed; with it, the epochs are fitted together on those of the reference points that have
-stayed, and the others are named."""
+taken to have stayed; with it, the epochs rest on inner constraints of the reference points and are fitted
+together on those that have stayed, and the others are named."""
 
 EXAMPLE = """\
 example:
@@ -87,14 +87,17 @@ def _compared(
     arguments: argparse.Namespace, first: Source, second: Source, progress: Progress
 ) -> tuple["ComparisonRecord", bool]:
     """The record of the comparison, and whether both epochs are complete."""
-    from obseq.survey import compare
+    from obseq.survey import Datum, compare
+    from obseq.survey.adjustment.datum import DatumKind
 
     before = shown_in(first.read(), arguments.units)
     reading = second.reading | {"frame": before.frame.system.definition}
     if not second.project:
         reading["points_crs"] = before.points_crs.definition
     after = shown_in(replace(second, reading=reading).read(), arguments.units)
-    epochs = [network.adjust(progress=progress) for network in (before, after)]
+    # coordinates of reference points that have moved would bend the network
+    datum = Datum(DatumKind.INNER, tuple(arguments.reference)) if arguments.reference else None
+    epochs = [network.adjust(progress=progress, datum=datum) for network in (before, after)]
     found = compare(
         epochs[0],
         epochs[1],

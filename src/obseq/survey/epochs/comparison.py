@@ -56,7 +56,9 @@ class Comparison:
     @property
     def obstacles(self) -> tuple[str, ...]:
         """Why there is no verdict, one sentence per reason: gross errors, an epoch that did not converge."""
-        return tuple(obstacles(self.epochs))
+        names = np.array(self.displacements.names)
+        staying = () if self.reference is None else names[self.reference].tolist()
+        return tuple(obstacles(self.epochs, self.moved, (*staying, *self.moved)))
 
     @property
     def significant(self) -> tuple[str, ...]:
@@ -146,7 +148,8 @@ def compare(
 
     Without reference points the displacements are those in the datum of the adjustments: the known points are
     taken to have stayed, and the errors of their coordinates, the same in both, cancel. With reference points
-    the epochs are fitted together on those of them that have stayed.
+    the epochs are fitted together on those of them that have stayed; best when they were adjusted on inner
+    constraints of these, `Datum("inner", points=reference)`, so that no known coordinates bend the network.
 
     Args:
         first: The first epoch.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from obseq.survey.adjustment.adjusted import Adjustment
 
@@ -15,12 +15,23 @@ MOST = 8
 """Names that one sentence lists."""
 
 
-def obstacles(epochs: Sequence[Adjustment]) -> Iterator[str]:
-    """Why nothing can be said about movements, one sentence per reason; none where a verdict is possible."""
+def obstacles(
+    epochs: Sequence[Adjustment], moved: Collection[str] = (), reference: Collection[str] = ()
+) -> Iterator[str]:
+    """Why nothing can be said about movements, one sentence per reason; none where a verdict is possible.
+
+    Args:
+        epochs: The adjustments.
+        moved: Reference points that were found to have moved: that their coordinates of old, or those of
+            other reference points with them, contradict the observations is what was looked for.
+        reference: All reference points.
+    """
     for number, epoch in enumerate(epochs, 1):
         if not epoch.converged:
             yield f"epoch {number} did not converge: adjust it first"
         for error in epoch.gross_errors:
+            if set(error.points) & set(moved) and set(error.points) <= set(reference):
+                continue
             yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
 
 
