@@ -106,3 +106,14 @@ def test_a_set_up_of_another_point_is_one_cause(with_angles):
     (error,) = site.network().gross_errors()
     assert error.cause is Cause.WRONG_POINT and error.points == (other, "M11") and error.rows == tuple(rows)
     assert f"they fit M11, not {other}: the name of the station is wrong" in error.text
+
+
+def test_what_is_tried_is_told_while_it_lasts():
+    site, told = PlaneSite(), []
+    beside(site, "M11", (0.25, 0.1))
+    (error,) = site.network().adjust(progress=told.append).gross_errors
+    assert error.cause == Cause.ECCENTRIC
+    assert [line for line in told if line.startswith("gross errors: cause ")][:2] == [
+        "gross errors: cause 1",
+        "gross errors: cause 2",
+    ]

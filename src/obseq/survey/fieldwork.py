@@ -25,6 +25,7 @@ from obseq.survey.model import join
 
 if TYPE_CHECKING:
     from obseq import crs
+    from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation
     from obseq.survey.adjustment.datum import Datum
@@ -86,11 +87,12 @@ class Fieldwork:
 
         return Model(self._started, self._equations, Units(self.shown or METRIC))
 
-    def gross_errors(self) -> tuple[GrossError, ...]:
-        """What contradicts the rest grossly, with likely causes, the worst first."""
+    def gross_errors(self, progress: Progress | None = None) -> tuple[GrossError, ...]:
+        """What contradicts the rest grossly, with likely causes, the worst first; progress is told to one."""
         from obseq.survey.screening.search import gross_errors
 
-        return gross_errors(self.model(), self.point_system, self.points, self.book)
+        model = replace(self.model(), progress=progress)
+        return gross_errors(model, self.point_system, self.points, self.book)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
@@ -209,7 +211,7 @@ class Fieldwork:
         """The gross errors without what nothing determines, which therefore contradicts nothing."""
         kept = computation.whole(start, equations).book.observations.active
         lost = start.book.observations.active & ~kept
-        return replace(self, book=self.book.without(lost)).gross_errors()
+        return replace(self, book=self.book.without(lost)).gross_errors(computation.watch.progress)
 
     def _looked_for(
         self, announced: tuple[GrossError, ...] | None, start: Determined, computation: Computation

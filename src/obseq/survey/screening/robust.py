@@ -58,11 +58,13 @@ class Model:
         initial: points and book -> initial values, as far as they go.
         equations: a network with its initial values -> its equations.
         units: in which values are told.
+        progress: receives what is being tried; None for nobody.
     """
 
     initial: Callable[[Points, FieldBook], InitialValues]
     equations: Callable[[Determined], Equations]
     units: Units = METRIC
+    progress: Callable[[str], None] | None = None
 
     def for_trials(self) -> Model:
         """The same for networks that differ in little, one at a time: what they have in common is kept."""

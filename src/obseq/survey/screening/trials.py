@@ -61,6 +61,13 @@ class Trials:
         self.model = self.model.for_trials()
         self.before = self.found.disagreement(GROSS)
         self._agreeing: dict[bytes, bool] = {}
+        self._count = 0
+
+    def _tell(self) -> None:
+        """Says how many causes have been tried."""
+        self._count += 1
+        if self.model.progress is not None:
+            self.model.progress(f"gross errors: cause {self._count}")
 
     @cached_property
     def _at_start(self) -> float:
@@ -101,6 +108,7 @@ class Trials:
             most_lost: observations that may be left out for nothing determining where they are.
         """
         promising = _PROMISING * self._at_start
+        self._tell()
         try:
             start = start or self.model.start(points, book)
             if lost(book, start) > min(promising, most_lost):
