@@ -6,7 +6,15 @@ import scenes
 
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, rotations_from
-from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, relative_orientation, similarity
+from obseq.images import (
+    BundleAdjustment,
+    Camera,
+    ControlPoints,
+    ImagePoints,
+    Poses,
+    relative_orientation,
+    similarity,
+)
 from obseq.images.initial.relative import essential_matrices
 
 
@@ -109,3 +117,30 @@ def test_an_image_that_cannot_be_placed_is_named():
     with pytest.raises(InputError, match="1 images cannot be placed; alone: it shares too few points"):
         block.initialise()
     assert len(block.poses) == 0
+
+
+def test_the_last_images_of_a_block_with_unknown_distortion_are_placed():
+    """Which misses by tens of pixels where a calibration begins without it."""
+    rng = np.random.default_rng(3)
+    grid = np.stack(np.meshgrid(np.arange(8.0), np.arange(6.0), indexing="ij"), -1).reshape(-1, 2)
+    points = np.column_stack([6.0 * grid + rng.uniform(-1, 1, (48, 2)), rng.uniform(0, 4, 48)])
+    names = np.array([f"P{row:02d}" for row in range(48)])
+    centres = [[6 + 9 * i, 6 + 9 * j, 42 + rng.uniform(-1, 1)] for i in range(4) for j in range(3)]
+    angles = [[*rng.uniform(-6, 6, 2), rng.choice([0, 180]) + rng.uniform(-3, 3)] for _ in centres]
+    images = [f"i{row}" for row in range(12)]
+    poses = Poses.of(images, centres, np.radians(angles), "opk")
+    true, begun = (
+        Camera("c", 6000, 4000, focal=focal, distortion={"K1": k1})
+        for focal, k1 in ((5900, -0.06), (5850, 0))
+    )
+    block = BundleAdjustment()
+    block.add_cameras(begun)
+    block.add_images(images, begun.name)
+    known = [0, 5, 20, 24, 27, 42, 47]
+    block.add_control_points(ControlPoints.of(names[known].tolist(), points[known], 0.01))
+    seen = {image: true.sees(poses[image].to_local(points)) for image in images}
+    rows = [(image, row) for image in images for row in np.flatnonzero(seen[image]).tolist()]
+    places = [true.project(poses[image].to_local(points[row : row + 1]))[0] for image, row in rows]
+    measured = ImagePoints.of([i for i, _ in rows], [str(names[row]) for _, row in rows], places, 0.4)
+    block.add_measures(measured)
+    assert len(block.initialise()) == 12

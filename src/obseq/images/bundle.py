@@ -16,7 +16,7 @@ from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.adjustment.verdicts import check_datum, check_scale, in_words
 from obseq.images.block import Block
 from obseq.images.initial.conventions import convention_that_fits
-from obseq.images.initial.growth import place_images
+from obseq.images.initial.growth import place_images, place_the_last
 from obseq.images.measures import ImagePoints
 from obseq.leastsquares import LeastSquares
 
@@ -140,11 +140,12 @@ class BundleAdjustment(Block):
         except InputError as error:
             raise InputError(f"{self.source}{error}") from None
         lost = growth.waiting()
+        hint = convention_that_fits(*asked, growth.as_poses(), lost) if lost else ""
+        if lost and not hint:
+            place_the_last(growth, self.control)
+            lost = growth.waiting()
         if lost:
             reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
-            raise InputError(
-                f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}"
-                f"{convention_that_fits(*asked, growth.as_poses(), lost)}"
-            )
+            raise InputError(f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}{hint}")
         self.add_poses(growth.as_poses().select(waiting))
         return tuple(waiting)

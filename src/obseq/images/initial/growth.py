@@ -8,7 +8,7 @@ grown in a frame of its own, which three control points, or nothing, bring to th
 from __future__ import annotations
 
 import logging
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,8 @@ LEAST_KNOWN = 6
 PAIRS_TRIED = 12
 LARGEST_RESIDUAL = 8.0
 """Pixels: points that any image misses by more are not used to place others."""
+LOOSER = 8.0
+"""Times as large as usual misses may be for the last images: unknown distortion makes tens of pixels."""
 LEAST_OF_A_FRAME = 3
 """Known points that bring a block to the world."""
 FRAME_OPTIONS = ResectionOptions(triplets=200, max_error=8.0)
@@ -87,23 +89,29 @@ class Growth:
         good = np.flatnonzero(found.is_placed & (missed <= largest))
         return ControlPoints.of([found.names[row] for row in good], found.coordinates[good])
 
-    def place(self, known: ControlPoints, least: int) -> int:
+    def place(self, known: ControlPoints, least: int, options: ResectionOptions = FRAME_OPTIONS) -> int:
         """Resects the images that have enough known points; returns how many were placed."""
         part = self.measures.of_points(known.names)
         counts = dict(zip(part.image_names, np.bincount(part.image), strict=True)) if len(part) else {}
         waiting = [image for image in self.waiting() if counts.get(image, 0) >= least]
         for image in sorted(waiting, key=lambda image: -counts[image]):
             try:
-                found = resect(part.of_image(image), known, self.cameras[image], FRAME_OPTIONS)
+                found = resect(part.of_image(image), known, self.cameras[image], options)
                 self.poses[image] = found.poses[image]
             except InputError as error:
                 self.reasons[image] = str(error)
         return sum(image in self.poses for image in waiting)
 
-    def grow(self, control: ControlPoints) -> None:
-        """Places images until no more can be: on control points, and on what placed images intersect."""
+    def grow(self, control: ControlPoints, factor: float = 1.0) -> None:
+        """Places images until no more can be: on control points, and on what placed images intersect.
+
+        Args:
+            control: known points.
+            factor: by which misses may be larger than usual.
+        """
+        options = replace(FRAME_OPTIONS, max_error=factor * FRAME_OPTIONS.max_error)
         while self.waiting():
-            tie = self.points()
+            tie = self.points(factor * LARGEST_RESIDUAL)
             new = [name for name in tie.names if name not in set(control.names)]
             added = tie.select(new)
             known = ControlPoints(
@@ -111,7 +119,7 @@ class Growth:
                 np.concatenate([control.coordinates, added.coordinates]),
                 np.concatenate([control.covariances, added.covariances]),
             )
-            if not self.place(known, LEAST_KNOWN if len(tie) else LEAST_POINTS):
+            if not self.place(known, LEAST_KNOWN if len(tie) else LEAST_POINTS, options):
                 return
 
     def start_pair(self, seed: int = 0) -> None:
@@ -220,6 +228,13 @@ def place_images(
         growth.grow(known)
     LOGGER.info("placed %d of %d images", len(growth.poses), len(measures.image_names))
     return growth
+
+
+def place_the_last(growth: Growth, control: ControlPoints) -> None:
+    """Places images that are left over in a block that bends, where most have been placed."""
+    if len(growth.waiting()) < len(growth.poses):
+        measured = set(growth.measures.point_names)
+        growth.grow(control.select([name for name in control.names if name in measured]), LOOSER)
 
 
 def _to_frame(growth: Growth, known: ControlPoints) -> None:
