@@ -86,11 +86,12 @@ def _compiled(path: Path, one: type) -> "Kernel":
             raise InputError(f"{place}: obseq has a formula {formula.name} already; give yours another name")
         _refuse_bare_arguments(place, one)
         return compile_formula(formula)
-    except ObseqError:
-        raise
     except Exception as error:
-        what = f"{type(error).__name__}: {error}"
-        place = _place(path, error, place)
+        first = error.__cause__ or error  # what a line of the residual raised
+        if isinstance(first, ObseqError):
+            raise
+        what = f"{type(first).__name__}: {first}"
+        place = _place(path, first, place)
         raise InputError(f"{place}: {what} in formula {one.__name__}; {_advice(what)}") from error
 
 
@@ -110,7 +111,7 @@ def _line_of(path: Path, one: Any) -> str:
     return f"{path}, line {int(one.residual.__code__.co_firstlineno)}"
 
 
-def _place(path: Path, error: Exception, otherwise: str = "") -> str:
+def _place(path: Path, error: BaseException, otherwise: str = "") -> str:
     """The file, with the last of its lines that an exception came through."""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(path)]
