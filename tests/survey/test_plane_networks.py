@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from plane_site import PlaneSite
 
-from obseq.survey import estimating
+from obseq.survey import Network, estimating
 from obseq.survey.screening.findings import Cause
 
 BOTH = pytest.mark.parametrize("with_angles", [False, True])
@@ -117,3 +118,13 @@ def test_what_is_tried_is_told_while_it_lasts():
         "gross errors: cause 1",
         "gross errors: cause 2",
     ]
+
+
+def test_no_constant_of_kilometres_is_thought_of(shared_data):
+    """Of five distances with hardly any control two, of one station, are in feet: much would fit."""
+    network = Network.read_project(shared_data / "gama-textbook-2d" / "Ghilani14_5_Distance_fix.gkf")
+    rows = network.book.observations
+    values = np.where(rows.from_points == rows.from_points[0], rows.values / 0.3048, rows.values)
+    spoilt = replace(network, book=replace(network.book, observations=replace(rows, values=values)))
+    (error,) = spoilt.gross_errors()
+    assert error.text == "they look like feet instead of metres" and "from Badger" in error.what

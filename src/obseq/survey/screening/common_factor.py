@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.survey.screening.distances import LEAST, changed, described, distances_of
+from obseq.survey.screening.distances import LEAST, changed, described, distances_of, may_be, values_of
 from obseq.survey.screening.robust import QUICK
 from obseq.survey.screening.trials import estimated
 
@@ -70,7 +70,9 @@ def common_factor(
     estimate = estimated(model, given.points, book, QUICK)
     if estimate is None:
         return ()
-    values = [value for part, value in estimate.instruments if part == what]
+    values = values_of(estimate, what)
+    if not may_be(what, values):
+        return ()
     size = float(np.max(np.abs(np.nan_to_num(adjustment.normalised_residuals[mine]))))
     error = described(given.book, mine, what, values, size, computation.point_system, model.units)
     return (replace(error, text=f"{error.text}{_or(adjustment, gain)}"),)

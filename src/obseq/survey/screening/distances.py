@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 _HORIZONTAL = "horizontal"
 LEAST = 4
 """Distances from which an unknown of all of them says something."""
+LARGEST_CONSTANT, LARGEST_SCALE = 2.0, 0.5
+"""Constant (m) and scale beyond which they are none: of prisms these are centimetres, of a torn tape a metre;
+feet, and what else differs more from a metre, are tried as such."""
 _MAP_SCALE = 3e-3
 """Scales of maps, and reductions to height 0, differ from 1 by less than this."""
 
@@ -43,7 +46,7 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
         if book is None:
             continue
         corrected = trials.explaining(trials.found.points, book, _start(trials.found, rows, what))
-        if corrected is None:
+        if corrected is None or not may_be(what, values_of(corrected, what)):
             continue
         left = corrected.disagreement(GROSS)
         if best is None or left < best[0] - 0.3:
@@ -52,9 +55,19 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
         return None
     _, what, rows, corrected = best
     size = float(trials.found.ratios[rows].max())
-    values = [value for part, value in corrected.instruments if part == what]
-    units = trials.found.units
+    values, units = values_of(corrected, what), trials.found.units
     return described(trials.found.book, rows, what, values, size, system, units), corrected
+
+
+def values_of(corrected: Estimate, what: str) -> list[float]:
+    """The constants (m) or scales (parts) of a network in which they are unknown."""
+    return [value for part, value in corrected.instruments if part == what]
+
+
+def may_be(what: str, values: list[float]) -> bool:
+    """Whether constants (m) or scales (parts) are such as instruments have."""
+    most = {"constant": LARGEST_CONSTANT, "scale": LARGEST_SCALE}.get(what, np.inf)
+    return all(abs(value) <= most for value in values)
 
 
 def distances_of(book: FieldBook) -> Rows:

@@ -7,6 +7,7 @@ computed anew. A height changes zenith angles by its share across the sight and 
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import codes_where, codes_with
+from obseq.survey.screening.distances import LARGEST_CONSTANT
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
@@ -43,8 +45,6 @@ _EQUAL = 0.1
 """Contradictions by which two offsets may differ that explain a network equally well."""
 _HIGHEST = 10.0
 """Height of an instrument or a target (m) above which none is thought of where none is written."""
-_LARGEST_SCALE = 3e-3
-"""Scale less 1 beyond which distances are in another unit, which is a cause of its own."""
 _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
 
@@ -69,6 +69,10 @@ class What(enum.Enum):
     def is_height(self) -> bool:
         """Whether it is a height, not something of distances."""
         return self in (What.INSTRUMENT, What.TARGET)
+
+
+_LARGEST = {What.CONSTANT: LARGEST_CONSTANT, What.SCALE: 3e-3}
+"""Constants (m), and scales less 1, beyond which distances are wrong in another way: in another unit, say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +206,7 @@ def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset
     sigmas = np.array([sigma_of(found, row) for row in rows.tolist()])
     changed = sights.change(what, rows)
     size, sigma = _size(found.misfits[rows], sigmas, changed)
-    if what is What.SCALE and abs(size) > _LARGEST_SCALE:
+    if abs(size) > _LARGEST.get(what, math.inf):
         return None
     change = changed(size)
     fits = np.abs(found.misfits[rows] + change) / sigmas <= found.limit
