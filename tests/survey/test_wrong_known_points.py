@@ -25,11 +25,12 @@ def levelling(height: float):
     return network_from_tables(points, rows)
 
 
-def plane(shift: float, seed: int = 3):
+def plane(shift: float, seed: int = 3, x_of_m11: float | None = None):
     """Nine points of a grid, seen from their neighbours; all heights are 0, the known M11 is off in x."""
     generator = np.random.default_rng(seed)
     places = {f"M{i}{j}": (1000.0 + 150.0 * i, 5000.0 + 140.0 * j) for i in range(3) for j in range(3)}
     places = {name: place + generator.uniform(-20.0, 20.0, 2) for name, place in places.items()}
+    places["M11"] = places["M11"] if x_of_m11 is None else np.array([x_of_m11, places["M11"][1]])
     known = {"M00", "M02", "M11", "M20", "M22"}
     x, y = np.array(list(places.values())).T
     points = {
@@ -60,6 +61,12 @@ def test_a_known_point_of_a_plane_network_is_named(shift):
     assert error.points == ("M11",)
     said = "one digit is wrong" if shift == 10.0 else "only the easting (x) differs, by "
     assert said in error.text
+
+
+def test_of_two_slips_the_nearer_one_is_named():
+    """1151.83 for 1151.33 is a wrong digit; exchanged ones would give 1151.38, which is 5 cm off."""
+    (error,) = plane(0.5, x_of_m11=1151.33).gross_errors()
+    assert error.points == ("M11",) and "one digit is wrong" in error.text
 
 
 def test_a_plane_network_without_mistake_is_not_accused():

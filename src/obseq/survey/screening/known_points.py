@@ -33,7 +33,8 @@ _MOST_POINTS = 8
 _ASTRAY = 100.0
 """How many times farther from the others a point is not when it is put right."""
 _NEAR = 0.05
-"""Distance (m), beyond the sigmas, at which two places are the same when digits are looked for."""
+_NEARER = (0.2 * _NEAR, 0.4 * _NEAR, _NEAR)
+"""Distance (m), beyond the sigmas, at which two places are the same; what fits nearer is thought of first."""
 _AXES = ("easting (x)", "northing (y)", "height")
 
 
@@ -234,7 +235,8 @@ def _of_coordinates(
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
     if len(off) == 1:
         k = off[0]
-        explanation = explain(COORDINATE, float(given[k]), float(right[k]), _NEAR)
+        tried = (explain(COORDINATE, float(given[k]), float(right[k]), near) for near in _NEARER)
+        explanation = next(filter(None, tried), None)
         if explanation is not None:
             return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}", True
         return Cause.MISTYPED, f"{text}; only the {_AXES[k]} differs, by {gaps[k]}", False
