@@ -10,6 +10,7 @@ import pytest
 
 from obseq.cli import main as command
 from obseq.cli import versions
+from obseq.cli.guard import guarded
 from obseq.cli.main import main
 
 SCRIPT = """\
@@ -54,6 +55,23 @@ def test_sigterm_ends_a_command_as_the_keyboard_does_and_is_given_back(monkeypat
     assert main(["versions"]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_an_interruption_that_hits_a_callback_is_not_lost(capsys) -> None:
+    class Held:
+        def __del__(self) -> None:
+            raise KeyboardInterrupt
+
+    def work() -> int:
+        held = Held()
+        del held  # Python prints what this raises, and goes on
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end:
+            pass
+        return 0
+
+    assert guarded("obseq", work) == 130
+    assert capsys.readouterr().err == "\nobseq: interrupted; no file is half-written.\n"
 
 
 LOADING = """\

@@ -1,5 +1,6 @@
 """What ends a command: every error becomes one message and an exit code."""
 
+import _thread
 import io
 import os
 import signal
@@ -14,13 +15,15 @@ from obseq.printable import printable
 
 CANNOT_RUN = 2
 INTERRUPTED = 130
+SOON = 0.01
+"""Seconds until an interruption that was lost comes again."""
 
 
 def guarded(program: str, work: Callable[[], int]) -> int:
     """The exit code of some work, or that of its failure, said on standard error in the name of a program."""
     _print_any_character()
     try:
-        with _ended_as_by_the_keyboard():
+        with _ended_as_by_the_keyboard(), _no_interruption_lost():
             code = work()
             sys.stdout.flush()
     except ObseqError as error:
@@ -55,6 +58,30 @@ def _ended_as_by_the_keyboard() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+@contextmanager
+def _no_interruption_lost() -> Iterator[None]:
+    """An interruption that hits a callback, from which Python lets no exception out, comes again.
+
+    Imports have such callbacks. The signal is the one that surely interrupts: SIGINT may be ignored.
+    """
+    usual, again = sys.unraisablehook, list[threading.Timer]()
+
+    def interrupt_soon(unraisable: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            usual(unraisable)
+            return
+        again.append(threading.Timer(SOON, _thread.interrupt_main, [signal.SIGTERM]))
+        again[-1].start()
+
+    sys.unraisablehook = interrupt_soon
+    try:
+        yield
+    finally:
+        sys.unraisablehook = usual
+        for timer in again:
+            timer.cancel()
 
 
 def _fail(program: str, message: str) -> int:
