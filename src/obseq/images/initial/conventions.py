@@ -68,16 +68,24 @@ class Convention:
         return None if outside.any() else replace(measures, xy=xy)
 
 
+def _upside_down(xy: FloatArray, size: FloatArray) -> FloatArray:
+    return np.column_stack([xy[:, 0], size[:, 1] - xy[:, 1]])
+
+
+def _exchanged(xy: FloatArray, _: FloatArray) -> FloatArray:
+    return xy[:, ::-1].copy()
+
+
 CONVENTIONS = (
     Convention(
         "lines counted upwards",
         "the lines of all images were counted upwards (y goes down here)",
-        lambda xy, size: np.column_stack([xy[:, 0], size[:, 1] - xy[:, 1]]),
+        _upside_down,
     ),
     Convention(
         "x and y exchanged",
         "x and y of all image points are exchanged (x goes to the right, y down here)",
-        lambda xy, _: xy[:, ::-1].copy(),
+        _exchanged,
     ),
 )
 
@@ -94,14 +102,14 @@ OF_ONE_IMAGE = (
     Convention(
         "its lines counted upwards",
         "lines count upwards (y -> height - y)",
-        lambda xy, size: np.column_stack([xy[:, 0], size[:, 1] - xy[:, 1]]),
+        _upside_down,
     ),
     Convention(
         "its columns counted from the right",
         "columns count from the right (x -> width - x)",
         lambda xy, size: np.column_stack([size[:, 0] - xy[:, 0], xy[:, 1]]),
     ),
-    Convention("its x and y exchanged", "x and y are exchanged", lambda xy, _: xy[:, ::-1]),
+    Convention("its x and y exchanged", "x and y are exchanged", _exchanged),
     *(_of_another_size(factor) for factor in (2.0, 4.0, 8.0, 0.5)),
 )
 """What the measures of one image, or of one camera, may be given in, where those of the others are not."""
