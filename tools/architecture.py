@@ -86,7 +86,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "fieldwork": ("screening", "adjustment", "initial", "model"),
         "network": ("fieldwork", "screening", "adjustment", "initial", "files", "model"),
         "in_memory": ("network", "tables"),
-        "epochs": ("adjustment", "model"),
+        "epochs": ("adjustment", "initial", "model"),
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
         "point_files": ("files", "model"),
         "maps": (),

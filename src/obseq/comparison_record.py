@@ -71,9 +71,10 @@ class ComparisonRecord:
 
     Attributes:
         level: of each test: probability that it finds a movement where there is none.
-        datum: "as adjusted", or "reference points": displacements are relative to these.
+        datum: "as adjusted"; "reference points", or "known points" of which others have moved: displacements
+            are relative to these.
         congruence: of all points that are tested together.
-        moved: reference points that were found to have moved, in the order in which they were found.
+        moved: reference or known points that were found to have moved, in the order in which that was found.
         displacements: of the common points, the most significant first.
         only_first: points of the first epoch alone.
         only_second: points of the second epoch alone.

@@ -7,10 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from planned import NAMES, network, point_text
+from planned import NAMES, PLACES, network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.report.comparison import comparison_summary
 from obseq.survey import Network, compare, simulate
 from obseq.survey.epochs.congruence import relative_to
 from obseq.survey.epochs.displacements import displacements
@@ -154,6 +155,58 @@ def test_a_reference_point_that_moved_far_is_named_and_no_obstacle(folder):
     assert (record["moved"], record["obstacles"]) == (["K2"], [])
     (found,) = (row for row in record["displacements"] if row["point"] == "K2")
     np.testing.assert_allclose([found[axis] for axis in ("east", "north", "up")], 10.0 * SHIFT, atol=0.005)
+
+
+def known_text(known):
+    lines = []
+    for name, (x, y, z) in zip(NAMES, PLACES.tolist(), strict=True):
+        lines.append(f"1 {name} {x} {y} {z} 0 0 0" if name in known else f"0 {name} {x} {y} {z}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def known_pair(tmp_path):
+    """Of points that are known exactly in both epochs, K2 has moved; and nothing else has."""
+    (tmp_path / "plan.obs").write_text(observation_text())
+
+    def drawn(known):
+        (tmp_path / "known.cor").write_text(known_text(known))
+        planned, rng = Network.read(tmp_path / "plan.obs", tmp_path / "known.cor"), np.random.default_rng(5)
+        second = moved_simulation(planned, "K2").drawn(rng)
+        return Simulation(planned).drawn(rng).adjust(), replace(second, points=planned.points).adjust()
+
+    return drawn
+
+
+def test_a_known_point_that_moved_is_named_and_bends_no_other(known_pair):
+    found = compare(*known_pair(("K1", "K2", "A")), 0.01)
+    assert (found.moved, found.significant, found.obstacles) == (("K2",), ("K2",), ())
+    row = found.displacements.names.index("K2")
+    np.testing.assert_allclose(found.displacements.vectors[row], SHIFT, atol=0.004)
+    told = comparison_summary(found.record())
+    assert "known points that have MOVED, the worst first: K2" in told
+
+
+def test_two_known_points_that_moved_against_each_other_accuse_nothing_else(known_pair):
+    found = compare(*known_pair(("K1", "K2")), 0.01)
+    assert found.significant == ()
+    assert "one or more of K1, K2, and nothing tells which" in found.obstacles[0]
+    assert len(found.obstacles) == 1
+
+
+def test_points_that_only_known_ones_place_may_seem_to_move_because_of_these(tmp_path):
+    """Angles from a new point to known ones: without the known ones, nothing says where it is."""
+    sights = [("K1", 0.0), ("K2", 120.0), ("A", 250.0)]
+    ring = {name: (np.sin(np.pi * at / 200.0), np.cos(np.pi * at / 200.0)) for name, at in sights}
+    lines = [f"1 {name} {100.0 * x:.4f} {100.0 * y:.4f} 0 0 0 0" for name, (x, y) in ring.items()]
+    (tmp_path / "p.cor").write_text("\n".join([*lines, "6 P 0 0 0"]))
+    (tmp_path / "a.obs").write_text("\n".join(f"5 P {name} {at} 0.0005" for name, at in sights))
+    turned = [(name, at + 0.01 * (name == "K2")) for name, at in sights]
+    (tmp_path / "b.obs").write_text("\n".join(f"5 P {name} {at} 0.0005" for name, at in turned))
+    epochs = [Network.read(tmp_path / name, tmp_path / "p.cor").adjust() for name in ("a.obs", "b.obs")]
+    found = compare(*epochs, a_priori=True)
+    assert found.significant == ("P",)
+    assert "or one of the known points (K1, K2, A)" in found.record().reservations[0]
 
 
 def test_the_command_names_what_has_moved(folder, capsys):

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 MORE = """
 Adjusts both epochs in one frame, and tests which points have moved. Without --reference, the known points are
-taken to have stayed; with it, the epochs rest on inner constraints of the reference points and are fitted
-together on those that have stayed, and the others are named."""
+the datum, but for those that have moved by what the observations alone say: they are named. With it, the
+epochs rest on inner constraints of the reference points and are fitted together on those that have stayed,
+and the others are named."""
 
 EXAMPLE = """\
 example:

@@ -13,6 +13,8 @@ from obseq.report.table import lines_of
 MOST_POINTS = 20
 MOST_NAMES = 8
 MOST_OBSTACLES = 5
+KNOWN = "known points"
+DATUMS = {KNOWN: "the known points that have stayed, by what the observations alone say"}
 
 
 @expecting(record=instance(ComparisonRecord), written=TEXTS)
@@ -65,10 +67,11 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     if record.obstacles:
         return
     common = len(record.displacements)
-    yield f"{common} common points; datum: {record.datum}"
+    yield f"{common} common points; datum: {DATUMS.get(record.datum, record.datum)}"
+    kind = "known" if record.datum == KNOWN else "reference"
     if record.moved:
-        yield f"  reference points that have MOVED, the worst first: {', '.join(record.moved)}"
-    others = "the other reference points" if record.moved else "the reference points"
+        yield f"  {kind} points that have MOVED, the worst first: {', '.join(record.moved)}"
+    others = f"the other {kind} points" if record.moved else f"the {kind} points"
     which = "the points together" if record.datum == "as adjusted" else others
     state = "have stayed" if record.congruence.passed else "have MOVED"
     yield f"  {which} {state}: {_tested(record.congruence)}"

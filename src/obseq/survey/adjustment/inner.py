@@ -63,7 +63,7 @@ def inner_covariances(
         equations.system, adjusted.instruments.rotations(adjusted.system), coordinates
     )
     solution = equations.system.solve(max_iterations=0, covariance=True)
-    _require_whole(free_motions(equations, points.names))
+    require_whole(free_motions(equations, points.names))
     covariances = solution.covariance(equations.points, a_priori=True)
     return np.where(observed[:, None, None], covariances, np.nan)
 
@@ -84,7 +84,7 @@ def _inner_book(book: FieldBook) -> FieldBook:
     return book.without(np.isin(book.observations.types, codes))
 
 
-def _require_whole(motions: Sequence[MotionRecord]) -> None:
+def require_whole(motions: Sequence[MotionRecord]) -> None:
     """Raises the error of a singular system where the observations leave more free than a datum gives.
 
     Each of several parts that nothing joins has motions of its own, called alike.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,8 @@ from obseq.shown_units import METRIC
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
 from obseq.survey.epochs.displacements import Displacements, displacements
-from obseq.survey.epochs.grounds import obstacles, reservations
+from obseq.survey.epochs.grounds import at_odds, fits, obstacles, reservations, taken_for_granted
+from obseq.survey.epochs.known_points import by_observations, known_points
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -26,7 +28,11 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray
     from obseq.survey.adjustment.adjusted import Adjustment
 
+    Epochs = tuple[Adjustment, Adjustment]
+
 LEVEL = 0.05
+LEAST_KNOWN = 2
+"""Known points that can move against each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +48,9 @@ class Comparison:
         same_precision: test of the two variance factors; None where one is undefined or not used.
         tester: the level of the tests and what stands behind them.
         epochs: the two adjustments.
+        is_known: whether the reference points are known points, of which some have moved.
+        doubts: sentences that forbid a verdict beside what the epochs themselves say.
+        reservations: sentences that weaken it beside those.
     """
 
     displacements: Displacements
@@ -52,13 +61,22 @@ class Comparison:
     same_precision: TestRecord | None
     tester: Tester
     epochs: tuple[Adjustment, Adjustment]
+    is_known: bool = False
+    doubts: tuple[str, ...] = ()
+    reservations: tuple[str, ...] = ()
 
     @property
     def obstacles(self) -> tuple[str, ...]:
         """Why there is no verdict, one sentence per reason: gross errors, an epoch that did not converge."""
         names = np.array(self.displacements.names)
         staying = () if self.reference is None else names[self.reference].tolist()
-        return tuple(obstacles(self.epochs, self.moved, (*staying, *self.moved)))
+        return (*self.doubts, *obstacles(self.epochs, self.moved, (*staying, *self.moved)))
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing has moved, and each epoch agrees with its known points."""
+        agree = all(epoch.is_complete and fits(epoch) for epoch in self.epochs)
+        return agree and self.congruence.passed and not self.significant
 
     @property
     def significant(self) -> tuple[str, ...]:
@@ -81,7 +99,7 @@ class Comparison:
         trusted = self.tester.redundancy is None
         return ComparisonRecord(
             level=self.tester.level,
-            datum="as adjusted" if self.reference is None else "reference points",
+            datum=self._datum,
             congruence=self.congruence,
             moved=self.moved,
             displacements=tuple(sorted(self._displacements(), key=_by_significance)),
@@ -93,9 +111,15 @@ class Comparison:
             frame=self.epochs[0].frame,
             runs=runs,
             obstacles=self.obstacles,
-            reservations=tuple(reservations(self.epochs, trusted=trusted)),
+            reservations=(*self.reservations, *reservations(self.epochs, trusted=trusted)),
             units=self.epochs[0].shown or METRIC,
         )
+
+    @property
+    def _datum(self) -> str:
+        if self.is_known:
+            return "known points"
+        return "as adjusted" if self.reference is None else "reference points"
 
     def _displacements(self) -> Iterator[DisplacementRecord]:
         moved, factor = self.displacements, self.tester.variance_factor
@@ -146,8 +170,10 @@ def compare(
 ) -> Comparison:
     """What has moved between two epochs of a network.
 
-    Without reference points the displacements are those in the datum of the adjustments: the known points are
-    taken to have stayed, and the errors of their coordinates, the same in both, cancel. With reference points
+    Without reference points the displacements are those in the datum of the adjustments, in which the errors
+    of known coordinates, the same in both, cancel. Where something seems to have moved, what the observations
+    alone say of the known points is compared first: if one of these has moved, it is named, and the others
+    are the reference points (`Comparison.is_known`). With reference points
     the epochs are fitted together on those of them that have stayed; best when they were adjusted on inner
     constraints of these, `Datum("inner", points=reference)`, so that no known coordinates bend the network.
 
@@ -165,24 +191,60 @@ def compare(
     """
     checked_probability(level, "compare: level")
     names = _names(first, second, points, reference)
-    moved = displacements(first, second, names)
-    tester = _tester(first, second, level, trusted=a_priori)
-    staying, removed = None, list[int]()
     if reference is not None:
-        frame = Frame(crs.parse(first.frame))
-        chosen = np.array([name in set(reference) for name in names], np.bool_)
-        staying, removed = stable(moved, chosen, tester, is_spatial=not frame.has_vertical)
-        moved = relative_to(moved, staying, is_spatial=not frame.has_vertical)
-    together = congruence(moved, moved.tested if staying is None else staying, tester)
-    local = moved.turned(Frame(crs.parse(first.frame)).vertical(moved.places))
+        return _relative((first, second), names, reference, level, trusted=a_priori)
+    found = _as_adjusted((first, second), names, level, trusted=a_priori)
+    return found if found.is_quiet else _without_moved_known_points(found, trusted=a_priori)
+
+
+def _as_adjusted(epochs: Epochs, names: tuple[str, ...], level: float, *, trusted: bool) -> Comparison:
+    """The comparison in the datum of the epochs."""
+    moved, tester = displacements(*epochs, names), _tester(*epochs, level, trusted=trusted)
+    return _comparison(epochs, moved, tester, congruence(moved, moved.tested, tester), None)
+
+
+def _relative(
+    epochs: Epochs, names: tuple[str, ...], reference: Collection[str], level: float, *, trusted: bool
+) -> Comparison:
+    """The comparison with epochs that are fitted together on the reference points that have stayed."""
+    tester, is_spatial = _tester(*epochs, level, trusted=trusted), not _frame(epochs).has_vertical
+    moved = displacements(*epochs, names)
+    chosen = np.array([name in set(reference) for name in names], np.bool_)
+    staying, removed = stable(moved, chosen, tester, is_spatial=is_spatial)
+    moved = relative_to(moved, staying, is_spatial=is_spatial)
+    found = _comparison(epochs, moved, tester, congruence(moved, staying, tester), staying)
+    return replace(found, moved=tuple(names[row] for row in removed))
+
+
+def _without_moved_known_points(found: Comparison, *, trusted: bool) -> Comparison:
+    """The comparison, relative to the known points that have stayed where others of them have moved."""
+    names = found.displacements.names
+    known = known_points(found.epochs, names)
+    if len(known) < LEAST_KNOWN:
+        return found
+    first, second = (by_observations(epoch, known) for epoch in found.epochs)
+    if first is None or second is None:
+        return replace(found, reservations=taken_for_granted(known))
+    try:
+        relative = _relative((first, second), names, known, found.tester.level, trusted=trusted)
+    except InputError:
+        return replace(found, epochs=(first, second), doubts=at_odds(known))
+    return replace(relative, is_known=True) if relative.moved else found
+
+
+def _comparison(
+    epochs: Epochs, moved: Displacements, tester: Tester, together: TestRecord, staying: BoolArray | None
+) -> Comparison:
+    local = moved.turned(_frame(epochs).vertical(moved.places))
     tests = tuple(
         tester.of(local.vectors[row], local.block(row)) if local.tested[row] else None
-        for row in range(len(names))
+        for row in range(len(local.names))
     )
-    gone = tuple(names[row] for row in removed)
-    return Comparison(
-        local, tests, together, staying, gone, _same_precision(first, second, tester), tester, (first, second)
-    )
+    return Comparison(local, tests, together, staying, (), _same_precision(*epochs, tester), tester, epochs)
+
+
+def _frame(epochs: Epochs) -> Frame:
+    return Frame(crs.parse(epochs[0].frame))
 
 
 def _names(

@@ -35,6 +35,33 @@ def obstacles(
             yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
 
 
+def at_odds(known: Sequence[str]) -> tuple[str, ...]:
+    """Why there is no verdict where known points have moved, and nothing says which."""
+    return (
+        f"known points have moved against each other, by what the observations alone say: one or more of "
+        f"{_listed(known)}, and nothing tells which; name points that have stayed (--reference)",
+    )
+
+
+def taken_for_granted(known: Sequence[str]) -> tuple[str, ...]:
+    """What weakens a verdict where the observations alone do not form the network."""
+    return (
+        f"what seems to have moved, or one of the known points ({_listed(known)}): the observations alone do "
+        "not form the network, and cannot say whether these have stayed",
+    )
+
+
+def fits(epoch: Adjustment) -> bool:
+    """Whether its residuals are no larger than their sigmas explain."""
+    test = global_test_record(epoch.solution)
+    return test is None or test.sigma0 <= test.upper
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return f"{', '.join(names[:MOST])}{more}"
+
+
 def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str]:
     """What weakens a verdict, one sentence per reason.
 
@@ -44,9 +71,8 @@ def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str
     """
     for number, epoch in enumerate(epochs, 1):
         if epoch.left_out:
-            names = ", ".join(item.what for item in epoch.left_out[:MOST])
-            more = f" and {len(epoch.left_out) - MOST} more" if len(epoch.left_out) > MOST else ""
-            yield f"epoch {number} leaves out {names}{more}: the verdict is about the rest"
+            names = _listed([item.what for item in epoch.left_out])
+            yield f"epoch {number} leaves out {names}: the verdict is about the rest"
         yield from _about_sigma0(number, epoch, trusted=trusted)
 
 
