@@ -28,6 +28,15 @@ def json_escaped(text: str) -> str:
     return text if is_plain else _UNPRINTABLE.sub(_json_escape, text)
 
 
+def composed(text: str) -> str:
+    """The text with a letter and its accents as one character (NFC): names that look the same are equal."""
+    if text.isascii():
+        return text
+    from unicodedata import normalize
+
+    return normalize("NFC", text)
+
+
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\n]")
 
 

@@ -1,12 +1,13 @@
 """Names that were mistyped are told by what fits, and nothing is said of names that are merely alike."""
 
 from dataclasses import replace
+from unicodedata import normalize
 
 import pytest
 from test_slips_of_set_ups import PLACES, measured, network
 
 from obseq.errors import InputError
-from obseq.survey import Network
+from obseq.survey import Network, network_from_tables
 from obseq.survey.screening.names import are_alike
 
 
@@ -77,3 +78,17 @@ def test_a_network_that_fails_for_a_name_says_so(tmp_path):
     line = f"1 b {' '.join(map(str, PLACES['B']))} 0.002"
     with pytest.raises(InputError, match=r"known point b \(.*\) is in no observation; did these mean B\?"):
         with_known(tmp_path, line, known="A").adjust()
+
+
+def test_names_that_look_the_same_are_one_point(tmp_path):
+    """macOS writes an accent as a character of its own; other systems mostly do not."""
+    one, two = normalize("NFC", "Été"), normalize("NFD", "Été")
+    assert one != two
+    (tmp_path / "p.cor").write_text(f"1 {two} 0 0 0 0.001\n1 B 10 0 0 0.001\n0 C 5 5 1\n")
+    lines = [f"3 {name} C {length} 0.001\n" for name, length in ((one, 7.1414), ("B", 7.1414))]
+    (tmp_path / "o.obs").write_text("".join([*lines, f"4 {one} C 1 0.001\n"]))
+    network = Network.read(tmp_path / "o.obs", tmp_path / "p.cor")
+    assert network.points.names == (one, "B", "C")
+    rows = {"type": ["DH"], "from": [one], "to": ["C"], "value": [1.0], "sigma": [0.001]}
+    from_memory = network_from_tables({"name": [two], "x": [0.0], "y": [0.0], "z": [0.0]}, rows)
+    assert from_memory.points.names == (one, "C")

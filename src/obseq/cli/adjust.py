@@ -13,6 +13,7 @@ from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.record import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
@@ -71,6 +72,7 @@ def register(commands: Commands) -> None:
     computation.add_argument(
         "--datum-points",
         nargs="+",
+        type=composed,
         metavar="NAME",
         help="with --datum inner: the points that carry the constraints (without it: all)",
     )

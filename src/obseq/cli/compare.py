@@ -10,6 +10,7 @@ from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_units, shown_in
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -48,8 +49,12 @@ def register(commands: Commands) -> None:
     second.add_argument("--project-2", nargs="+", type=Path, metavar="PROJECT", help="or its project")
     wanted = command.add_argument_group("tests")
     wanted.add_argument("--level", type=probability, default=0.05, metavar="P", help="level of a test (0.05)")
-    wanted.add_argument("--points", nargs="+", metavar="NAME", help="the points to compare (all common ones)")
-    wanted.add_argument("--reference", nargs="+", metavar="NAME", help="points that should have stayed")
+    wanted.add_argument(
+        "--points", nargs="+", type=composed, metavar="NAME", help="the points to compare (all common ones)"
+    )
+    wanted.add_argument(
+        "--reference", nargs="+", type=composed, metavar="NAME", help="points that should have stayed"
+    )
     wanted.add_argument("--a-priori", action="store_true", help="trust the given sigmas")
     add_units(command)
     command.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {', '.join(NAMES)}")

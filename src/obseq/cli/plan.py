@@ -9,6 +9,7 @@ from obseq.cli.parsing import Commands, add_command, positive_integer, positive_
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_units, shown_in
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -56,7 +57,9 @@ def register(commands: Commands) -> None:
         metavar="M",
         help="longest sight of such an observation in metres (without it: the longest of the plan)",
     )
-    wanted.add_argument("--points", nargs="+", metavar="NAME", help="the points whose precision ranks them")
+    wanted.add_argument(
+        "--points", nargs="+", type=composed, metavar="NAME", help="the points whose precision ranks them"
+    )
     wanted.add_argument("--most", type=positive_integer, default=10, metavar="N", help="length of lists (10)")
     wanted.add_argument("--level", type=probability, metavar="P", help="level of the test of one observation")
     wanted.add_argument("--power", type=probability, metavar="P", help="power of that test")

@@ -37,6 +37,7 @@ from obseq.survey.files.both_faces import refuse_both_faces
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
 from obseq.survey.files.geoid import read_geoid
+from obseq.survey.files.implausible_sigmas import implausible_sigmas
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.once import repeated_runs, require_distinct
 from obseq.survey.files.point import PointFileOptions, read_points
@@ -273,7 +274,10 @@ class Network:
         refuse_both_faces(book)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
-        points, book = join(replace(points, coordinates=coordinates), book.warned(*repeated_runs(book)))
+        points, book = join(
+            replace(points, coordinates=coordinates),
+            book.warned(*repeated_runs(book), *implausible_sigmas(points, book)),
+        )
         return cls(points, book, Frame(computation, refraction), given, watch.seconds)
 
     @property

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.table import CLUSTERED, OFF
 from obseq.survey.files.table_clusters import Clusters, Member
@@ -261,7 +262,7 @@ def _name(what: str, row: int, column: str, cell: Cell) -> str:
     """The name of a point."""
     if _is_empty(cell):
         raise InputError(f"{what}, row {row + 1}: {column} is empty; the name of a point is needed")
-    return str(cell)
+    return composed(str(cell))
 
 
 def _is_empty(value: Cell) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.printable import printable
+from obseq.printable import composed, printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -72,7 +72,9 @@ class TextFile:
 def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     """Reads a text file; line ends may be LF, CRLF or CR, a mark of UTF-8 is dropped, one of UTF-16 obeyed.
 
-    Comments in another encoding are accepted; names are checked one by one with `TextFile.check_name`.
+    Letters with accents that are written as two characters become one (NFC): names that look the same are
+    the same. Comments in another encoding are accepted; names are checked one by one with
+    `TextFile.check_name`.
 
     Raises:
         InputError: absent, a directory, unreadable, empty, binary, or unknown encoding.
@@ -81,7 +83,7 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     encoding = encoding_of(data, encoding)
     _refuse_binary(path, data, encoding)
     try:
-        text = data.decode(encoding, "surrogateescape")
+        text = composed(data.decode(encoding, "surrogateescape"))
     except (LookupError, ValueError) as error:
         raise InputError(f"{path}: cannot be read in encoding {encoding!r}: {error}") from error
     if not text.strip():

@@ -9,6 +9,7 @@ from xml.sax.handler import ContentHandler, feature_external_ges
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.survey.files.text import TextFile, encoding_of, parse_number, quoted, read_bytes
 
 if TYPE_CHECKING:
@@ -162,7 +163,8 @@ class _Builder(ContentHandler):
     def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802  (name of the interface)
         """An element begins."""
         line = min(self._line() or 1, len(self._file.lines))
-        element = Element(self._file, name.rpartition(":")[2], dict(attrs.items()), line)
+        attributes = {key: composed(value) for key, value in attrs.items()}
+        element = Element(self._file, name.rpartition(":")[2], attributes, line)
         if len(self._open) == DEEPEST:
             raise element.error(f"the elements are nested deeper than {DEEPEST} levels")
         if self._open:
@@ -174,7 +176,7 @@ class _Builder(ContentHandler):
     def endElement(self, name: str) -> None:  # noqa: N802  (name of the interface)
         """It ends."""
         element, parts = self._open.pop()
-        element.text = "".join(parts)
+        element.text = composed("".join(parts))
 
     def characters(self, content: str) -> None:
         """Text stands in it."""
