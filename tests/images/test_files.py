@@ -151,6 +151,19 @@ def test_bal_is_turned_to_our_axes_and_back(bal, tmp_path):
     assert read_bal(tmp_path / "p.txt.bz2").poses.images == block.poses.images
 
 
+def test_terms_that_bal_does_not_have_are_named_with_the_way_to_hold_them(tmp_path):
+    block, _, _ = scenes.block(n_images=3, n_points=6, n_control=6)
+    with pytest.raises(InputError, match=r"BAL has no p1 of a camera, .* --freeze 'p1'"):
+        write_bal(block, tmp_path / "b.bal")
+    block.cameras["c"] = replace(scenes.CAMERA, distortion={"K1": -0.08, "K2": 0.02})
+    write_bal(block, tmp_path / "b.bal")
+    again = read_bal(tmp_path / "b.bal")
+    local = np.array([[0.3, 0.2, 1.0], [-0.4, 0.1, 1.0]])
+    (camera, *_), given = again.cameras.values(), block.cameras["c"]
+    centred = given.project(local) - given.principal_point
+    np.testing.assert_allclose(camera.project(local), centred, rtol=0.0, atol=1e-9)
+
+
 def test_bundler_says_the_same_as_bal(bal, tmp_path):
     text = """# Bundle file v0.3
 3 2

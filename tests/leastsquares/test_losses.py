@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import least_squares, linprog
 
 from obseq import InputError
+from obseq.errors import SingularSystemError
 from obseq.leastsquares import (
     IGG3,
     L1,
@@ -16,6 +17,7 @@ from obseq.leastsquares import (
     Tukey,
     graduated,
 )
+from obseq.leastsquares.problem.losses import named_loss
 
 
 @pytest.mark.parametrize(
@@ -153,3 +155,39 @@ def test_a_loss_is_had_by_its_name_too():
     assert batch.loss == Tukey()
     with pytest.raises(InputError, match="'hubert'; nearest names: huber"):
         batch.loss = "hubert"
+
+
+@pytest.mark.parametrize(
+    ("name", "loss"),
+    [
+        ("Geman-McClure", GemanMcClure()),
+        ("geman_mcclure", GemanMcClure()),
+        ("IGG-III", IGG3()),
+        ("HUBER", Huber()),
+    ],
+)
+def test_a_name_is_written_in_any_way(name, loss):
+    assert named_loss(name) == loss
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt"])
+def test_a_loss_that_rejects_everything_is_told_with_its_groups(strategy):
+    system = LeastSquares()
+    ids = system.add_scalars(["x"], np.full(1, 50.0))
+    for group, n in (("near", 2), ("far", 3)):
+        batch = system.add_linear([np.repeat(ids, n)], [np.ones((n, 1))], np.ones(n), 0.1, group=group)
+        batch.loss = "tukey"
+    with pytest.raises(SingularSystemError) as refused:
+        system.solve(strategy=strategy)
+    told = "The loss leaves 5 of 5 observations no weight: 2 of 2 of near (Tukey), 3 of 3 of far (Tukey); "
+    assert str(refused.value).startswith(told) and refused.value.unknowns == ("x",)
+
+
+def test_a_loss_that_rejects_little_is_not_to_blame_for_what_nothing_determines():
+    system = LeastSquares()
+    x, y = system.add_scalars(["x", "y"], np.zeros(2))
+    batch = system.add_linear([np.repeat(x, 4)], [np.ones((4, 1))], [0.0, 0.1, -0.1, 9.0], 0.1)
+    system.add_linear([[x], [y]], [[[0.0]], [[0.0]]], [0.0], 0.1)
+    batch.loss = "tukey"
+    with pytest.raises(SingularSystemError, match=r"^the observations leave 1 unknown\(s\) undetermined: y"):
+        system.solve()

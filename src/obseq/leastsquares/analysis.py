@@ -15,6 +15,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.assembly.evaluation import used_blocks
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.assembly.threads import checked_threads
+from obseq.leastsquares.diagnosis.rejection import rejection_told
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import ConstrainedSolver
 from obseq.leastsquares.iterations.constraints import substitution
@@ -121,7 +122,7 @@ class Analysis:
             before(0)
             return Progress(reason=StopReason.NO_UNKNOWNS)
         run = iterations_of(strategy, self.equations, self.solver)
-        with one_blas_thread():
+        with one_blas_thread(), rejection_told(self._problem.unknowns, self._problem.batches):
             done = run(options, redundancy, before, progress)
         before(len(done.iterations))
         return done
@@ -137,7 +138,7 @@ class Analysis:
     def cofactors(self) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""
         equations, solver = self.equations, self._released_solver()
-        with one_blas_thread():
+        with one_blas_thread(), rejection_told(equations.table, equations.batches):
             factor(equations, solver, equations.assemble(viscous=False))
             return Cofactors(equations.table, equations.free, equations.pattern, solver)
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
 
 FLIP = np.array([1.0, -1.0, -1.0])
+RADIAL = ("K1", "K2")
+"""The terms of the distortion that BAL has."""
 
 
 def read_bal(path: str | Path) -> BundleAdjustment:
@@ -167,7 +169,7 @@ def bal_text(block: Block) -> str:
     """A block of pinholes with two radial terms as BAL has it: pixels are about the principal points.
 
     Raises:
-        InputError: a camera has another model, or a point no coordinates.
+        InputError: a camera has another model, or other terms that are not zero; a point has no coordinates.
     """
     images = block.poses.images
     names = [name for part in block.sets for name in part.measures.point_names]
@@ -191,13 +193,26 @@ def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:
     poses = block.poses.select(images)
     turned = np.swapaxes(poses.rotations, 1, 2) * FLIP[:, None]
     moved = -(turned @ poses.centres[:, :, None])[:, :, 0]
-    interiors = []
-    for image in images:
-        camera = block.cameras[block.camera_of[image]]
-        if not camera.is_mmvii or (camera.projection, camera.degree) != ("Stenope", (2, 0, 0)):
-            raise InputError(f"camera {camera.name}: BAL holds pinholes with two radial terms alone")
-        interiors.append([camera.focal, *camera.coefficients])
+    interiors = [_interior(block.cameras[block.camera_of[image]]) for image in images]
     return np.hstack([logarithm(turned), moved, np.array(interiors).reshape(-1, 3)]).ravel()
+
+
+def _interior(camera: Camera) -> list[float]:
+    """Focal length and the two radial terms of a camera that has no others."""
+    if not camera.is_mmvii or camera.projection != "Stenope":
+        raise InputError(
+            f"camera {camera.name}: BAL holds pinholes with two radial terms alone; write another form "
+            "(--colmap-out, --opk-out with the table of cameras)"
+        )
+    terms = dict(zip(camera.coefficient_names, camera.coefficients.tolist(), strict=True))
+    others = [name for name, value in terms.items() if name not in RADIAL and value != 0.0]
+    if others:
+        raise InputError(
+            f"camera {camera.name}: BAL has no {', '.join(others)} of a camera, and here they are not zero: "
+            "hold them at zero (in the table of cameras 0, or no such column, and "
+            f"--freeze '{'|'.join(others)}'; freeze_parameters), or write another form (--colmap-out)"
+        )
+    return [camera.focal, *(terms.get(name, 0.0) for name in RADIAL)]
 
 
 def _point_numbers(block: Block, points: Sequence[str]) -> FloatArray:

@@ -177,14 +177,18 @@ LOSSES: dict[str, type[Loss]] = {
     loss.__name__.lower(): loss for loss in (Huber, L1, Cauchy, GemanMcClure, Tukey, IGG3, Attenuated)
 }
 """The losses by name, in lower case."""
+OTHER_NAMES = {"iggiii": "igg3", "mmvii": "attenuated"}
+"""What else some are called."""
 
 
 def named_loss(name: str) -> Loss:
-    """The loss of a name, with its usual constants.
+    """The loss of a name, with its usual constants; case, blanks, hyphens and underscores do not count.
 
     Raises:
         InputError: No loss has that name; the message gives the nearest ones.
     """
-    if name.lower() not in LOSSES:
+    plain = "".join(letter for letter in name.lower() if letter.isalnum())
+    plain = OTHER_NAMES.get(plain, plain)
+    if plain not in LOSSES:
         raise InputError(f"no loss is named {nearest(name, LOSSES)}")
-    return LOSSES[name.lower()]()
+    return LOSSES[plain]()
