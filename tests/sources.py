@@ -18,12 +18,29 @@ def tree(path: Path) -> ast.Module:
 def forget() -> None:
     """Lets go of what was read: more than a million nodes, which whoever looks for garbage would visit."""
     tree.cache_clear()
+    imports.cache_clear()
     _by_kind.cache_clear()
 
 
 def statements(path: Path) -> Iterator[ast.AST]:
     """Every statement, wherever in a file, and what holds statements."""
-    waiting: list[ast.AST] = [tree(path)]
+    return _within(tree(path))
+
+
+@cache
+def imports(path: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """Every statement that imports, wherever in a file: what stands after the last one is not read."""
+    text = path.read_text("utf-8") + "\n"
+    end = text.find("\n", text.rfind("import")) + 1 if "import" in text else 0
+    try:
+        top = ast.parse(text[:end])
+    except SyntaxError:  # the word stands inside something that ends further down
+        top = tree(path)
+    return tuple(node for node in _within(top) if isinstance(node, ast.Import | ast.ImportFrom))
+
+
+def _within(top: ast.AST) -> Iterator[ast.AST]:
+    waiting = [top]
     while waiting:
         node = waiting.pop()
         yield node
@@ -41,6 +58,14 @@ def nodes(path: Path, *kinds: type[Node]) -> Iterator[Node]:
 @cache
 def _by_kind(path: Path) -> dict[type[ast.AST], list[ast.AST]]:
     found: dict[type[ast.AST], list[ast.AST]] = {}
-    for node in ast.walk(tree(path)):
+    waiting: list[ast.AST] = [tree(path)]
+    while waiting:
+        node = waiting.pop()
         found.setdefault(type(node), []).append(node)
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if isinstance(value, list):
+                waiting += [item for item in value if isinstance(item, ast.AST)]
+            elif isinstance(value, ast.AST):
+                waiting.append(value)
     return found

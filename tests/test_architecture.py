@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from sources import statements
+from sources import imports
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -37,10 +37,10 @@ LARGEST_FILE = 1_500_000
 
 def imports_of(path: Path) -> Iterator[tuple[int, str]]:
     """Line and full name of everything a module imports, wherever in the module."""
-    for node in statements(path):
+    for node in imports(path):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert not node.level, f"{path}:{node.lineno}: import by the installed name"
             yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 

@@ -27,17 +27,19 @@ IGNORED = shutil.ignore_patterns(
     ".*", "build", "dist", "*.egg-info", "obseq-demo", "tests", "docs", "*.nb[ci]"
 )
 BUILD = """
-import os, tarfile
+import os, shutil, zlib
 from setuptools import build_meta
 
+deflate = zlib.compressobj
+zlib.compressobj = lambda level, *options: deflate(0, *options)
+quiet = {"--global-option": "--quiet"}
 dist = os.path.abspath("dist")
-sdist = os.path.join(dist, build_meta.build_sdist(dist))
-with tarfile.open(sdist) as archive:
-    archive.extractall("unpacked", filter="data")
+sdist = os.path.join(dist, build_meta.build_sdist(dist, quiet))
+shutil.unpack_archive(sdist, "unpacked")
 os.chdir(os.path.join("unpacked", os.path.basename(sdist).removesuffix(".tar.gz")))
-build_meta.build_wheel(dist)
+build_meta.build_wheel(dist, quiet)
 """
-"""What a build tool asks of the project; in one process, where such a tool starts five."""
+"""What a build tool asks of the project, in one process where it starts five; nothing is squeezed."""
 
 
 def folder_of(package: str) -> Path:

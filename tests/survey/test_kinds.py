@@ -1,11 +1,12 @@
 """Kinds of observations: one object each, and nothing about them elsewhere."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sources import nodes, statements
+from sources import imports, nodes
 
 import obseq
 import obseq.survey
@@ -53,7 +54,7 @@ def test_nobody_asks_which_kind_it_is() -> None:
         f"{name}:{node.lineno}"
         for name, path in modules()
         if "obseq.survey.kinds." in path.read_text("utf-8")
-        for node in statements(path)
+        for node in imports(path)
         if isinstance(node, ast.ImportFrom)
         and (node.module or "").startswith("obseq.survey.kinds.")
         and node.module not in GENERAL
@@ -63,10 +64,11 @@ def test_nobody_asks_which_kind_it_is() -> None:
 
 def test_nobody_names_a_kind() -> None:
     names = {kind.name for kind in KINDS}
+    quoted = re.compile(f"""["'](?:{"|".join(names)})["']""")
     named = [
         f"{name}:{node.lineno}: {node.value}"
         for name, path in modules()
-        if name.startswith(("survey", "report"))
+        if name.startswith(("survey", "report")) and quoted.search(path.read_text("utf-8"))
         for node in nodes(path, ast.Constant)
         if node.value in names
     ]
