@@ -70,3 +70,35 @@ def test_another_unit_of_length_is_not_taken_for_it(files):
     errors = errors_of(files, "IGNF:LAMB93", factor=1.0 / 0.3048)
     assert errors and Cause.COORDINATE_SYSTEM not in {error.cause for error in errors}
     assert errors[0].cause in (Cause.UNITS, Cause.DISTANCES)
+
+
+def with_two_known(files, points_crs):
+    """The network with two of its known points: few of its observations see them."""
+    network = Network.read(*files[:2], frame=files[2], points_crs=points_crs)
+    known = np.flatnonzero(~network.points.is_free.all(axis=1))[[0, 5]]
+    coordinates, sigmas = np.full((2, len(network.points), 3), np.nan)
+    coordinates[known], sigmas[known] = network.points.coordinates[known], network.points.sigmas[known]
+    return replace(network, points=replace(network.points, coordinates=coordinates, sigmas=sigmas))
+
+
+def test_two_known_points_of_many_are_enough_to_say_that_they_lie_elsewhere(files):
+    (error,) = with_two_known(files(), "EPSG:2056").gross_errors()
+    assert error.cause is Cause.COORDINATE_SYSTEM and len(error.points) == 2
+    assert with_two_known(files(), "IGNF:LAMB93").gross_errors() == ()
+
+
+def test_longitudes_and_latitudes_without_a_system_are_said_to_be_in_degrees(files):
+    obs, cor, frame = files()
+    true = with_two_known((obs, cor, frame), "IGNF:LAMB93")
+    xyz = np.nan_to_num(true.points.coordinates)
+    degrees = np.rad2deg(true.frame.system.geodetic(xyz)) * [1.0, 1.0, np.pi / 180.0]
+    coordinates = np.where(true.points.is_free, np.nan, degrees)
+    write_cor(cor, known_only(replace(true.points, coordinates=coordinates)))
+    (error,) = Network.read(obs, cor).gross_errors()
+    assert error.cause is Cause.COORDINATE_SYSTEM
+    assert "longitudes and latitudes in degrees" in error.text and "--points-crs" in error.text
+    assert Network.read(obs, cor, points_crs="EPSG:4326").gross_errors() == ()
+
+
+def known_only(points):
+    return points.subset(np.flatnonzero(~points.is_free.all(axis=1)))

@@ -13,6 +13,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.geometry import closest_rotation
+from obseq.survey.screening.distances import distances_of
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, QUICK
 from obseq.survey.screening.trials import estimated
@@ -30,8 +31,13 @@ _NEARLY_ALL = 0.9
 """Share of the known points with suspects, and..."""
 _MOST = 0.5
 """...share of suspects among their observations from which they are wrong together."""
-_MANY = 0.1
-"""Share of suspects from which points outside the area of their system say that it is another."""
+_MANY, _MANY_AT_ONE = 0.1, 0.25
+"""Share of suspects, of all observations or of those at one known point, from which points outside the area
+of their system say that it is another."""
+_LEAST_AT_ONE = 4
+"""Suspects at one known point that are more than an accident."""
+_METRES_IN_DEGREE = 1000.0
+"""How many times shorter than the distances a site is that must be in degrees; 100,000 is common."""
 _SCALE, _TURN, _FIT = 0.08, 0.25, 0.2
 """Scale less 1, turn (rad) and misfit over size of a network that another coordinate system may explain."""
 
@@ -40,8 +46,8 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     """A wrong coordinate system of all known points; None where something else is wrong."""
     found = trials.found
     known = np.flatnonzero(~found.points.is_free.all(axis=1) & found.points.has_coordinates)
-    if elsewhere := _of_another_area(found, system, known):
-        return elsewhere
+    if clear := _in_degrees(found, system, known) or _of_another_area(found, system, known):
+        return clear
     if len(known) < _LEAST_KNOWN or not _are_wrong_together(found, known):
         return None
     alone = estimated(trials.model, _on_two(found.points, known), found.book, QUICK)
@@ -53,20 +59,42 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
         return None
     scale, turn = change
     larger = f"{1e6 * scale:+.0f} ppm larger" if abs(scale) <= _SCALE else f"{1.0 + scale:.4g} times as large"
-    names = tuple(found.points.names[row] for row in known.tolist())
     text = (
         f"the observations agree with each other, and place them {larger} and turned by "
         f"{found.units.angle.text(turn)}: likely the coordinate system of the points "
         f"({system.system.definition}) or the frame is wrong: correct --points-crs or --frame"
     )
-    rows = tuple(found.suspects.tolist())
+    return _together(found, known, text)
+
+
+def _together(found: Estimate, known: IntArray, text: str) -> GrossError:
+    names = tuple(found.points.names[row] for row in known.tolist())
+    rows, size = tuple(found.suspects.tolist()), float(found.ratios.max())
     what = f"all {len(known)} known points together"
-    return GrossError(what, Cause.COORDINATE_SYSTEM, text, float(found.ratios.max()), rows, names)
+    return GrossError(what, Cause.COORDINATE_SYSTEM, text, size, rows, names)
+
+
+def _in_degrees(found: Estimate, system: PointSystem, known: IntArray) -> GrossError | None:
+    """Longitudes and latitudes that were taken for metres: nothing is as near as they seem to be."""
+    observations, places = found.book.observations, found.points.coordinates[known, :2]
+    lengths = np.sort(observations.values[distances_of(found.book)])
+    if system.system.kind is not crs.Kind.LOCAL or len(known) < 2 or not len(lengths):
+        return None
+    width, largest = np.ptp(places, axis=0).max(), np.sort(np.abs(places).max(axis=0))
+    are_angles = largest[0] <= 90.0 and largest[1] <= 180.0
+    if not are_angles or not 0.0 < _METRES_IN_DEGREE * width < lengths[len(lengths) // 2]:
+        return None
+    text = (
+        f"they lie within {found.units.length.text(float(width))} of each other, and the observations "
+        "contradict that: likely longitudes and latitudes in degrees: say so (--points-crs EPSG:4326, or the "
+        "system that they are in)"
+    )
+    return _together(found, known, text)
 
 
 def _of_another_area(found: Estimate, system: PointSystem, known: IntArray) -> GrossError | None:
     """A system that is used elsewhere, where many observations contradict it: no trial is needed then."""
-    if len(found.suspects) < _MANY * np.count_nonzero(found.book.observations.active) or len(known) < 2:
+    if len(known) < 2 or not _are_many(found, known):
         return None
     given = system.coordinates(found.points.coordinates[known])
     exchanged = given[:, [1, 0, 2]]  # it may be that of points whose easting and northing are exchanged
@@ -77,11 +105,20 @@ def _of_another_area(found: Estimate, system: PointSystem, known: IntArray) -> G
         "contradict them: likely it is not their coordinate system: correct --points-crs, or leave it out "
         "for a local site"
     )
-    names = tuple(found.points.names[row] for row in known.tolist())
-    rows, size = tuple(found.suspects.tolist()), float(found.ratios.max())
-    return GrossError(
-        f"all {len(known)} known points together", Cause.COORDINATE_SYSTEM, text, size, rows, names
-    )
+    return _together(found, known, text)
+
+
+def _are_many(found: Estimate, known: IntArray) -> bool:
+    """Whether suspects are many of all observations, or of those at a known point."""
+    rows, n = found.book.observations, len(found.book.point_names)
+    counts = [
+        np.bincount(ends[chosen], minlength=n)
+        for chosen in (rows.active, found.suspects)
+        for ends in (rows.from_points, rows.to_points)
+    ]
+    seen, wrong = counts[0] + counts[1], counts[2] + counts[3]
+    is_many = len(found.suspects) >= _MANY * np.count_nonzero(rows.active)
+    return bool(is_many or (wrong[known] >= np.maximum(_MANY_AT_ONE * seen[known], _LEAST_AT_ONE)).any())
 
 
 def _are_wrong_together(found: Estimate, known: IntArray) -> bool:

@@ -140,9 +140,11 @@ def _of_scale(values: list[float], system: PointSystem) -> str:
     """What a common scale may come from."""
     shown = ", ".join(f"{1e6 * value:.1f} ppm" for value in values)
     text = f"one scale for all of them fits ({shown} to add): likely "
+    is_local = system.system.kind is crs.Kind.LOCAL
     if max(map(abs, values), default=0.0) > _MAP_SCALE:
-        return text + "another unit of length"
-    if system.system.kind is crs.Kind.LOCAL:
+        wrong = f"another coordinate system of the points than {system.system.definition} (--points-crs), or "
+        return f"{text}{'' if is_local else wrong}another unit of length"
+    if is_local:
         return text + (
             "coordinates of a map, which are not of a plane in true size: give their system (--points-crs); "
             "or a correction in ppm that is wrong"
