@@ -25,6 +25,7 @@ from obseq.record_quality import (
     EllipsoidRecord,
     GlobalTestRecord,
     GrossErrorRecord,
+    JointTestRecord,
     LeftOutRecord,
     MotionRecord,
     RejectionRecord,
@@ -55,6 +56,7 @@ __all__ = [
     "GlobalTestRecord",
     "GrossErrorRecord",
     "IterationRecord",
+    "JointTestRecord",
     "LeftOutRecord",
     "MotionRecord",
     "ObservationRecord",
@@ -261,6 +263,7 @@ class AdjustmentRecord:
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        joint: Tests of vectors and positions that have a covariance, each as one observation.
     """
 
     n_observations: int
@@ -305,6 +308,7 @@ class AdjustmentRecord:
     suspicion: SuspicionRecord | None = None
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
+    joint: tuple[JointTestRecord, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION

@@ -114,6 +114,43 @@ class ReliabilityRecord:
     tests: int
 
 
+@dataclass(frozen=True, slots=True)
+class JointTestRecord:
+    """The test of the components of a vector, or of a position, as one observation.
+
+    Attributes:
+        what: The vector or position: "vector A -> B", "known position of P".
+        file: Of its first component; empty where there is none.
+        line: Of its first component.
+        rows: Places of its components in `observations`, from 0; none for a known position.
+        statistic: T; NaN where nothing controls it.
+        degrees: Degrees of freedom of T, the number of components that others control.
+        critical: Limit of T, which finds an error with the power that the tests of one observation have.
+        level: Probability that T exceeds it where nothing is wrong.
+        blunder: Estimates of the errors of its components (m).
+    """
+
+    what: str
+    file: str
+    line: int
+    rows: tuple[int, ...]
+    statistic: float
+    degrees: int
+    critical: float
+    level: float
+    blunder: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """What it is, and where it was read."""
+        return f"{self.what} ({self.file}:{self.line})" if self.file else self.what
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the test fails."""
+        return self.statistic > self.critical
+
+
 @dataclass(frozen=True)
 class RejectionRecord:
     """An observation that data snooping left out.
@@ -126,6 +163,10 @@ class RejectionRecord:
         blunder: Estimate of the error of its value, m or rad.
         detectable: Its minimal detectable bias.
         companions: How many other components of its vector were left out with it.
+        degrees: Degrees of freedom of its test: above 1 where its components were tested as one vector, and
+            the statistic is T.
+        critical: Limit of T there; None of others.
+        blunders: Estimates of the errors there, its own first (m).
     """
 
     observation: str
@@ -135,6 +176,9 @@ class RejectionRecord:
     blunder: float
     detectable: float | None
     companions: int = 0
+    degrees: int = 1
+    critical: float | None = None
+    blunders: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -170,15 +214,20 @@ class SuspicionRecord:
 
     Attributes:
         observations: Type, points, file and line; several where they cannot be told apart: it is one of them.
-        statistic: The standardised residual; leaving it out lowers the weighted sum of squares by its square.
-        blunder: Estimate of the error of the value of the first, m or rad.
+        statistic: The standardised residual, of a vector the root of T; leaving it out lowers the weighted
+            sum of squares by its square.
+        blunder: Estimate of the error of the value of the first, m or rad; the length of that of a vector.
         unit: "m" or "rad".
+        degrees: Degrees of freedom of the test: above 1 for a vector or a position.
+        blunders: Estimates of the errors of its components (m); none for a single observation.
     """
 
     observations: tuple[str, ...]
     statistic: float
     blunder: float
     unit: str
+    degrees: int = 1
+    blunders: tuple[float, ...] = ()
 
     @property
     def may_be_known(self) -> bool:

@@ -236,6 +236,28 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
     return table("known", "Known points", "Known coordinates", columns, sort=[5, -1], about=about)
 
 
+def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
+    """Vectors and positions, each tested as one observation."""
+    found = record.joint
+    if not found:
+        return None
+    names = short_names({row.file for row in found})
+    off = (small(math.hypot(*row.blunder)) for row in found)
+    columns = [
+        column("vector", "text", (printable_line(row.what) for row in found)),
+        field("T", "number", found, "statistic"),
+        column("degrees", "count", (row.degrees for row in found)),
+        field("limit", "number", found, "critical"),
+        column("T / limit", "number", (small(row.statistic / row.critical) for row in found), limit=1.0),
+        column("off by", "small_length", off, about="estimate of its error, if it were the only one"),
+        choice("file", [names[row.file] for row in found]),
+        column("line", "count", (row.line for row in found)),
+    ]
+    about = "T is the test of all components together; its limit finds errors as large as single tests do."
+    title = "Vectors and positions, each tested as one observation"
+    return table("vectors", "Vectors", title, columns, sort=[4, -1], about=about)
+
+
 def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.stations
     if not found:
@@ -335,6 +357,7 @@ def _undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
 
 TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
     _observations,
+    _vectors,
     _points,
     _crs,
     _known,

@@ -6,7 +6,7 @@ from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord
 from obseq.report import rows
-from obseq.report.quality import quality_tables, single_tests, snooping_lines
+from obseq.report.quality import quality_tables, single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.summary import (
     basis,
     gross_errors,
@@ -34,6 +34,9 @@ def listing(record: AdjustmentRecord) -> str:
     )
     if record.reliability:
         tables.append(rows.judged_table(record))
+    if record.joint:
+        title = "Vectors and positions by their test T, with the estimate of their errors"
+        tables.append(vector_table(record, title, worst_vectors(record)))
     if record.types:
         title = "Statistics by type: normalised residuals, the largest standardised one, factor of the sigmas"
         tables.append(rows.statistics_table(title, "type", record.types))

@@ -1,10 +1,17 @@
 """What reports say of the quality of an adjustment: sentences, and tables as text."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
-from obseq.record import AdjustmentRecord, ObservationRecord, RelativeRecord, SnoopingRecord
+from obseq.record import (
+    AdjustmentRecord,
+    JointTestRecord,
+    ObservationRecord,
+    RelativeRecord,
+    SnoopingRecord,
+)
 from obseq.report import units
-from obseq.report.rows import Table
+from obseq.report.rows import Table, brief_names
 
 MOST_SUSPECTS = 8
 
@@ -31,9 +38,49 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
         verdict += f", {known} of these {'a known coordinate' if known == 1 else 'known coordinates'}"
     share, limit = f"{100.0 * found.level:g} %", f"{found.critical:.2f}"
     yield f"test of each standardised residual at {share}: limit {limit} (a priori sigmas), {verdict}"
+    yield from _joint_tests(record)
     if found.uncontrolled:
         subject = "equation is" if found.uncontrolled == 1 else "equations are"
         yield f"{found.uncontrolled} {subject} controlled by no other: any blunder there goes unseen"
+
+
+def _joint_tests(record: AdjustmentRecord) -> Iterator[str]:
+    """What the tests of vectors found, by the number of their degrees of freedom."""
+    for degrees in sorted({item.degrees for item in record.joint}, reverse=True):
+        mine = [item for item in record.joint if item.degrees == degrees]
+        beyond = [item for item in worst_vectors(record) if item.is_beyond and item.degrees == degrees]
+        verdict = f"exceeded by {len(beyond) or 'none'} of {len(mine)}"
+        if beyond:
+            verdict += f", the worst {beyond[0].what}: T {beyond[0].statistic:.1f}"
+        yield (
+            f"test of each vector or position as a whole, {degrees} degrees of freedom: limit of T "
+            f"{mine[0].critical:.2f} (at {100.0 * mine[0].level:.2g} %), {verdict}"
+        )
+
+
+def worst_vectors(record: AdjustmentRecord) -> list[JointTestRecord]:
+    """The tests of vectors and positions, the one farthest beyond its limit first."""
+    return sorted(record.joint, key=lambda item: -item.statistic / item.critical)
+
+
+def vector_table(record: AdjustmentRecord, title: str, tests: Sequence[JointTestRecord]) -> Table:
+    """Tests of vectors and positions, with the estimates of their errors."""
+    small = units.units_of(record).small_length
+    names = brief_names({item.file for item in tests})
+    rows = (
+        (
+            item.what,
+            f"{names[item.file]}:{item.line}" if item.file else units.ABSENT,
+            units.fixed(item.statistic, 2),
+            str(item.degrees),
+            units.fixed(item.critical, 2),
+            small.number(math.hypot(*item.blunder)),
+            ", ".join(small.number(part) for part in item.blunder),
+        )
+        for item in tests
+    )
+    header = ("vector", "file", "T", "degrees", "limit", f"off by ({small.name})", "its components")
+    return Table(title, header, tuple(rows), 2)
 
 
 def snooping_lines(record: AdjustmentRecord) -> Iterator[str]:
@@ -63,10 +110,10 @@ def _rejections(record: AdjustmentRecord, snooping: SnoopingRecord) -> Iterator[
         unit = record.observations[item.row].unit or "m"
         size, least = shown.small(unit, item.blunder), shown.small(unit, item.detectable)
         others = ", left out with its whole vector" if item.companions else ""
-        yield (
-            f"  {item.observation}: {snooping.statistic} {item.statistic:.2f}, "
-            f"off by about {size} (detectable from {least}){others}"
-        )
+        statistic = f"{snooping.statistic} {item.statistic:.2f}"
+        if item.degrees > 1:
+            statistic = f"T of its vector {item.statistic:.2f} (limit {item.critical or 0.0:.2f})"
+        yield (f"  {item.observation}: {statistic}, off by about {size} (detectable from {least}){others}")
 
 
 def quality_tables(record: AdjustmentRecord) -> Iterator[Table]:

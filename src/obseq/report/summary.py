@@ -8,7 +8,7 @@ from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import printable
 from obseq.record import AdjustmentRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
-from obseq.report.quality import single_tests, snooping_lines
+from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.table import lines_of
 from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
 
@@ -175,6 +175,10 @@ def _fit(record: AdjustmentRecord) -> Iterator[str]:
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
     worst = worst_first(record)[:WORST]
     yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", worst))
+    if record.joint:
+        title = "Vectors and positions by their test T, with the estimate of their errors"
+        yield ""
+        yield from lines_of(vector_table(record, title, worst_vectors(record)[:WORST]))
 
 
 def _known(record: AdjustmentRecord) -> Iterator[str]:

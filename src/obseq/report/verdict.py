@@ -158,9 +158,16 @@ def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     which = _one_of(names) if len(names) == 1 else f"{_one_of(names)}, which cannot be told apart"
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
     return (
-        f"GROSS ERROR suspected: {which}: {estimate} (standardised residual {suspicion.statistic:.2f}). One "
+        f"GROSS ERROR suspected: {which}: {estimate} ({_test_of(suspicion)}). One "
         f"gross error explains it better than wrong sigmas: {_remedy(suspicion)}, and adjust again."
     )
+
+
+def _test_of(suspicion: SuspicionRecord) -> str:
+    """The statistic by which it is suspected."""
+    if suspicion.degrees == 1:
+        return f"standardised residual {suspicion.statistic:.2f}"
+    return f"test as a whole: T {suspicion.statistic**2:.2f} with {suspicion.degrees} degrees of freedom"
 
 
 def _remedy(suspicion: SuspicionRecord) -> str:

@@ -117,6 +117,33 @@ def tau_outside(tau: float, freedom: float) -> float:
     return 1.0 - factor / 0.5 * _beta_fraction(0.5, a, y)
 
 
+def beta_above(y: float, a: float, b: float) -> float:
+    """Probability that a beta variable of a and b exceeds y."""
+    if y <= 0.0 or y >= 1.0:
+        return 0.0 if y >= 1.0 else 1.0
+    logarithm = math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
+    factor = math.exp(logarithm + a * math.log(y) + b * math.log1p(-y))
+    if y > (a + 1.0) / (a + b + 2.0):
+        return factor / b * _beta_fraction(b, a, 1.0 - y)
+    return 1.0 - factor / a * _beta_fraction(a, b, y)
+
+
+def non_central_above(statistic: float, freedom: int, shift: float) -> float:
+    """Probability that a chi-square variable with that non-centrality (not above 1e4) exceeds a value.
+
+    Those without it, with 0, 2, 4... degrees of freedom more, in the shares of Poisson's distribution.
+    """
+    half, x = 0.5 * shift, 0.5 * statistic
+    if half <= 0.0 or x <= 0.0:
+        return chi_square_tails(statistic, freedom)[1]
+    steps = np.arange(int(half + 10.0 * math.sqrt(half)) + 30)
+    shares = np.exp(steps * math.log(half) - half - np.append(0.0, np.cumsum(np.log(steps[1:]))))
+    powers = np.cumsum(np.append(0.0, np.log(x / (0.5 * freedom + steps[1:]))))
+    more = np.exp(0.5 * freedom * math.log(x) - x - math.lgamma(0.5 * freedom + 1.0) + powers)
+    above = chi_square_tails(statistic, freedom)[1] + np.append(0.0, np.cumsum(more[:-1]))
+    return float(shares @ np.minimum(above, 1.0))
+
+
 def _log_gamma_step(a: float) -> float:
     """log(Gamma(a + 1/2)/Gamma(a))."""
     if a < 10.0:

@@ -24,6 +24,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import (
     tau_critical,
     tau_p_values,
 )
+from obseq.leastsquares.statistics.joint_tests import JointTest, joint_tests, numbered
 from obseq.leastsquares.statistics.observation_statistics import (
     UNCONTROLLED,
     Numbers,
@@ -33,11 +34,11 @@ from obseq.leastsquares.statistics.observation_statistics import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
@@ -69,6 +70,7 @@ class ObservationReliability(Generic[Source]):
             uncorrelated), to first order; NaN where uncontrolled. Minus this is the estimate of a blunder.
         external: external reliability, the length sqrt(dx' N dx) of what an undetected bias of that size does
             to the unknowns: no function of them moves by more than this many of its standard deviations.
+        joint: the tests of groups of observations as one, where groups were given.
     """
 
     source: Source
@@ -82,6 +84,7 @@ class ObservationReliability(Generic[Source]):
     left_out_residuals: FloatArray
     external: FloatArray
     _total_redundancy: int = field(repr=False)
+    joint: tuple[JointTest, ...] = ()
 
     @property
     def active(self) -> BoolArray:
@@ -276,7 +279,11 @@ class Reliability:
 
 
 def reliability(
-    system: LeastSquares, result: LeastSquaresResult, level: float = 0.001, power: float = 0.80
+    system: LeastSquares,
+    result: LeastSquaresResult,
+    level: float = 0.001,
+    power: float = 0.80,
+    groups: Mapping[Batch, Sequence[IntArray]] | None = None,
 ) -> Reliability:
     """The quality of all observations of a solved system, from its final weights.
 
@@ -285,24 +292,30 @@ def reliability(
         result: its solution, with covariances asked for.
         level: level of the single test behind the detectable biases.
         power: its power.
+        groups: by batch, rows that are tested as one observation too, such as the components of a vector; of
+            observations of one residual each that a covariance of the whole batch is given for.
 
     Raises:
         InputError: covariances were not asked for, or the system changed since.
     """
     state, shift = final_state(system, result), non_centrality(level, power)
     sigma0 = None if result.variance_factor is None else float(np.sqrt(result.variance_factor))
-    measured = tuple(_of_batch(state, batch, shift, sigma0) for batch in state.equations.batches)
+    named = groups or {}
+    measured = tuple(
+        _of_batch(state, batch, shift, sigma0, named.get(batch, ())) for batch in state.equations.batches
+    )
     priors = tuple(_of_prior(state, prior, shift, sigma0) for prior in state.equations.priors)
     return Reliability(measured, priors, level, power, shift, result.redundancy, sigma0, state)
 
 
 def _of_batch(
-    state: FinalState, batch: Batch, shift: float, sigma0: float | None
+    state: FinalState, batch: Batch, shift: float, sigma0: float | None, groups: Sequence[IntArray]
 ) -> ObservationReliability[Batch]:
     residuals, weights = state.result.residuals(batch), batch.robust_weights()
+    joint: tuple[JointTest, ...] = ()
     if batch.clusters is not None:
         sigmas = np.sqrt(batch.clusters.variances()).reshape(residuals.shape)
-        numbers = _of_clusters(state, batch, residuals)
+        numbers, joint = _of_clusters(state, batch, residuals, groups)
     elif batch.roots.size:
         roots = whitening(batch)
         numbers = correlated_numbers(residuals, roots, state.leverages(batch, crossed=True), weights)
@@ -311,22 +324,27 @@ def _of_batch(
         sigmas = np.asarray(batch.sigmas)
         numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
     active = np.broadcast_to(batch.active[:, None], residuals.shape)
-    return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0)
+    return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0, joint)
 
 
-def _of_clusters(state: FinalState, batch: Batch, residuals: FloatArray) -> Numbers:
+def _of_clusters(
+    state: FinalState, batch: Batch, residuals: FloatArray, groups: Sequence[IntArray]
+) -> tuple[Numbers, tuple[JointTest, ...]]:
     """The numbers of observations that are correlated with one another: a cluster is as one observation."""
     if batch.clusters is None:
         raise InputError(f"{batch.name}: its observations are not correlated with one another")
     rows, m = state.cluster_rows(batch), batch.shape.n_residuals
+    group_of = numbered(groups, residuals.size)
+    joint: list[JointTest] = []
     found = [np.full(residuals.size, np.nan) for _ in fields(Numbers)]
     found[1] = np.zeros(residuals.size, dtype=bool)
     for members in batch.clusters.alike(np.repeat(batch.active, m)):
         roots, leverages = batch.cluster_roots(members), state.cluster_cofactors(rows, members)
         numbers = correlated_numbers(residuals.ravel()[members], roots, leverages, np.ones(len(members)))
+        joint += joint_tests(members, group_of[members], roots, residuals.ravel()[members], leverages)
         for column, entry in zip(found, fields(Numbers), strict=True):
             column[members] = getattr(numbers, entry.name)
-    return Numbers(*(column.reshape(residuals.shape) for column in found))
+    return Numbers(*(column.reshape(residuals.shape) for column in found)), tuple(joint)
 
 
 def _of_prior(
@@ -347,6 +365,7 @@ def _record(
     active: BoolArray,
     shift: float,
     sigma0: float | None,
+    joint: tuple[JointTest, ...] = (),
 ) -> ObservationReliability[Given]:
     controlled = numbers.controlled & active
     missing = np.where(active, np.inf, np.nan)
@@ -364,6 +383,7 @@ def _record(
         np.where(controlled, numbers.left_out, np.nan),
         np.where(controlled, numbers.effect * detectable, missing),
         state.result.redundancy,
+        joint,
     )
 
 

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularSystemError
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, overall_level
+from obseq.leastsquares.statistics.joint_levels import (
+    POWER,
+    joint_critical,
+    joint_p_value,
+    joint_ratio_critical,
+    shared_level,
+)
 from obseq.leastsquares.statistics.reliability import reliability
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.solution.result import LeastSquaresResult
+    from obseq.leastsquares.statistics.joint_tests import JointTest
     from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
     from obseq.leastsquares.system import LeastSquares
 
@@ -66,6 +75,10 @@ class Rejection:
         blunder: estimate of the error of the observed value, in its unit: too large when positive.
         detectable: minimal detectable bias, in the same unit.
         companions: batches and rows of the observations that were left out with it.
+        degrees: how many equations were tested as one; the statistic is then the square T of its test.
+        critical: limit of the statistic.
+        blunders: estimates of the errors of the observations that were tested as one: its own, then those of
+            its companions; empty where it was tested alone.
     """
 
     label: str
@@ -77,6 +90,9 @@ class Rejection:
     blunder: float
     detectable: float
     companions: tuple[Place, ...] = ()
+    degrees: int = 1
+    critical: float = float("nan")
+    blunders: tuple[float, ...] = ()
 
     def set_active(self, active: bool) -> None:
         """Makes it and its companions active or not."""
@@ -134,6 +150,68 @@ class _Settings:
     overall: bool
     batches: Collection[Batch] | None
     priors: bool
+    groups: Mapping[Batch, Sequence[IntArray]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Test:
+    """The worst of some tests of as many degrees of freedom each.
+
+    Attributes:
+        part: where it stands.
+        statistic: w, tau, or the square T of a test of several equations.
+        degrees: of freedom.
+        share: square of the statistic, or T, over its limit.
+        at: row and component.
+        joint: the test of several equations as one; None for one equation.
+    """
+
+    part: _Part
+    statistic: float
+    degrees: int
+    share: float
+    at: tuple[int, int]
+    joint: JointTest | None = None
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Limits of squares of w or tau, by degrees of freedom, of all tests of an adjustment.
+
+    Attributes:
+        level: of the test of one equation.
+        redundancy: of the adjustment.
+        sigma0: root of its variance factor.
+        settings: what is tested.
+        n_tests: how many tests there are.
+    """
+
+    level: float
+    redundancy: int
+    sigma0: float
+    settings: _Settings
+    n_tests: int
+
+    def of(self, degrees: int) -> float:
+        if self.settings.statistic is Statistic.W:
+            return joint_critical(self.level, POWER, degrees)
+        return joint_ratio_critical(self.level, POWER, degrees, self.redundancy)
+
+    def scaled(self, test: JointTest) -> float:
+        """T, or T over the variance factor."""
+        return test.statistic if self.settings.statistic is Statistic.W else test.statistic / self.sigma0**2
+
+    def p_value(self, test: _Test) -> float:
+        """Probability of a larger statistic where nothing is wrong, of all tests if they share the level."""
+        single = self._single(test)
+        return float(overall_level(single, self.n_tests)) if self.settings.overall else single
+
+    def _single(self, test: _Test) -> float:
+        if test.joint is not None:
+            redundancy = None if self.settings.statistic is Statistic.W else self.redundancy
+            return joint_p_value(test.statistic, test.degrees, redundancy)
+        is_w = self.settings.statistic is Statistic.W
+        return float((test.part.w_p_values if is_w else test.part.tau_p_values)[test.at])
 
 
 @dataclass(frozen=True)
@@ -154,7 +232,7 @@ def snoop(
     max_rejections: int | None = None,
     solve_options: Mapping[str, Any] | None = None,
     priors: bool = False,
-    together: Callable[[Batch, int], Sequence[Place]] | None = None,
+    groups: Mapping[Batch, Sequence[IntArray]] | None = None,
 ) -> Snooping:
     """Finds blunders one at a time: solves, rejects the worst observation if it fails its test, solves again.
 
@@ -168,10 +246,11 @@ def snoop(
         solve_options: arguments of `LeastSquares.solve` for the solutions.
         priors: whether priors are tested too; they are not left out, but where the largest test is that of
             one, it is the suspect and the search ends.
-        together: what is left out with an observation, such as the other components of its vector.
+        groups: by batch, the rows that are tested and left out as one observation: the components of a
+            vector; see `reliability`.
     """
     checked_probability(level, "level")
-    settings = _Settings(Statistic(statistic), level, overall, batches, priors)
+    settings = _Settings(Statistic(statistic), level, overall, batches, priors, groups or {})
     rejections: list[Rejection] = []
     needed: tuple[str, ...] = ()
     try:
@@ -184,13 +263,13 @@ def snoop(
                 needed = (rejections[-1].label,)
                 rejections.pop().set_active(True)
                 continue
-            quality = reliability(system, result)
+            quality = reliability(system, result, groups=settings.groups)
             outcome = _Outcome(None, SnoopingEnd.NEEDED, needed) if needed else _tested(quality, settings)
             if outcome.rejection is not None and len(rejections) == max_rejections:
                 outcome = _Outcome(None, SnoopingEnd.LIMIT, (outcome.rejection.label,))
             if outcome.end is not None or outcome.rejection is None:
                 break
-            rejections.append(_with_companions(outcome.rejection, together))
+            rejections.append(outcome.rejection)
             rejections[-1].set_active(False)
     except BaseException:  # an interruption too leaves the system as it was given
         for rejection in rejections:
@@ -202,35 +281,26 @@ def snoop(
     )
 
 
-def _with_companions(
-    rejection: Rejection, together: Callable[[Batch, int], Sequence[Place]] | None
-) -> Rejection:
-    """A rejection with what goes with it, of what is active."""
-    found = together(rejection.batch, rejection.row) if together else ()
-    others = (place for place in found if place != (rejection.batch, rejection.row))
-    return replace(rejection, companions=tuple((batch, row) for batch, row in others if batch.active[row]))
-
-
 def _tested(quality: Reliability, settings: _Settings) -> _Outcome:
     """The worst observation of an adjustment, if its test rejects it."""
     observed = [
         part for part in quality.observations if settings.batches is None or part.source in settings.batches
     ]
     parts: list[_Part] = [*observed, *(quality.constraints if settings.priors else ())]
-    n_tests = sum(int(np.count_nonzero(part.controlled)) for part in parts)
-    if not n_tests:
+    limits = _limits(parts, quality, settings)
+    if limits is None:
         return _Outcome(None, SnoopingEnd.UNTESTABLE)
-    tops = [np.nanmax(_statistics(part, settings), initial=0.0) for part in parts]
-    worst = int(np.argmax(tops))
-    at, p_value = _worst(parts[worst], settings, n_tests)
-    if p_value >= settings.level:
+    tests = [test for part in parts for test in _worst(part, limits)]
+    worst = max(tests, key=lambda test: test.share)
+    p_value = limits.p_value(worst)
+    if worst.share <= 1.0:
         return _Outcome(None, SnoopingEnd.CLEAN)
-    ties = _tied(parts, settings, max(tops))
+    ties = tuple(name for part in parts for name in _tied(part, limits, worst.share))
     if len(ties) > 1:
         return _Outcome(None, SnoopingEnd.INSEPARABLE, ties)
-    if worst >= len(observed):
+    if not any(worst.part is part for part in observed):
         return _Outcome(None, SnoopingEnd.GIVEN, ties)
-    rejection = _rejection(observed[worst], settings, at, p_value)
+    rejection = _rejection(worst, limits, p_value)
     try:
         quality.left_out(rejection.batch, rejection.row)
     except InputError:
@@ -238,36 +308,76 @@ def _tested(quality: Reliability, settings: _Settings) -> _Outcome:
     return _Outcome(rejection)
 
 
+def _limits(parts: list[_Part], quality: Reliability, settings: _Settings) -> _Limits | None:
+    """The limits of all tests; None where there are none."""
+    alone = sum(int(np.count_nonzero(_alone(part))) for part in parts)
+    counts = Counter({1: alone} if alone else {})
+    counts.update(test.degrees for part in parts for test in part.joint if test.degrees)
+    if not counts:
+        return None
+    level = shared_level(settings.level, counts, POWER) if settings.overall else settings.level
+    sigma0 = quality.sigma0 or float("nan")
+    return _Limits(level, quality.redundancy, sigma0, settings, sum(counts.values()))
+
+
+def _alone(part: _Part) -> BoolArray:
+    """(n, n_residuals) equations that are tested one by one."""
+    found = part.controlled.copy()
+    for test in part.joint:
+        found[test.rows] = False
+    return found
+
+
 def _statistics(part: _Part, settings: _Settings) -> FloatArray:
-    return np.abs(part.w if settings.statistic is Statistic.W else part.tau)
+    """(n, n_residuals) |w| or |tau| of the equations that are tested one by one; 0 for others."""
+    values = np.abs(part.w if settings.statistic is Statistic.W else part.tau)
+    return np.where(_alone(part), np.nan_to_num(values), 0.0)
 
 
-def _worst(part: _Part, settings: _Settings, n_tests: int) -> tuple[tuple[int, int], float]:
-    """Row and component of the largest statistic, and its p value."""
-    row, component = np.unravel_index(np.nanargmax(_statistics(part, settings)), part.w.shape)
-    at = int(row), int(component)
-    single = (part.w_p_values if settings.statistic is Statistic.W else part.tau_p_values)[at]
-    return at, float(overall_level(single, n_tests)) if settings.overall else float(single)
+def _worst(part: _Part, limits: _Limits) -> Iterator[_Test]:
+    """The worst equation, and the tests of several as one."""
+    values = _statistics(part, limits.settings)
+    if values.size:
+        row, component = np.unravel_index(np.argmax(values), values.shape)
+        at = int(row), int(component)
+        signed = (part.w if limits.settings.statistic is Statistic.W else part.tau)[at]
+        yield _Test(part, float(signed), 1, float(values[at]) ** 2 / limits.of(1), at)
+    for test in part.joint:
+        if test.degrees:
+            statistic = limits.scaled(test)
+            share = statistic / limits.of(test.degrees)
+            worst = int(test.rows[np.nanargmax(np.abs(part.w[test.rows, 0]))])
+            yield _Test(part, statistic, test.degrees, share, (worst, 0), test)
 
 
-def _rejection(
-    part: ObservationReliability[Batch], settings: _Settings, at: tuple[int, int], p_value: float
-) -> Rejection:
-    return Rejection(
+def _rejection(test: _Test, limits: _Limits, p_value: float) -> Rejection:
+    part, at, joint = test.part, test.at, test.joint
+    batch = cast("Batch", part.source)
+    found = Rejection(
         part.label(at[0]),
-        part.source,
+        batch,
         *at,
-        float((part.w if settings.statistic is Statistic.W else part.tau)[at]),
+        test.statistic,
         p_value,
         float(-part.left_out_residuals[at]),
         float(part.detectable[at]),
+        critical=limits.of(test.degrees) if joint else limits.of(1) ** 0.5,
     )
+    if joint is None:
+        return found
+    own = joint.rows == at[0]
+    blunder, others = float(joint.blunder[own][0]), joint.rows[~own].tolist()
+    blunders = (blunder, *joint.blunder[~own].tolist())
+    companions = tuple((batch, row) for row in others)
+    return replace(found, blunder=blunder, blunders=blunders, degrees=test.degrees, companions=companions)
 
 
-def _tied(parts: list[_Part], settings: _Settings, top: float) -> tuple[str, ...]:
-    """Names of the observations whose statistic is the largest, up to rounding."""
-    return tuple(
-        part.label(int(row))
-        for part in parts
-        for row in np.flatnonzero((_statistics(part, settings) > top * (1.0 - TIE)).any(axis=1))
-    )
+def _tied(part: _Part, limits: _Limits, share: float) -> Iterator[str]:
+    """Names of the observations whose test is as far beyond its limit as the worst, up to rounding."""
+    least = share * (1.0 - TIE) ** 2
+    beyond = np.square(_statistics(part, limits.settings)) > least * limits.of(1)
+    for row in np.flatnonzero(beyond.any(axis=1)):
+        yield part.label(int(row))
+    for test in part.joint:
+        if test.degrees and limits.scaled(test) > least * limits.of(test.degrees):
+            yield part.label(int(test.rows[0]))

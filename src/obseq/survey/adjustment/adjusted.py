@@ -37,6 +37,7 @@ from obseq.survey.adjustment.adjusted_records import (
     roots_of_diagonals,
     unused_azimuths,
 )
+from obseq.survey.adjustment.joint_groups import joint_records
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.adjustment.suspicion import suspicion
 from obseq.survey.initial.approximations import sentences_of
@@ -196,8 +197,9 @@ class Adjustment:
     def record(self, title: str | None = None) -> AdjustmentRecord:
         """What the result file holds and the reports print, under a title of the user's."""
         solution, numbers = self.solution, self.quality.observations
-        judged = (None, None) if numbers is None else (numbers.standardised, numbers.redundancy)
-        fit = Fit(self.book, self.normalised_residuals, *judged)
+        standardised, shares = (None if numbers is None else numbers.standardised), self.quality.shares
+        redundancy = None if numbers is None else numbers.redundancy
+        fit = Fit(self.book, self.normalised_residuals, standardised, redundancy, shares)
         return AdjustmentRecord(
             n_observations=solution.n_observations,
             n_constraints=solution.n_constraints,
@@ -242,6 +244,9 @@ class Adjustment:
             suspicion=self.suspicion,
             doubtful=tuple(item.record() for item in self.doubtful),
             unused=self.book.unused,
+            joint=joint_records(
+                self.quality.joint, self.quality.reliability, self.book, self.points.points, self.known
+            ),
         )
 
     def _points(self) -> Iterator[PointRecord]:

@@ -16,6 +16,7 @@ from obseq.record import (
     SnoopingRecord,
     VarianceComponentRecord,
 )
+from obseq.survey.adjustment.joint_groups import TestedJointly, tested_jointly
 from obseq.survey.adjustment.known_coordinates import GROUP
 from obseq.survey.adjustment.quality import Examination, left_out, numbers, of_observations
 
@@ -70,6 +71,9 @@ class AdjustedQuality:
         a_priori: Whether precisions are those of the given sigmas.
         ellipsoids: Whether ellipsoids are wanted.
         effects: (n) what the detectable biases do to coordinates; None when not asked for.
+        joint: Tests of vectors and positions as one; none when reliability was not asked for.
+        shares: (n,) what those that are correlated with others add to the weighted sum of squares; NaN for
+            the others.
     """
 
     observations: ReliabilityNumbers | None
@@ -83,6 +87,8 @@ class AdjustedQuality:
     a_priori: bool
     ellipsoids: bool
     effects: list[EffectRecord | None] | None
+    joint: tuple[TestedJointly, ...] = ()
+    shares: FloatArray | None = None
 
 
 def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) -> AdjustedQuality:
@@ -101,6 +107,8 @@ def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) 
         found.a_priori,
         found.wanted.ellipsoids,
         None if found.effects is None else _effects(equations, found.effects, n, book),
+        () if whole is None else tested_jointly(equations, whole, n),
+        equations.shares(found.solution),
     )
 
 
@@ -149,6 +157,9 @@ def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> Sno
             blunder=item.blunder,
             detectable=item.detectable if np.isfinite(item.detectable) else None,
             companions=len(item.companions),
+            degrees=item.degrees,
+            critical=item.critical if item.degrees > 1 else None,
+            blunders=item.blunders,
         )
         for row, item in zip(rows, snooping.rejections, strict=True)
     )

@@ -22,7 +22,7 @@ from obseq.record import (
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
@@ -89,21 +89,50 @@ class Fit:
         normalised: Residuals over sigmas; NaN for those not used.
         standardised: Residuals over their own sigmas; None where reliability was not asked for.
         redundancy: Redundancy numbers; None likewise.
+        shares: What those that are correlated with others add to the weighted sum of squares; NaN for the
+            others. None where there are none.
     """
 
     book: FieldBook
     normalised: FloatArray
     standardised: FloatArray | None
     redundancy: FloatArray | None
+    shares: FloatArray | None = None
+
+    @property
+    def squares(self) -> FloatArray:
+        """(n,) what each observation adds to the weighted sum of squares."""
+        alone = np.square(self.normalised)
+        return alone if self.shares is None else np.where(np.isnan(self.shares), alone, self.shares)
 
 
 def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
-    """How the observations of each type fit."""
+    """How the observations of each type fit; types that are correlated with one another also together.
+
+    The squares of one of these alone say nothing of its sigmas: only their sum is v' P v.
+    """
     types = fit.book.observations.types
     codes, groups = np.unique(types, return_inverse=True)
     found = list(_statistics(fit, groups, [BY_CODE[code].name for code in codes.tolist()]))
+    for members in _joined(fit.book, codes.tolist()):
+        own = np.isin(groups, members)
+        name = " ".join(found[k].name for k in members)
+        (whole,) = _statistics(fit, np.where(own, 0, 1), [name, ""])[:1]
+        for k in members:
+            found[k] = replace(found[k], sigma_factor=None)
+        found.append(whole)
     count = sum(_is_tested(record) for record in found)
     return tuple(_tested(record, _TYPES_LEVEL / count) if _is_tested(record) else record for record in found)
+
+
+def _joined(book: FieldBook, codes: list[int]) -> list[list[int]]:
+    """Places of the types (k,) that clusters join, those that hang together in one list; of two or more."""
+    sets: list[set[int]] = []
+    for cluster in book.clusters:
+        own = set(np.searchsorted(codes, np.unique(book.observations.types[cluster.rows])).tolist())
+        apart = [one for one in sets if not one & own]
+        sets = [*apart, own.union(*(one for one in sets if one & own))]
+    return [sorted(one) for one in sets if len(one) > 1]
 
 
 def _is_tested(record: StatisticsRecord) -> bool:
@@ -127,13 +156,14 @@ def by_setup(fit: Fit) -> tuple[StatisticsRecord, ...]:
     return tuple(_statistics(fit, groups, [book.point_names[row] for row in rows.tolist()]))
 
 
-def _statistics(fit: Fit, groups: IntArray, names: Sequence[str]) -> Iterator[StatisticsRecord]:
+def _statistics(fit: Fit, groups: IntArray, names: Sequence[str]) -> list[StatisticsRecord]:
     """One record for each group of observations; groups (n,) are numbers of names."""
     n, used = len(names), np.isfinite(fit.normalised)
     residuals = np.where(used, fit.normalised, 0.0)
     counts = np.bincount(groups, used, n).astype(np.int64)
     unused = np.bincount(groups, ~used, n).astype(np.int64)
     squares, sums = np.bincount(groups, residuals**2, n), np.bincount(groups, residuals, n)
+    weighted = np.maximum(np.bincount(groups, np.where(used, fit.squares, 0.0), n), 0.0)
     largest = np.zeros(n)
     judged = residuals if fit.standardised is None else np.where(used, fit.standardised, 0.0)
     np.maximum.at(largest, groups, np.abs(np.nan_to_num(judged)))
@@ -142,9 +172,9 @@ def _statistics(fit: Fit, groups: IntArray, names: Sequence[str]) -> Iterator[St
         parts = np.bincount(groups, np.nan_to_num(np.where(used, fit.redundancy, 0.0)), n)
     with np.errstate(divide="ignore", invalid="ignore"):
         controlled = np.where(parts > _LEAST_REDUNDANCY, parts, np.nan)
-        numbers = (parts, np.sqrt(squares / counts), sums / counts, largest, np.sqrt(squares / controlled))
+        numbers = (parts, np.sqrt(squares / counts), sums / counts, largest, np.sqrt(weighted / controlled))
     columns = (names, counts.tolist(), unused.tolist(), *map(defined, numbers))
-    yield from map(StatisticsRecord, *columns)
+    return list(map(StatisticsRecord, *columns))
 
 
 def ellipsoids(covariances: FloatArray, factor: float) -> list[EllipsoidRecord]:

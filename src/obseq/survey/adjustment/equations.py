@@ -313,6 +313,15 @@ class Equations:
                 residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
         return residuals, sigmas
 
+    def shares(self, solution: LeastSquaresResult) -> FloatArray:
+        """(n,) what correlated observations add to the weighted sum of squares, v (P v); NaN for others."""
+        shares = np.full(len(self._book.observations), np.nan)
+        for rows, batch in self.batches.values():
+            if batch.clusters is not None:
+                residuals, root = np.nan_to_num(solution.residuals(batch)[:, 0]), batch.whitening_matrix()
+                shares[rows] = residuals * (root.T @ (root @ residuals))
+        return shares
+
     def instrument_rotations(self, solution: LeastSquaresResult) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instrument, in the solution."""
         return self.instruments.oriented(solution, solution.values(self.points))

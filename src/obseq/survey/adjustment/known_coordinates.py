@@ -155,6 +155,19 @@ class KnownCoordinates:
         labels = Labels(self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
 
+    def together(self) -> dict[Batch, IntArray]:
+        """The equations of coordinates that are correlated with one another: row of the point of each."""
+        return {} if self._together is None else {self._together: self._correlated[0]}
+
+    def places(self) -> dict[Batch, IntArray]:
+        """Where the equations stand in `residuals`."""
+        own, start = {}, 0
+        for batch in (self._soft, self._together):
+            if batch is not None:
+                own[batch] = start + np.arange(batch.n)
+                start += batch.n
+        return own
+
     def _linearised(self, rows: IntArray, components: IntArray) -> FloatArray:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
         tangents, position = self._tangents(), np.searchsorted(self._known, rows)

@@ -20,9 +20,10 @@ from obseq.leastsquares.statistics.variance_components import (
     group_components,
     variance_components,
 )
+from obseq.survey.adjustment.joint_groups import joint_groups
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares import Batch, LeastSquaresResult, Prior
@@ -147,6 +148,7 @@ def examine(
     solution = system.solve(covariance=True, **solving)
     if not solution.n_unknowns:  # all is held: normalised residuals say what there is to say
         return Examination(wanted, solution)
+    groups = joint_groups(equations, book)
     snooping, change = None, None
     if wanted.snooping is not None:
         before = solution.values(equations.points)
@@ -157,13 +159,14 @@ def examine(
             wanted.snooping,
             batches=batches,
             solve_options=solving,
-            together=vectors_of(equations, book),
+            groups=groups,
         )
         solution = snooping.result
         change = solution.values(equations.points) - before
     components = _components(equations, book, solving) if wanted.variance_components else None
     solution = components.result if components else solution
-    quality = reliability(system, solution, wanted.level, wanted.power) if wanted.reliability else None
+    levels = wanted.level, wanted.power
+    quality = reliability(system, solution, *levels, groups=groups) if wanted.reliability else None
     relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
     effects = _effects(equations, quality) if wanted.effects and quality else None
     return Examination(wanted, solution, quality, snooping, change, components, relative, effects)
@@ -230,26 +233,3 @@ def left_out(equations: Equations, snooping: Snooping | None, n: int) -> tuple[B
     for item in rejections:
         mask[[int(rows[id(batch)][row]) for batch, row in item.companions]] = True
     return mask, found
-
-
-def vectors_of(equations: Equations, book: FieldBook) -> Callable[[Batch, int], list[tuple[Batch, int]]]:
-    """What says which observations are one vector, or one position: of a cluster, between the same points."""
-    ends = book.observations.from_points, book.observations.to_points
-    cluster = np.full(len(book.observations), -1, np.int64)
-    for number, one in enumerate(book.clusters):
-        cluster[one.rows] = number
-    batches = {id(batch): (rows, batch) for rows, batch in equations.batches.values()}
-
-    def together(batch: Batch, row: int) -> list[tuple[Batch, int]]:
-        if id(batch) not in batches:
-            return []
-        rows = batches[id(batch)][0]
-        mine = int(rows[row])
-        if cluster[mine] < 0:
-            return []
-        same = cluster[rows] == cluster[mine]
-        for points in ends:
-            same &= points[rows] == points[mine]
-        return [(batch, int(other)) for other in np.flatnonzero(same)]
-
-    return together

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.statistics.hypothesis_tests import limit_by_others, scaled_by_others
+from obseq.leastsquares.statistics.joint_levels import (
+    POWER,
+    joint_critical,
+    joint_limit_by_others,
+    shared_level,
+)
 from obseq.record_quality import KNOWN, SuspicionRecord
+from obseq.survey.adjustment.joint_groups import joint_record
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
@@ -22,29 +29,43 @@ _LEVEL = 0.001
 """Probability that an observation is suspected where nothing is wrong."""
 _SAME = 1e-6
 """Relative difference below which two standardised residuals cannot be told apart."""
+_AS_GOOD = 0.25
+"""Weighted squares by which one explanation must be better than another to be told from it at all."""
 
 
-def suspected(standardised: FloatArray, squares: float, redundancy: int) -> list[int]:
-    """The observations one of which has a gross error: those of the largest |w|, if it is significant.
+def suspected(
+    standardised: FloatArray, squares: float, redundancy: int, degrees: IntArray | None = None
+) -> list[int]:
+    """The observations one of which has a gross error: those farthest beyond their limit, if that is so.
 
-    All tests share the level (`scaled_by_others`, `limit_by_others`).
+    All tests share the level, and have the same power for one error (`shared_level`); what remains without an
+    observation raises its limit where it is larger than the sigmas announce (`joint_limit_by_others`).
 
     Args:
-        standardised: (n,) residuals over their own a priori standard deviations, NaN where not tested.
+        standardised: (n,) residuals over their own a priori standard deviations, roots of the statistic T of
+            what is tested as one; NaN where not tested.
         squares: Weighted sum of squares of all residuals.
         redundancy: Its degrees of freedom.
+        degrees: (n,) of T; 1 for all when None.
 
     Returns:
-        Rows; several where their |w| are the same, none where nothing is suspected.
+        Rows; several where they are as far beyond, none where nothing is suspected.
     """
-    sizes = np.abs(standardised[np.isfinite(standardised)])
-    if not len(sizes) or redundancy < 2:
+    freedom = np.ones(len(standardised), np.int64) if degrees is None else degrees
+    seen = np.flatnonzero(np.isfinite(standardised) & (freedom < redundancy))
+    if not len(seen):
         return []
-    worst = float(sizes.max())
-    limit = limit_by_others(worst, squares, redundancy, _LEVEL / len(sizes))
-    if scaled_by_others(worst, squares, redundancy) <= limit:
+    level = shared_level(_LEVEL, Counter(freedom[seen].tolist()), POWER)
+    limits = np.array([joint_critical(level, POWER, one) for one in freedom[seen].tolist()])
+    shares = np.square(standardised[seen]) / limits
+    at = int(np.argmax(shares))
+    worst, own = float(standardised[seen[at]] ** 2), int(freedom[seen[at]])
+    remains = max((squares - worst) / (redundancy - own), 1.0)
+    if worst / remains <= joint_limit_by_others(worst, own, squares, redundancy, level, POWER):
         return []
-    return np.flatnonzero(np.abs(standardised) >= worst * (1.0 - _SAME)).tolist()
+    same = shares >= shares[at] * (1.0 - _SAME) ** 2
+    same |= (freedom[seen] == own) & (np.square(standardised[seen]) > worst - _AS_GOOD)
+    return sorted(seen[same].tolist(), key=lambda row: row != seen[at])
 
 
 def suspicion(
@@ -58,15 +79,28 @@ def suspicion(
     judged = [part for part in (quality.observations, quality.known) if part is not None]
     if not judged or not solution.variance_factor:
         return None
-    standardised = np.concatenate([part.standardised for part in judged])
+    alone = np.concatenate([part.standardised for part in judged])
+    for test in quality.joint:
+        alone[test.rows] = np.nan
+    standardised = np.append(alone, [test.statistic**0.5 for test in quality.joint])
+    degrees = np.append(np.ones(len(alone), np.int64), [test.degrees for test in quality.joint])
     squares = solution.variance_factor * solution.redundancy
-    rows = suspected(standardised, squares, solution.redundancy)
+    rows = suspected(standardised, squares, solution.redundancy, degrees.astype(np.int64))
     if not rows:
         return None
-    names = tuple(_name(row, book, points, known) for row in rows)
-    first, biases = rows[0], np.concatenate([part.blunder for part in judged])
-    unit = _unit(first, book)
-    return SuspicionRecord(names, float(standardised[first]), float(biases[first]), unit)
+    biases = np.concatenate([part.blunder for part in judged])
+    names = tuple(
+        _name(row, book, points, known)
+        if row < len(alone)
+        else joint_record(quality.joint[row - len(alone)], (_LEVEL, POWER), book, points, known).name
+        for row in rows
+    )
+    first, statistic = rows[0], float(standardised[rows[0]])
+    if first < len(alone):
+        return SuspicionRecord(names, statistic, float(biases[first]), _unit(first, book))
+    test = quality.joint[first - len(alone)]
+    size = float(np.linalg.norm(test.blunder))
+    return SuspicionRecord(names, statistic, size, "m", test.degrees, tuple(test.blunder.tolist()))
 
 
 def _name(row: int, book: FieldBook, points: Points, known: CoordinateResiduals) -> str:

@@ -1,0 +1,136 @@
+"""Observations that are one: the components of a vector or of a position, which have a common covariance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
+from obseq.record_quality import KNOWN, JointTestRecord
+from obseq.survey.kinds.registry import IS_ANGLE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares import Batch
+    from obseq.leastsquares.statistics.reliability import Reliability
+    from obseq.record_quality import ReliabilityRecord
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
+    from obseq.survey.model import FieldBook, Points
+
+
+@dataclass(frozen=True, eq=False)
+class TestedJointly:
+    """Observations, or known coordinates of a point, that are tested as one.
+
+    Attributes:
+        rows: (m,) of the field book; beyond its end, of the known coordinates.
+        statistic: T; NaN where nothing controls it.
+        degrees: its degrees of freedom.
+        blunder: (m,) estimates of their errors (m).
+    """
+
+    rows: IntArray
+    statistic: float
+    degrees: int
+    blunder: FloatArray
+
+
+def joint_groups(equations: Equations, book: FieldBook) -> dict[Batch, list[IntArray]]:
+    """By batch, the rows that are one vector or one position: of a cluster, between the same points."""
+    numbers = np.full(len(book.observations), -1, np.int64)
+    count = 0
+    for cluster in book.clusters:
+        for rows in _vectors(book, cluster.rows[book.observations.active[cluster.rows]]):
+            numbers[rows] = count
+            count += 1
+    found = {batch: _gathered(numbers[rows]) for rows, batch in equations.batches.values()}
+    found |= {batch: _gathered(points) for batch, points in equations.known.together().items()}
+    return {batch: groups for batch, groups in found.items() if groups}
+
+
+def _vectors(book: FieldBook, rows: IntArray) -> Iterator[IntArray]:
+    """The lengths of a cluster between the same points that are of different kinds: two of them or three."""
+    observations = book.observations
+    rows = rows[~IS_ANGLE[observations.types[rows]]]
+    ends = np.stack([observations.from_points[rows], observations.to_points[rows]])
+    _, group = np.unique(ends, axis=1, return_inverse=True)
+    for places in _gathered(group.ravel()):
+        mine = rows[places]
+        if len(set(observations.types[mine].tolist())) == len(mine):
+            yield mine
+
+
+def _gathered(numbers: IntArray) -> list[IntArray]:
+    """Places of those that have the same number, of two or more; negative numbers are none."""
+    order = np.argsort(numbers, kind="stable")
+    order = order[numbers[order] >= 0]
+    ends = np.flatnonzero(np.diff(numbers[order])) + 1
+    return [places for places in np.split(order, ends) if len(places) > 1]
+
+
+def tested_jointly(equations: Equations, quality: Reliability, n: int) -> tuple[TestedJointly, ...]:
+    """The tests of all vectors and positions of a network with so many observations."""
+    places = {batch: rows for rows, batch in equations.batches.values()}
+    places |= {batch: n + rows for batch, rows in equations.known.places().items()}
+    return tuple(
+        TestedJointly(places[part.source][test.rows], test.statistic, test.degrees, test.blunder)
+        for part in quality.observations
+        for test in part.joint
+    )
+
+
+def joint_records(
+    tests: Sequence[TestedJointly],
+    levels: ReliabilityRecord | None,
+    book: FieldBook,
+    points: Points,
+    known: CoordinateResiduals,
+) -> tuple[JointTestRecord, ...]:
+    """Their entries in the record of an adjustment."""
+    if levels is None:
+        return ()
+    of_tests = (levels.level, levels.power)
+    return tuple(joint_record(test, of_tests, book, points, known) for test in tests if test.degrees)
+
+
+def joint_record(
+    test: TestedJointly,
+    levels: tuple[float, float],
+    book: FieldBook,
+    points: Points,
+    known: CoordinateResiduals,
+) -> JointTestRecord:
+    """The entry of one of them, with the level of single tests and their power."""
+    n = len(book.observations)
+    what, file, line = _named(int(test.rows[0]), book, points, known)
+    return JointTestRecord(
+        what=what,
+        file=file,
+        line=line,
+        rows=tuple(test.rows[test.rows < n].tolist()),
+        statistic=test.statistic,
+        degrees=test.degrees,
+        critical=joint_critical(*levels, test.degrees),
+        level=joint_level(*levels, test.degrees),
+        blunder=tuple(test.blunder.tolist()),
+    )
+
+
+def _named(row: int, book: FieldBook, points: Points, known: CoordinateResiduals) -> tuple[str, str, int]:
+    """What is tested, and the file and line of its first component."""
+    observations, n = book.observations, len(book.observations)
+    if row >= n:
+        point = int(known.points[row - n])
+        file = points.file_indices[point]
+        what = f"{KNOWN}position of {points.names[point]}"
+        return what, points.files[file] if file >= 0 else "", int(points.lines[point])
+    origin, target = (
+        book.point_names[end[row]] for end in (observations.from_points, observations.to_points)
+    )
+    what = f"position of {origin}" if origin == target else f"vector {origin} -> {target}"
+    return what, book.files[observations.file_indices[row]], int(observations.lines[row])
