@@ -55,7 +55,7 @@ def plane(shift: float, seed: int = 3, x_of_m11: float | None = None):
     return network_from_tables(points, dict(zip(names, zip(*rows, strict=True), strict=True)), angles="gon")
 
 
-@pytest.mark.parametrize("shift", [-3.217, 10.0])
+@pytest.mark.parametrize("shift", [-3.217, 0.335, 10.0])
 def test_a_known_point_of_a_plane_network_is_named(shift):
     (error,) = plane(shift).gross_errors()
     assert error.points == ("M11",)

@@ -16,7 +16,7 @@ from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
-from obseq.survey.screening.robust import GROSS, Estimate
+from obseq.survey.screening.robust import GROSS, Estimate, solved
 from obseq.survey.screening.values import COORDINATE, FEET, explain
 
 if TYPE_CHECKING:
@@ -33,8 +33,11 @@ _MOST_POINTS = 8
 _ASTRAY = 100.0
 """How many times farther from the others a point is not when it is put right."""
 _NEAR = 0.05
-_NEARER = (0.2 * _NEAR, 0.4 * _NEAR, _NEAR)
-"""Distance (m), beyond the sigmas, at which two places are the same; what fits nearer is thought of first."""
+"""Distance (m), beyond the sigmas, at which two places are the same."""
+_LEAST_NEAR, _SIGMAS = 0.005, 3.0
+"""How near (m, sigmas of the place) a slip of the pen must come to the observations."""
+_WIDER = (1.0, 2.0, 4.0)
+"""What fits nearer is thought of first; what fits less well says less."""
 _AXES = ("easting (x)", "northing (y)", "height")
 
 
@@ -66,7 +69,7 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
     if best is None:
         return None
     equal = _as_good(trials, best, all_trials)
-    told = [(*_described(system, found, trial, there), there) for trial, there in equal]
+    told = [(*_described(trials, system, trial, there), there) for trial, there in equal]
     likely = [one for one in told if one[1]] or told
     return any_of([error for error, *_ in likely]), likely[0][2]
 
@@ -195,10 +198,11 @@ def _without(points: Points, row: int, sought: BoolArray) -> Points:
 
 
 def _described(
-    system: PointSystem, found: Estimate, trial: _Trial, corrected: Estimate
+    trials: Trials, system: PointSystem, trial: _Trial, corrected: Estimate
 ) -> tuple[GrossError, bool]:
     """What is wrong, and whether it is a usual slip."""
-    points, rows = found.points, list(trial.rows)
+    found, rows = trials.found, list(trial.rows)
+    points = found.points
     names = tuple(points.names[row] for row in rows)
     mine = np.isin(found.book.observations.from_points, rows) | np.isin(
         found.book.observations.to_points, rows
@@ -207,14 +211,30 @@ def _described(
     size = float(found.ratios[explains].max(initial=0.0))
     cause, text, is_slip = trial.cause, trial.text, True
     if cause is Cause.MISTYPED:
-        cause, text, is_slip = _of_coordinates(system, found, rows[0], corrected)
+        near = _precisions(trials, system, rows[0], corrected)
+        cause, text, is_slip = _of_coordinates(system, found, rows[0], corrected, near)
     listed = [f"{points.names[row]} ({points.place(row)})" for row in rows[:6]]
     what = f"known point {' and '.join(listed)}" if len(rows) <= 2 else f"points {', '.join(listed)}"
     return GrossError(what, cause, text, size, tuple(explains.tolist()), names), is_slip
 
 
+def _precisions(trials: Trials, system: PointSystem, row: int, corrected: Estimate) -> FloatArray:
+    """(3,) how near the observations place a point, in units of its coordinates; NaN where nothing says."""
+    place, name = corrected.coordinates[[row]], corrected.points.names[row]
+    axes, units = system.axes(place)
+    try:
+        equations = trials.model.equations(corrected.end)
+        at = equations.points[[corrected.end.points.index[name]]]
+        solution = solved(equations, max_iterations=0, covariance=True)
+        covariance = axes[0] @ solution.covariance(at, a_priori=True)[0] @ axes[0].T
+    except ObseqError:
+        return np.full(3, np.nan)
+    near = np.maximum(_LEAST_NEAR, _SIGMAS * corrected.scale * np.sqrt(np.diagonal(covariance)))
+    return np.asarray(near / units[0])
+
+
 def _of_coordinates(
-    system: PointSystem, found: Estimate, row: int, corrected: Estimate
+    system: PointSystem, found: Estimate, row: int, corrected: Estimate, near: FloatArray
 ) -> tuple[Cause, str, bool]:
     """What is wrong with the coordinates of a point that the observations place elsewhere; is it a slip?"""
     there = corrected.coordinates[row]
@@ -235,7 +255,8 @@ def _of_coordinates(
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
     if len(off) == 1:
         k = off[0]
-        tried = (explain(COORDINATE, float(given[k]), float(right[k]), near) for near in _NEARER)
+        tolerances = (wider * float(near[k]) for wider in _WIDER if np.isfinite(near[k]))
+        tried = (explain(COORDINATE, float(given[k]), float(right[k]), tolerance) for tolerance in tolerances)
         explanation = next(filter(None, tried), None)
         if explanation is not None:
             return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}", True

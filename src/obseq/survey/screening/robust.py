@@ -216,13 +216,13 @@ def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquare
         for batch in batches:
             batch.loss = loss
         try:
-            found = _solved(equations, max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
+            found = solved(equations, max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
         except ObseqError:
             return equations.system  # what has been found so far is what there is
     return found
 
 
-def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:
+def solved(equations: Equations, **options: Any) -> LeastSquaresResult:
     """The solution; of a network that a trial has left free to turn, say, the one that moves points least."""
     system = equations.system
     try:

@@ -27,6 +27,8 @@ _FEWEST_DECIMALS = 3
 """Decimals that lengths are taken to be written with, where they end in zeros."""
 LIKELY = 0.02
 """Chance below which an explanation is believed."""
+_LIKELY_DIGITS = 0.1
+"""The same for digits of a coordinate: the share of errors of such a size that would look like a slip."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,8 @@ def explain(kind: ObservationKind, value: float, expected: float, tolerance: flo
     span = 2.0 * math.pi if kind.is_angle else 2.0 * max(abs(value), abs(expected))
     by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
     by_digits = _by_digits(kind, value, expected, tolerance, span)
-    found = [e for e in (*by_mistake, *by_digits) if e.chance < LIKELY]
+    digits = _LIKELY_DIGITS if kind is COORDINATE else LIKELY
+    found = [e for e in by_mistake if e.chance < LIKELY] + [e for e in by_digits if e.chance < digits]
     return min(found, key=lambda e: e.chance, default=None)
 
 
@@ -174,7 +177,20 @@ def _by_digits(
         if abs(gap) <= margin:
             # a slip of which there are few ways to happen is not made likelier to hit by those with many
             ways = min(len(tried), len(slips) * slips[text])
-            yield Explanation(Cause.MISTYPED, text, ways * 2.0 * tolerance / span)
+            chance = ways * 2.0 * tolerance / span
+            if kind is COORDINATE:
+                chance = _share_of_slips([other for _, other in tried], read, expected, tolerance)
+            yield Explanation(Cause.MISTYPED, text, chance)
+
+
+def _share_of_slips(tried: list[float], read: float, expected: float, tolerance: float) -> float:
+    """Which share of errors about as large as one (half to twice) some slip of the pen would explain.
+
+    A coordinate may be off by anything, however many digits it has: what it is says nothing of that.
+    """
+    size = abs(expected - read)
+    alike = sum(0.5 * size <= abs(right - read) <= 2.0 * size for right in tried)
+    return min(1.0, alike * 2.0 * tolerance / (3.0 * size))
 
 
 def variants(read: float, decimals: int, margin: float) -> Iterator[tuple[str, float]]:
