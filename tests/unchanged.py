@@ -1,4 +1,4 @@
-"""What was seen to hold of generated modules, until something changes that they can depend on."""
+"""What was seen to hold of generated modules and of pages, until something changes that it can depend on."""
 
 import hashlib
 import sys
@@ -38,14 +38,21 @@ def sources() -> set[Path]:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was seen with these sources and versions, by name; in pytest's own cache, where there is one."""
+    """What was seen, by name; in pytest's own cache, where there is one.
+
+    Where no other state is given, it is that of these sources and versions.
+    """
 
     kept: Any
 
     def __contains__(self, name: str) -> bool:
-        return self.kept is not None and self.kept.get(f"obseq/seen/{name}", "") == digest()
+        return self.has(name, digest())
 
-    def add(self, name: str) -> None:
+    def has(self, name: str, state: str) -> bool:
+        """Whether it was seen when all that it depends on had this digest."""
+        return self.kept is not None and self.kept.get(f"obseq/seen/{name}", "") == state
+
+    def add(self, name: str, state: str | None = None) -> None:
         """Keeps what was seen."""
         if self.kept is not None:
-            self.kept.set(f"obseq/seen/{name}", digest())
+            self.kept.set(f"obseq/seen/{name}", state or digest())

@@ -1,6 +1,9 @@
 """Headless Chromium for tests of pages: what it needs, and what pages are asked."""
 
+import hashlib
 import importlib.util
+import json
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -23,6 +26,9 @@ FLAGS = (
     "--disable-sync",
     "--window-size=1280,900",
 )
+BRIEF = "--js-flags=--single-threaded --no-opt"
+"""For what runs once: nothing is compiled at length, by no other thread."""
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 HOW = "(Debian: apt-get install chromium chromium-driver; pip install 'obseq[browser]')"
 PHONE = {"width": 375, "height": 800, "deviceScaleFactor": 2, "mobile": True}
@@ -44,9 +50,13 @@ PAINTED = (
 )
 
 
+RUN = re.compile(r"[0-9a-f]{12}, \d{4}-\d\d-\d\dT[\d:+]+;|/[^ <]*/pages\d+/")
+"""The words of a page for the run of the program, and the folder of large networks."""
+
+
 @contextmanager
-def chromium() -> Iterator[Any]:
-    """A new headless browser with a profile of its own."""
+def chromium(*more: str) -> Iterator[Any]:
+    """A new headless browser with a profile of its own, and more flags."""
     program, driver = next(filter(None, map(shutil.which, NAMES)), None), shutil.which("chromedriver")
     if program is None or driver is None:
         pytest.skip(f"no Chromium with its driver {HOW}")
@@ -58,7 +68,7 @@ def chromium() -> Iterator[Any]:
     with tempfile.TemporaryDirectory() as profile:
         options = webdriver.ChromeOptions()
         options.binary_location = program
-        for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        for flag in (*FLAGS, *more, f"--user-data-dir={profile}"):
             options.add_argument(flag)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
         with webdriver.Chrome(options=options, service=Service(driver)) as browser:
@@ -81,16 +91,29 @@ def axe() -> str:
     return Path(spec.origin).with_name("axe.min.js").read_text(encoding="utf-8")
 
 
-def violations(browser: Any, *rules: str) -> list[str]:
-    """What axe finds wrong on the page, and where; it looks at each cell of two rows of each table, if alike.
+def lighten(browser: Any) -> None:
+    """Leaves of each table two rows of each kind, if they are alike, and nothing of the data of the scripts.
 
-    Rows of other kinds stay too. The data of the scripts does not: it is no element that anybody sees.
+    Rows of other kinds stay too. The data is no element that anybody sees.
+    """
+    browser.execute_script(LESS)
+
+
+def state(browser: Any, *rules: str) -> str:
+    """Digest of all that `violations` depends on: document, window, browser, axe; which run made it apart."""
+    window = browser.execute_script("return [innerWidth, innerHeight, devicePixelRatio, scrollX, scrollY]")
+    document = RUN.sub("", browser.execute_script("return document.documentElement.outerHTML"))
+    tools = [browser.capabilities["browserVersion"], axe(), Path(__file__).read_text("utf-8")]
+    return hashlib.sha256(json.dumps([document, window, rules, tools]).encode()).hexdigest()
+
+
+def violations(browser: Any, *rules: str) -> list[str]:
+    """What axe finds wrong on the page, and where.
 
     Args:
         browser: Where the page is open.
         rules: What it looks for; everything when none is given.
     """
-    browser.execute_script(LESS)
     browser.execute_script(f"{axe()}; axe.configure({{ noHtml: true }})")  # no copy of each element
     wanted = {"resultTypes": ["violations"]} | ({"runOnly": list(rules)} if rules else {})
     asked = "const [wanted, done] = arguments; axe.run(document, wanted).then(done)"
