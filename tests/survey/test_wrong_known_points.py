@@ -1,9 +1,13 @@
-"""Wrong coordinates of known points where observations give no height, or nothing but heights."""
+"""Wrong coordinates of known points: where observations give no height, only heights, or see two alike."""
+
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from obseq.survey import network_from_tables
+from obseq.survey import Network, network_from_tables
+from obseq.survey.screening.findings import Cause
 
 RISES = [("A", "P", 1.5004), ("P", "Q", 1.6993), ("Q", "B", -1.2002), ("B", "R", -2.7003), ("R", "A", 0.7003)]
 RISES += [("P", "B", 0.5005), ("P", "R", -2.1995)]
@@ -86,3 +90,27 @@ def test_one_bench_mark_that_is_suspected_is_not_told_as_several_observations():
     adjustment = levelling(2347.01).adjust()
     assert adjustment.suspicion is not None and adjustment.suspicion.may_be_known
     assert not any("gross errors" in text for text in adjustment.warnings)
+
+
+def displaced(network, coordinates):
+    return replace(network, points=replace(network.points, coordinates=coordinates))
+
+
+@pytest.mark.parametrize(("a", "b"), [("A1", "B1"), ("A4", "B3")])
+def test_two_exchanged_points_of_two_axes_are_one_finding(shared_data, a, b):
+    """Each is seen once, and bends its axis: others than these two look worse."""
+    network = Network.read_project(shared_data / "comp3d-axe" / "project.comp")
+    rows = [network.points.index[name] for name in (a, b)]
+    places = network.points.coordinates.copy()
+    places[rows] = places[rows[::-1]]
+    (error,) = displaced(network, places).gross_errors()
+    assert error.cause is Cause.SWAPPED_NAMES and set(error.points) == {a, b}
+
+
+def test_the_scale_of_all_distances_may_be_one_of_two_known_points(shared_data):
+    network = Network.read_project(shared_data / "gama-local-small" / "gama-local.gkf")
+    places = network.points.coordinates.copy()
+    places[network.points.index["2"], 1] += 10.0
+    (error,) = displaced(network, places).gross_errors()
+    assert error.cause is Cause.DISTANCES
+    assert re.search(r"nothing tells apart, the coordinates of 1 \(.*\) or 2 \(.*\)$", error.text)

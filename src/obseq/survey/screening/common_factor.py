@@ -13,7 +13,15 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.survey.screening.distances import LEAST, changed, described, distances_of, may_be, values_of
+from obseq.survey.screening.distances import (
+    LEAST,
+    changed,
+    described,
+    distances_of,
+    may_be,
+    or_known_points,
+    values_of,
+)
 from obseq.survey.screening.robust import QUICK
 from obseq.survey.screening.trials import estimated
 
@@ -75,6 +83,7 @@ def common_factor(
         return ()
     size = float(np.max(np.abs(np.nan_to_num(adjustment.normalised_residuals[mine]))))
     error = described(given.book, mine, what, values, size, computation.point_system, model.units)
+    error = or_known_points(error, what, given.points)
     return (replace(error, text=f"{error.text}{_or(adjustment, gain)}"),)
 
 

@@ -18,13 +18,15 @@ if TYPE_CHECKING:
     from obseq.report.units import Units
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import FieldBook
+    from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.robust import Estimate
     from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _HORIZONTAL = "horizontal"
+_TWO = 2
+"""Known points of which one that is wrong does to all distances what a scale does."""
 LEAST = 4
 """Distances from which an unknown of all of them says something."""
 LARGEST_CONSTANT, LARGEST_SCALE = 2.0, 0.5
@@ -56,7 +58,17 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     _, what, rows, corrected = best
     size = float(trials.found.ratios[rows].max())
     values, units = values_of(corrected, what), trials.found.units
-    return described(trials.found.book, rows, what, values, size, system, units), corrected
+    told = described(trials.found.book, rows, what, values, size, system, units)
+    return or_known_points(told, what, trials.found.points), corrected
+
+
+def or_known_points(told: GrossError, what: str, points: Points) -> GrossError:
+    """A scale, with the two known points where there are no more: one that is wrong explains as much."""
+    known = np.flatnonzero(~points.is_free[:, :2].any(axis=1)).tolist()
+    if what != "scale" or len(known) != _TWO:
+        return told
+    names = " or ".join(f"{points.names[row]} ({points.place(row)})" for row in known)
+    return replace(told, text=f"{told.text}; or, which nothing tells apart, the coordinates of {names}")
 
 
 def values_of(corrected: Estimate, what: str) -> list[float]:

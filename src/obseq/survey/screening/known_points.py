@@ -30,13 +30,15 @@ if TYPE_CHECKING:
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _MOST_POINTS = 8
+_MOST_EXCHANGED, _SMALL = 4, 60
+"""Known points of which each two may be exchanged; all of them in a network of so few observations."""
 _ASTRAY = 100.0
 """How many times farther from the others a point is not when it is put right."""
 _NEAR = 0.05
 """Distance (m), beyond the sigmas, at which two places are the same."""
 _LEAST_NEAR, _SIGMAS = 0.005, 3.0
 """How near (m, sigmas of the place) a slip of the pen must come to the observations."""
-_WIDER = (1.0, 2.0, 4.0)
+_SHARES = (1.0 / _SIGMAS, 1.0)
 """What fits nearer is thought of first; what fits less well says less."""
 _AXES = ("easting (x)", "northing (y)", "height")
 
@@ -109,12 +111,19 @@ def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
     for row in candidates:
         alone = _swapped(system, found.points, np.array([row]), "")
         yield from (trial for trial in alone if not _strays(found.points, trial))
-    for a, b in itertools.combinations(candidates[:4], 2):
-        coordinates = found.points.coordinates.copy()
-        coordinates[[a, b]] = coordinates[[b, a]]
-        text = "the coordinates of these two points are exchanged, or their names"
-        yield _Trial(Cause.SWAPPED_NAMES, text, replace(found.points, coordinates=coordinates), (a, b))
+    pairs = list(itertools.combinations(candidates, 2))
+    likely = [pair for pair in pairs if set(pair) <= set(candidates[:_MOST_EXCHANGED])]
+    yield from (_exchanged(found, pair) for pair in likely)
     yield from _unknown(found, candidates)
+    if np.count_nonzero(found.book.observations.active) <= _SMALL:
+        yield from (_exchanged(found, pair) for pair in pairs if pair not in likely)
+
+
+def _exchanged(found: Estimate, pair: tuple[int, int]) -> _Trial:
+    coordinates = found.points.coordinates.copy()
+    coordinates[list(pair)] = coordinates[list(pair[::-1])]
+    text = "the coordinates of these two points are exchanged, or their names"
+    return _Trial(Cause.SWAPPED_NAMES, text, replace(found.points, coordinates=coordinates), pair)
 
 
 def _unknown(found: Estimate, candidates: list[int]) -> Iterator[_Trial]:
@@ -255,7 +264,7 @@ def _of_coordinates(
     off = [k for k in range(3) if abs(given[k] - right[k]) > 2.0 * _NEAR]
     if len(off) == 1:
         k = off[0]
-        tolerances = (wider * float(near[k]) for wider in _WIDER if np.isfinite(near[k]))
+        tolerances = (share * float(near[k]) for share in _SHARES if np.isfinite(near[k]))
         tried = (explain(COORDINATE, float(given[k]), float(right[k]), tolerance) for tolerance in tolerances)
         explanation = next(filter(None, tried), None)
         if explanation is not None:
