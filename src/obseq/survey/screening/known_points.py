@@ -38,8 +38,9 @@ _NEAR = 0.05
 """Distance (m), beyond the sigmas, at which two places are the same."""
 _LEAST_NEAR, _SIGMAS = 0.005, 3.0
 """How near (m, sigmas of the place) a slip of the pen must come to the observations."""
-_SHARES = (1.0 / _SIGMAS, 1.0)
-"""What fits nearer is thought of first; what fits less well says less."""
+_SHARES = (1.0 / _SIGMAS, 1.0, 4.0)
+"""What fits nearer is thought of first; what fits less well says less, and is believed of large errors only:
+the other known points have errors too."""
 _AXES = ("easting (x)", "northing (y)", "height")
 
 
