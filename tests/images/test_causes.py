@@ -62,7 +62,8 @@ def test_what_keeps_images_from_being_placed_is_named(change, said):
     change(block)
     block.poses = block.poses.select([])
     with pytest.raises(
-        InputError, match=f"cannot be placed; .*; {said} .*: so changed, all images can be placed"
+        InputError,
+        match=f"cannot be placed.*\nLikely cause: {said}[^\n]*: so changed, all images can be placed",
     ):
         block.initialise()
 

@@ -75,14 +75,31 @@ def test_an_image_that_contradicts_the_others_is_named_without_a_convention():
     assert _cause(block).startswith("image i2 contradicts all the others: without its ")
 
 
+def _refused(block):
+    block.poses = block.poses.select([])
+    with pytest.raises(InputError, match="cannot be placed") as refused:
+        block.initialise()
+    return str(refused.value).partition("\nLikely cause: ")[2]
+
+
 def test_an_image_that_cannot_be_placed_is_told_the_convention_that_places_it():
     block = _block()
-    _changed(block, "i0", _upwards)
-    block.poses = block.poses.select([])
-    with pytest.raises(
-        InputError, match=r"image i0: lines count upwards .*: so changed, all images can be placed"
-    ):
-        block.initialise()
+    _changed(block, "i2", _upwards)
+    cause = _refused(block)
+    assert cause.startswith(
+        "image i2: lines count upwards (y -> height - y), or columns count from the right"
+    )
+    assert float(cause.rpartition("sigma0 ")[2]) < 1.5
+
+
+def test_two_images_that_cannot_be_placed_are_both_named():
+    block = _block(n_images=6)
+    rng = np.random.default_rng(4)
+    for image in ("i1", "i4"):
+        _changed(block, image, rng.permutation)
+    assert _refused(block).startswith(
+        "images i1 and i4 contradict all the others: without their 32 measures, "
+    )
 
 
 def test_the_images_of_one_camera_are_named_together():

@@ -110,13 +110,15 @@ def run(arguments: argparse.Namespace) -> int:
     check_writable(outputs.values(), inputs(arguments))
     with Progress("loading") as progress:
         from obseq.images.adjustment.causes import common_cause
+        from obseq.images.adjustment.refusals import explained
         from obseq.images.output.record import record_of
         from obseq.images.output.summary import summary
 
         progress("reading")
         block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
-        solution = _solve(block, options, progress)
+        with explained(block, progress, **options):
+            solution = _solve(block, options, progress)
         cause = common_cause(block, solution, given, progress, **options)
         progress("writing")
         record = record_of(solution, cause=cause)

@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_writable(reports)
     with Progress("reading") as progress:
         from obseq.images.adjustment.causes import common_cause
+        from obseq.images.adjustment.refusals import explained
         from obseq.images.output.clouds import ply
         from obseq.images.output.page import page
         from obseq.images.output.record import record_of
@@ -63,10 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
         from obseq.project.results import Results
 
         block = assembled(tree, arguments.images, arguments.orientation, options)
-        solution = block.solve(
-            max_iterations=options.iterations,
-            progress=lambda step: progress(f"adjusting: {step}"),
-        )
+        with explained(block, progress, max_iterations=options.iterations):
+            solution = block.solve(
+                max_iterations=options.iterations,
+                progress=lambda step: progress(f"adjusting: {step}"),
+            )
         cause = common_cause(block, solution, block.poses, progress, max_iterations=options.iterations)
         record = record_of(solution, cause=cause)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)

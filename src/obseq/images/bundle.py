@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING
 
-from obseq.errors import InputError, SingularSystemError
+from obseq.errors import SingularSystemError
+from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
+from obseq.images.adjustment.placing import placed, waiting_images
 from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
 from obseq.images.adjustment.verdicts import check_datum, check_scale, in_words
-from obseq.images.block import Block
-from obseq.images.initial.conventions import convention_that_fits
-from obseq.images.initial.growth import place_images, place_the_last
-from obseq.images.measures import ImagePoints
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -31,7 +28,7 @@ MAX_ITERATIONS, MOST = 50, 200
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
 
 
-class BundleAdjustment(Block):
+class BundleAdjustment(AdjustableBlock):
     """A block of images and its adjustment.
 
     Example:
@@ -117,35 +114,21 @@ class BundleAdjustment(Block):
         """Whether some measures are weakened by their residuals."""
         return any(part.weighting is not None and part.weighting.loss is not None for part in self.sets)
 
-    def initialise(self) -> tuple[str, ...]:
+    def initialise(self, causes: bool = True) -> tuple[str, ...]:
         """Finds poses for the images that have measures and none; returns their names.
 
         By resection where there are four control points or more, else from their neighbours; without any
         image to begin with, from a relative orientation that three control points bring to the world. A
         block without control points stays in the frame of its first pair.
 
+        Args:
+            causes: whether to try what may be wrong where images cannot be placed; it takes some adjustments.
+
         Raises:
             InputError: an image cannot be placed; it is named, with the reason.
         """
-        measured = {name for part in self.sets for name in part.measures.image_names}
-        waiting = [image for image in self.camera_of if image in measured - set(self.poses.images)]
+        waiting = waiting_images(self)
         if not waiting:
             return ()
-        measures = functools.reduce(ImagePoints.joined, (part.measures for part in self.sets))
-        cameras = {image: self.cameras[name] for image, name in self.camera_of.items()}
-        given = self.poses.select([image for image in self.poses.images if image in measured])
-        asked = measures, self.control, cameras, given
-        try:
-            growth = place_images(*asked)
-        except InputError as error:
-            raise InputError(f"{self.source}{error}") from None
-        lost = growth.waiting()
-        hint = convention_that_fits(*asked, growth.as_poses(), lost) if lost else ""
-        if lost and not hint:
-            place_the_last(growth, self.control)
-            lost = growth.waiting()
-        if lost:
-            reason = growth.reasons.get(lost[0], "it shares too few points with the images that were placed")
-            raise InputError(f"{self.source}{len(lost)} images cannot be placed; {lost[0]}: {reason}{hint}")
-        self.add_poses(growth.as_poses().select(waiting))
+        self.add_poses(placed(self, causes).select(waiting))
         return tuple(waiting)

@@ -26,6 +26,11 @@ CONVENTION = (
     "; pixels are counted from the upper left corner here, x to the right, y down: for an origin in the "
     "middle of the image add half of its width and height, divide millimetres by the size of a pixel"
 )
+EXCHANGED = (
+    "; with x and y exchanged all are inside: x goes to the right here, y down. If the images were turned by "
+    "90 degrees before they were measured, exchange width and height of the camera, and turn its principal "
+    "point"
+)
 MANY = 0.1
 """Share of the measures outside their images that no single mistakes explain."""
 
@@ -91,7 +96,7 @@ def _convention(measures: ImagePoints, outside: int, low: FloatArray, size: Floa
         return ""
     exchanged = measures.xy[:, ::-1]
     if ((exchanged >= low) & (exchanged <= size + MARGIN)).all():
-        return "; with x and y exchanged all are inside: x goes to the right here, y down"
+        return EXCHANGED
     return CONVENTION
 
 

@@ -13,7 +13,7 @@ from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     import re
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from obseq.images.clinometers import Clinometer, Inclinations
     from obseq.images.measures import ImagePoints
@@ -122,6 +122,12 @@ class PoseObservations:
     poses: Poses
     centre_sigmas: FloatArray
     rotation_sigma: float | None
+
+    def without(self, images: Collection[str]) -> PoseObservations:
+        """Those of the other images."""
+        rows = [row for row, image in enumerate(self.poses.images) if image not in images]
+        kept = self.poses.select([self.poses.images[row] for row in rows])
+        return PoseObservations(kept, self.centre_sigmas[rows], self.rotation_sigma)
 
 
 @dataclass(eq=False)

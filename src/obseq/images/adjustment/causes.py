@@ -6,26 +6,25 @@ what those of one image or camera share.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.images.adjustment.axes import common, exchanged_axes
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
+from obseq.images.adjustment.given_poses import exchanged_images, misplaced
 from obseq.images.adjustment.odd_images import odd_image
-from obseq.images.adjustment.trials import Trials, is_mirrored, is_rejected
-from obseq.images.initial.conventions import CONVENTIONS, MOST_MEASURES, MOST_PLACED
+from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
+from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.bundle import BundleAdjustment
     from obseq.images.poses import Poses
 
-BAD = 5.0
-"""sigma0 above which a converged block is tried again."""
 GROSS = 10.0
 """Sigmas: a larger residual may be that of an exchanged point."""
 MIRRORED = (
@@ -35,7 +34,7 @@ MIRRORED = (
 
 
 def common_cause(
-    block: BundleAdjustment,
+    block: AdjustableBlock,
     solution: BundleSolution,
     given: Poses,
     told: Callable[[str], None] | None = None,
@@ -53,18 +52,20 @@ def common_cause(
     measures = sum(len(part.measures) for part in block.sets)
     if solution.sigma0 is None or measures > MOST_MEASURES:
         return ""
-    trials = Trials(block, solution, given, told or _silent, options)
+    trials = Trials(block, given, told or silent, options, solution)
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
     may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
     cause = control_unit(trials) if is_bad else ""
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad:
-        cause = _cause_of_all(trials)
+        cause = exchanged_axes(trials) or misplaced(trials) or _focal_length(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
         cause = odd_image(trials, is_bad)
+    if not (cause or is_bad):
+        cause = exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
 
 
@@ -73,40 +74,18 @@ def _has_gross(solution: BundleSolution) -> bool:
     return bool((np.abs(found.residuals) > GROSS * found.sigmas).any())
 
 
-def _cause_of_all(trials: Trials) -> str:
-    """A convention of all image coordinates, or a focal length."""
-    fits, cameras = [], trials.cameras
-    for convention in CONVENTIONS:
-        changed = trials.measured(partial(convention.of, cameras=cameras))
-        found = trials.fitting(changed, convention.trial)
-        if found is not None:
-            fits.append((_principal_shift(found), len(found.iterations), convention.said, found))
-    if fits:
-        *_, said, found = min(fits, key=lambda fit: fit[:2])
-        return f"{said}: {_falls(trials, found)}"
+def _focal_length(trials: Trials) -> str:
+    """Another focal length that explains a block, in words."""
     freed = trials.copy()
     freed.free_parameters("F")
     found = trials.fitting(freed, "another focal length")
     if found is None:
         return ""
-    return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {_falls(trials, found)}"
+    return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
 
 
-def _principal_shift(found: BundleSolution) -> float:
-    """Pixels by which a principal point moved, at most: a wrong convention that fits needs it to."""
-    given = found.block.cameras
-    shifts = [c.principal_point - given[name].principal_point for name, c in found.cameras.items()]
-    return float(np.abs(shifts).max(initial=0.0))
-
-
-def _silent(said: str) -> None:
+def silent(said: str) -> None:
     """Nobody is told."""
-
-
-def _falls(trials: Trials, after: BundleSolution) -> str:
-    if is_mirrored(trials.before):
-        return f"the block fits as a mirror image; so changed, as it is, with sigma0 {after.sigma0:.3g}"
-    return f"so changed, {trials.falls(after)}"
 
 
 def _focal_lengths(found: BundleSolution) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.trials import LOUD
+from obseq.images.adjustment.trials import HOPELESS, LOUD
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Trials
-    from obseq.images.bundle import BundleAdjustment
     from obseq.images.control import ControlPoints
     from obseq.images.poses import Poses
 
@@ -50,11 +50,11 @@ def exchange_in(trials: Trials, image: str, first: str, second: str) -> str:
 
 
 def _explanation(
-    trials: Trials, changed: BundleAdjustment | None, left_out: BundleAdjustment | None, what: str, said: str
+    trials: Trials, changed: AdjustableBlock | None, left_out: AdjustableBlock | None, what: str, said: str
 ) -> str:
     """What is said of an exchange that explains as much as leaving out both does; else empty."""
     found = trials.solved(changed, f"{what} exchanged")
-    if found is None or trials.gains(found) < LOUD**2:
+    if found is None or (found.sigma0 or 0.0) > HOPELESS or trials.gains(found) < LOUD**2:
         return ""
     without = trials.solved(left_out, f"the block without {what}")
     if without is None or not (trials.contradicts(without) and trials.explains(found, without)):

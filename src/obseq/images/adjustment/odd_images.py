@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import BoolArray
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.adjustment.trials import Trials
-    from obseq.images.bundle import BundleAdjustment
+    from obseq.images.adjustment.trials import Attempts, Trials
     from obseq.images.camera import Camera
 
 TRIED = 8
@@ -57,6 +57,11 @@ class Odd:
     images: tuple[str, ...]
     said: str
 
+    @classmethod
+    def of(cls, images: tuple[str, ...]) -> Odd:
+        """Images that share nothing else."""
+        return cls(images, f"image{'s' if len(images) > 1 else ''} {' and '.join(images)}")
+
     @property
     def is_one(self) -> bool:
         """Whether it is one image."""
@@ -73,7 +78,7 @@ def odd_image(trials: Trials, is_bad: bool) -> str:
     for odd in _candidates(trials, is_bad):
         without = trials.solved(_without(trials, odd), f"the block without {odd.said}")
         if without is not None and trials.contradicts(without):
-            said = _Explanation(trials, odd, without).words()
+            said = _Contradiction(trials, odd, without).words()
             if said or odd.is_one:
                 return said
     return _several(trials) if is_bad else ""
@@ -85,14 +90,25 @@ def _several(trials: Trials) -> str:
     solution = trials.before
     for _ in range(min(SEVERAL, len(solution.poses) // 3)):
         names += (next(_worst_first(solution))[0],)
-        odd = Odd(names, f"images {' and '.join(names)}" if len(names) > 1 else f"image {names[0]}")
-        without = trials.last(_without(trials, odd), f"the block without {odd.said}")
+        odd = Odd.of(names)
+        without = _left_out(trials, odd, solution)
         if without is None:
             return ""
         if without.converged and trials.contradicts(without):
-            return _Explanation(trials, odd, without).words()
+            return _Contradiction(trials, odd, without).words()
         solution = without
     return ""
+
+
+def _left_out(trials: Trials, odd: Odd, from_there: BundleSolution) -> BundleSolution | None:
+    """The block without images; from other poses where more odd ones spoil those from the measures."""
+    said = f"the block without {odd.said}"
+    found = trials.solved(_without(trials, odd), said)
+    changed = _without(trials, odd)
+    if found is not None or changed is None:
+        return found
+    changed.poses = from_there.poses
+    return trials.last(changed, said)
 
 
 def _candidates(trials: Trials, is_bad: bool) -> Iterator[Odd]:
@@ -105,7 +121,7 @@ def _candidates(trials: Trials, is_bad: bool) -> Iterator[Odd]:
             yield Odd(own, f"the images of camera {name}")
     for image, times in itertools.islice(_worst_first(trials.before), TRIED) if len(images) > 2 else ():
         if is_bad or times > TIMES:
-            yield Odd((image,), f"image {image}")
+            yield Odd.of((image,))
 
 
 def _worst_first(solution: BundleSolution) -> Iterator[tuple[str, float]]:
@@ -118,28 +134,34 @@ def _worst_first(solution: BundleSolution) -> Iterator[tuple[str, float]]:
         yield solution.poses.images[number], middles[number] / usual
 
 
-def _without(trials: Trials, odd: Odd) -> BundleAdjustment | None:
-    return trials.measured(lambda measures: measures.rows(~_are_of(measures, odd)))
+def _without(trials: Trials, odd: Odd) -> AdjustableBlock | None:
+    """The block without the measures in images, and without what is observed of their poses."""
+    made = trials.measured(lambda measures: measures.rows(~_are_of(measures, odd)))
+    if made is not None:
+        made.pose_observations = [part.without(odd.images) for part in made.pose_observations]
+    return made
 
 
 def _are_of(measures: ImagePoints, odd: Odd) -> BoolArray:
     return are_among(measures.image_names, odd.images)[measures.image]
 
 
+def odd_without(odd: Odd, attempts: Attempts, without: BundleSolution) -> str:
+    """What is wrong with images that have no place in a block that fits without them, in words."""
+    return _Explanation(attempts, odd, without).words()
+
+
 @dataclass(frozen=True, eq=False)
 class _Explanation:
     """What is wrong with images that contradict the others, in the solution without them."""
 
-    trials: Trials
+    trials: Attempts
     odd: Odd
     without: BundleSolution
 
     def words(self) -> str:
-        """The explanation, or that there is none; empty where most of their measures fit as they are."""
-        rows, fits = self._fits(self._measures, self._cameras)
-        said = self._exchange(rows.rows(~fits)) or self._convention() or self._camera()
-        of_its_own = self.odd.is_one and 2 * np.count_nonzero(fits) <= len(fits)
-        return said or (self._unexplained() if of_its_own else "")
+        """The explanation, or that there is none."""
+        return self._convention() or self._camera() or self._unexplained()
 
     @property
     def _measures(self) -> ImagePoints:
@@ -172,12 +194,6 @@ class _Explanation:
         _, fits = self._fits(measures, cameras)
         return bool(np.count_nonzero(fits) >= NEARLY_ALL * len(fits))
 
-    def _exchange(self, misfits: ImagePoints) -> str:
-        """That two points of an image are exchanged, where all others of it fit."""
-        if len(misfits) != 2 or len(misfits.image_names) != 1:
-            return ""
-        return exchange_in(self.trials, misfits.image_names[0], *misfits.point_names)
-
     def _convention(self) -> str:
         """Other ways to give the image points that explain them."""
         found: list[tuple[str, BundleSolution]] = []
@@ -197,7 +213,7 @@ class _Explanation:
                 found += self._tried(self._taken_by(name), name, f"camera {name} instead of {', '.join(own)}")
         return self._said(found)
 
-    def _taken_by(self, camera: str) -> BundleAdjustment:
+    def _taken_by(self, camera: str) -> AdjustableBlock:
         made = self.trials.copy()
         made.camera_of |= dict.fromkeys(self.odd.images, camera)
         cameras = tuple(made.camera_of[image] for image in made.poses.images)
@@ -205,7 +221,7 @@ class _Explanation:
         return made
 
     def _tried(
-        self, block: BundleAdjustment | None, trial: str, said: str
+        self, block: AdjustableBlock | None, trial: str, said: str
     ) -> list[tuple[str, BundleSolution]]:
         """What explains the measures, and the block that is changed so; nothing where it does not."""
         found = self.trials.solved(block, f"{self.odd.said}, {trial}")
@@ -227,8 +243,35 @@ class _Explanation:
         return f"{'its' if self.odd.is_one else 'their'} {len(self._measures)} measures"
 
     def _unexplained(self) -> str:
+        verb = "contradicts" if self.odd.is_one else "contradict"
         return (
-            f"{self.odd.said} contradicts all the others: without {self._count}, "
+            f"{self.odd.said} {verb} all the others: without {self._count}, "
             f"{self.trials.falls(self.without)}; look for names of points of another image, another camera, "
             "or other axes of its pixels"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Contradiction(_Explanation):
+    """What is wrong with images that have poses and contradict the others."""
+
+    trials: Trials
+
+    def words(self) -> str:
+        """The explanation, or that there is none; empty where most measures of an image fit as they are."""
+        rows, fits = self._fits(self._measures, self._cameras)
+        said = self._exchange(rows.rows(~fits)) or self._convention() or self._camera()
+        return said or (self._unexplained() if self._misfit(rows, fits) else "")
+
+    def _misfit(self, measures: ImagePoints, fits: BoolArray) -> bool:
+        """Whether half of the measures of each image fit from no pose."""
+        there, fit = (
+            np.bincount(measures.image[rows], minlength=len(measures.image_names)) for rows in (..., fits)
+        )
+        return bool((2 * fit <= there).all())
+
+    def _exchange(self, misfits: ImagePoints) -> str:
+        """That two points of an image are exchanged, where all others of it fit."""
+        if len(misfits) != 2 or len(misfits.image_names) != 1:
+            return ""
+        return exchange_in(self.trials, misfits.image_names[0], *misfits.point_names)

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera
     from obseq.images.parts import MeasureSet
 
+
+class ContradictionError(InputError):
+    """Poses, cameras and points contradict each other so much that there is no solution."""
+
+
 FAR_OFF = 10.0
 """Sigmas by which a given centre may be off an observed one; it starts at the observation otherwise."""
 LEAST_RAYS = 2
@@ -322,7 +327,7 @@ def _require_in_front(block: Block, start: Start) -> None:
         if not seen.all():
             row = int(np.arange(len(part.point))[rows][seen.argmin()])
             origin = part.given.origin or block.origin
-            raise InputError(
+            raise ContradictionError(
                 f"{f'{origin.place(row)}: ' if origin else ''}{part.given.measures.label(row)}: the point is "
                 f"behind the camera ({np.count_nonzero(~seen)} measures are); check the coordinates, the "
                 "name, and the convention of the pose: here x = centre + R x_camera, the camera looking "

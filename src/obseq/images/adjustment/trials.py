@@ -15,14 +15,18 @@ from obseq.leastsquares.statistics.hypothesis_tests import global_test
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
     from obseq.leastsquares import Iteration
 
+BAD = 5.0
+"""sigma0 above which a converged block is tried again, and a changed one does not fit."""
+HOPELESS = 50.0
+"""sigma0 above which nothing is explained, however much larger it was."""
 SHARE = 0.1
 """Of sigma0, below which a cause that all measures share explains a block."""
 FEW, TIMES, MOST = 25, 2, 50
@@ -34,19 +38,17 @@ EXPLAINED = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Trials:
-    """Adjustments of changed blocks, to compare with one.
+class Attempts:
+    """Adjustments of changed blocks: one that fits tells what is wrong with a block that has no solution.
 
     Attributes:
         block: as it was given; it does not change.
-        before: its solution.
         given: its poses before others were found.
         told: is told of each step.
         options: of `solve`.
     """
 
-    block: BundleAdjustment
-    before: BundleSolution
+    block: AdjustableBlock
     given: Poses
     told: Callable[[str], None]
     options: Solving
@@ -56,13 +58,13 @@ class Trials:
         """The given camera of each image."""
         return {image: self.block.cameras[name] for image, name in self.block.camera_of.items()}
 
-    def copy(self) -> BundleAdjustment:
+    def copy(self) -> AdjustableBlock:
         """The block as it was given, to be changed."""
         made = copy.copy(self.block)
         made.poses, made.rules, made.camera_of = self.given, list(made.rules), dict(made.camera_of)
         return made
 
-    def measured(self, change: Callable[[ImagePoints], ImagePoints | None]) -> BundleAdjustment | None:
+    def measured(self, change: Callable[[ImagePoints], ImagePoints | None]) -> AdjustableBlock | None:
         """The block with other measures; None where there are none for a set of them."""
         made, sets = self.copy(), []
         for part in made.sets:
@@ -73,28 +75,74 @@ class Trials:
         made.sets = sets
         return made
 
-    def solved(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
+    def solved(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
         """The solution of a changed block, if it converges."""
         found = self.last(block, change)
         return found if found is not None and found.converged and found.sigma0 is not None else None
 
-    def last(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
+    def last(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
         """The solution of a changed block, converged or not, if there is any."""
         if block is None:
             return None
         try:
             self.told(f"the block does not fit: trying {change}")
-            block.initialise()
-            return block.solve(**self._as_before(change))
+            block.initialise(causes=False)
+            return _sound(block.solve(**self._as_before(change)))
         except ObseqError:
             return None
 
-    def fitting(self, block: BundleAdjustment | None, change: str) -> BundleSolution | None:
-        """The solution of a changed block that fits: ten times better, by its test, or as no mirror image."""
+    def fitting(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
+        """The solution of a changed block that fits, and as no mirror image."""
         found = self.solved(block, change)
+        return None if found is None or is_mirrored(found) or not self._fits(found) else found
+
+    def _fits(self, found: BundleSolution) -> bool:
+        """Whether a solution is a good one."""
+        return _sigma0(found) < BAD
+
+    def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
+        """Whether a change of observations makes them agree with the rest, as it is without them."""
+        more = _redundancy(changed) - _redundancy(without)
+        return bool(_squares(changed) - _squares(without) <= QUIET**2 * _variance(without) * more)
+
+    def falls(self, after: BundleSolution) -> str:
+        """What becomes of sigma0."""
+        return f"the block fits with sigma0 {_sigma0(after):.3g}"
+
+    def becomes(self, after: BundleSolution) -> str:
+        """What becomes of the block."""
+        return f"so changed, {self.falls(after)}"
+
+    @property
+    def _most(self) -> int:
+        """Iterations of a trial."""
+        return FEW
+
+    def _as_before(self, change: str) -> Solving:
+        """The options, with a limit to the iterations that a hopeless trial does not pass."""
+        given = self.options.get("max_iterations")
+        return {
+            **self.options,
+            "covariance": False,
+            "max_iterations": min(given or self._most, self._most),
+            "progress": lambda step: self.told(_step(change, step)),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Trials(Attempts):
+    """Adjustments of changed blocks, to compare with one.
+
+    Attributes:
+        before: the solution of the block.
+    """
+
+    before: BundleSolution
+
+    def _fits(self, found: BundleSolution) -> bool:
+        """Whether a solution is ten times better, good by its test, or better than a mirror image."""
         most = _sigma0(self.before) * (1.0 if is_mirrored(self.before) else SHARE)
-        fits = found is not None and (_sigma0(found) < most or not is_rejected(found))
-        return None if found is None or not fits or is_mirrored(found) else found
+        return _sigma0(found) < min(most, HOPELESS) or not is_rejected(found)
 
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
@@ -103,10 +151,9 @@ class Trials:
         return bool(more > 0 and gain > LOUD**2 * _variance(without) * more)
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
-        """Whether a change of observations makes them agree with the rest, as it is without them."""
-        more = _redundancy(changed) - _redundancy(without)
+        """Whether a change makes observations agree with the rest, and little is left of what they spoil."""
         left, gain = _squares(changed) - _squares(without), _squares(self.before) - _squares(without)
-        return bool(left <= QUIET**2 * _variance(without) * more and left <= (1.0 - EXPLAINED) * gain)
+        return super().explains(changed, without) and bool(left <= (1.0 - EXPLAINED) * gain)
 
     def gains(self, found: BundleSolution) -> float:
         """By how much a change lowers the weighted sum of squares, in the variances of most residuals."""
@@ -116,16 +163,25 @@ class Trials:
         """What becomes of sigma0."""
         return f"sigma0 falls from {_sigma0(self.before):.3g} to {_sigma0(after):.3g}"
 
-    def _as_before(self, change: str) -> Solving:
-        """The options, with a limit to the iterations that a hopeless trial does not pass."""
-        most = min(max(FEW, TIMES * len(self.before.iterations)), MOST)
-        given = self.options.get("max_iterations")
-        return {
-            **self.options,
-            "covariance": False,
-            "max_iterations": min(given or most, most),
-            "progress": lambda step: self.told(_step(change, step)),
-        }
+    def becomes(self, after: BundleSolution) -> str:
+        """What becomes of the block."""
+        if is_mirrored(self.before):
+            return f"the block fits as a mirror image; so changed, as it is, with sigma0 {_sigma0(after):.3g}"
+        return super().becomes(after)
+
+    @property
+    def _most(self) -> int:
+        return min(max(FEW, TIMES * len(self.before.iterations)), MOST)
+
+
+def _sound(found: BundleSolution) -> BundleSolution:
+    """A solution whose cameras are possible.
+
+    Raises:
+        InputError: one is not: a focal length that is negative, in a mirror image.
+    """
+    found.cameras  # noqa: B018  (each is checked when it is made)
+    return found
 
 
 def _step(change: str, step: Iteration) -> str:

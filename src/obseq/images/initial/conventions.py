@@ -8,29 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
-from obseq.images.initial.growth import place_images
-from obseq.images.initial.intersection import intersect
-from obseq.images.initial.rough import misfit
 from obseq.images.measure_checks import MARGIN
 from obseq.images.names import are_among
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping
 
     from obseq.arrays import FloatArray
     from obseq.images.camera import Camera
-    from obseq.images.control import ControlPoints
     from obseq.images.measures import ImagePoints
-    from obseq.images.poses import Poses
 
 MOST_MEASURES = 100_000
 """No larger block is tried again for the sake of a word."""
 MOST_PLACED = 20_000
 """Nor are the images of a larger one placed again."""
-MEET = 3.0
-"""Pixels: rays that miss each other by less, in the median, meet."""
-
 ALIKE = 1.1
 """Times the least misfit, or sigma0, up to which explanations are as good."""
 
@@ -113,49 +104,3 @@ OF_ONE_IMAGE = (
     *(_of_another_size(factor) for factor in (2.0, 4.0, 8.0, 0.5)),
 )
 """What the measures of one image, or of one camera, may be given in, where those of the others are not."""
-
-
-def convention_that_fits(
-    measures: ImagePoints,
-    control: ControlPoints,
-    cameras: Mapping[str, Camera],
-    given: Poses,
-    placed: Poses,
-    lost: Sequence[str],
-) -> str:
-    """Why images could not be placed, where they all can in another convention, of all or of one; else empty.
-
-    Args:
-        measures: all image points.
-        control: known points.
-        cameras: by image.
-        given: poses that are known.
-        placed: these and the poses that were found.
-        lost: images that could not be placed.
-    """
-    if len(measures) > MOST_PLACED:
-        return ""
-    trials = [(convention.of(measures, cameras), given, convention.said) for convention in CONVENTIONS]
-    if len(lost) == 1:
-        trials += [
-            (each.of(measures, cameras, lost), placed, f"image {lost[0]}: {each.said}")
-            for each in OF_ONE_IMAGE
-        ]
-    fits = [(_misfit(m, control, cameras, known), said) for m, known, said in trials if m is not None]
-    best = min((off for off, _ in fits), default=np.inf)
-    alike = [said for off, said in fits if off <= min(ALIKE * best, MEET)]
-    return f"; {', or '.join(alike)}: so changed, all images can be placed" if alike else ""
-
-
-def _misfit(
-    measures: ImagePoints, control: ControlPoints, cameras: Mapping[str, Camera], given: Poses
-) -> float:
-    """Pixels by which rays miss each other, in the median; infinite where an image has no place."""
-    try:
-        growth = place_images(measures, control, cameras, given)
-    except InputError:
-        return np.inf
-    if growth.waiting():
-        return np.inf
-    poses = growth.as_poses()
-    return misfit(intersect(measures, poses, [cameras[image] for image in poses.images]))

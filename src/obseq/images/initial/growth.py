@@ -218,7 +218,7 @@ def place_images(
         InputError: no image can be placed to begin with; or the control points cannot carry the block.
     """
     growth = Growth(measures, cameras, {image: given[image] for image in given.images})
-    known = control.select([name for name in control.names if name in set(measures.point_names)])
+    known = _measured(growth, control)
     growth.grow(known)
     if growth.waiting() and len(growth.poses) < 2:
         growth.poses.clear()
@@ -233,8 +233,19 @@ def place_images(
 def place_the_last(growth: Growth, control: ControlPoints) -> None:
     """Places images that are left over in a block that bends, where most have been placed."""
     if len(growth.waiting()) < len(growth.poses):
-        measured = set(growth.measures.point_names)
-        growth.grow(control.select([name for name in control.names if name in measured]), LOOSER)
+        growth.grow(_measured(growth, control), LOOSER)
+
+
+def place_loosely(growth: Growth, control: ControlPoints) -> None:
+    """Places images however far their points are missed: in a block that does not fit, to see why."""
+    for factor in (LOOSER, LOOSER**2):
+        growth.grow(_measured(growth, control), factor)
+
+
+def _measured(growth: Growth, control: ControlPoints) -> ControlPoints:
+    """The control points that are in an image."""
+    names = set(growth.measures.point_names)
+    return control.select([name for name in control.names if name in names])
 
 
 def _to_frame(growth: Growth, known: ControlPoints) -> None:

@@ -1,0 +1,141 @@
+"""Axes that are not those of here: of all image points, or of the control points.
+
+Exchanged axes of the control points mirror them, and so do those of all images: without poses that are known,
+or a principal point that is off the middle, either explains the other, and both are named.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.images.initial.conventions import ALIKE, CONVENTIONS
+from obseq.images.names import are_among
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.images.adjustment.adjustable import AdjustableBlock
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.adjustment.trials import Attempts
+    from obseq.images.control import ControlPoints
+    from obseq.images.poses import Poses
+
+TIMES, PIXELS, MOVED = 3.0, 5.0, 0.2
+"""Explanations are alike that move principal points and poses by no more than so many times the least: and
+these pixels, this share of the extent and radians."""
+EASTINGS = (1e5, 1e6)
+"""Metres: between these are eastings of most grids, and northings above the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A change of axes that makes a block fit.
+
+    Attributes:
+        said: it in words.
+        found: the solution of the changed block.
+        shift: pixels by which a principal point moved, at most: a wrong change needs it to.
+        moved: by how much the poses moved from those that were given, in radians and shares of their extent.
+    """
+
+    said: str
+    found: BundleSolution
+    shift: float
+    moved: float
+
+    @property
+    def sigma0(self) -> float:
+        """Of the changed block."""
+        return float(self.found.sigma0 or 0.0)
+
+
+def exchanged_axes(attempts: Attempts) -> str:
+    """The axes that explain a block, or those that do alike, in words; empty where none do."""
+    fits = []
+    for trial, said, block in _changed(attempts):
+        found = attempts.fitting(block, trial)
+        if found is not None:
+            fits.append(_Fit(said, found, _principal_shift(found), moved(found.poses, attempts.given)))
+    if not fits:
+        return ""
+    good = _alike(fits)
+    return f"{', or '.join(fit.said for fit in good)}: {attempts.becomes(good[0].found)}"
+
+
+def _alike(fits: list[_Fit]) -> list[_Fit]:
+    """Those that nothing tells apart: neither given poses, nor what is left, nor the cameras."""
+    least = min(fit.moved for fit in fits)
+    fits = [fit for fit in fits if fit.moved <= TIMES * least + MOVED]
+    least = min(fit.sigma0 for fit in fits)
+    fits = [fit for fit in fits if fit.sigma0 <= ALIKE * least]
+    least = min(fit.shift for fit in fits)
+    return [fit for fit in fits if fit.shift <= TIMES * least + PIXELS]
+
+
+def _changed(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock | None]]:
+    """What is tried, what is said of it, and the block: the likeliest first."""
+    cameras = attempts.cameras
+    images = [
+        (each.trial, each.said, attempts.measured(partial(each.of, cameras=cameras))) for each in CONVENTIONS
+    ]
+    made, control = attempts.copy(), attempts.block.control
+    made.control = with_exchanged_axes(control)
+    like = "" if len(attempts.given) else "; heights that count downwards look the same"
+    said = f"x and y of the control points are exchanged (easting comes first here{like})"
+    known = [("x and y of control points exchanged", said, made)] if len(control) else []
+    yield from [*known, *images] if _are_northings_first(control) else [*images, *known]
+
+
+def with_exchanged_axes(control: ControlPoints) -> ControlPoints:
+    """Control points with their first two coordinates exchanged."""
+    order = [1, 0, 2]
+    covariances = control.covariances[:, order][:, :, order].copy()
+    return replace(control, coordinates=control.coordinates[:, order].copy(), covariances=covariances)
+
+
+def _are_northings_first(control: ControlPoints) -> bool:
+    """Whether coordinates look like northings and eastings of a grid, in this order."""
+    if not len(control):
+        return False
+    x, y, _ = np.median(control.coordinates, axis=0)
+    return bool(x > EASTINGS[1] and EASTINGS[0] <= y < EASTINGS[1])
+
+
+def _principal_shift(found: BundleSolution) -> float:
+    given = found.block.cameras
+    shifts = [c.principal_point - given[name].principal_point for name, c in found.cameras.items()]
+    return float(np.abs(shifts).max(initial=0.0))
+
+
+def moved(found: Poses, given: Poses) -> float:
+    """By how much poses moved, in the median: radians, and shares of the extent of their centres."""
+    new, old = common(found, given)
+    if not len(new):
+        return 0.0
+    extent = max(float(np.linalg.norm(np.ptp(found.centres, axis=0))), 1e-12)
+    shares = np.linalg.norm(new.centres - old.centres, axis=1) / extent
+    return float(np.median(turns(old, new)) + np.median(shares))
+
+
+def common(first: Poses, second: Poses) -> tuple[Poses, Poses]:
+    """The poses of the images that both have."""
+    known = list(itertools.compress(first.images, are_among(first.images, second.images)))
+    return first.select(known), second.select(known)
+
+
+def turns(first: Poses, second: Poses) -> FloatArray:
+    """(n,) radians between the rotations of the same images."""
+    return angles_of(np.swapaxes(first.rotations, 1, 2) @ second.rotations)
+
+
+def angles_of(rotations: FloatArray) -> FloatArray:
+    """(n,) radians by which rotations (n, 3, 3) turn."""
+    traces = np.trace(rotations, axis1=1, axis2=2)
+    return np.asarray(np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)))

@@ -1,0 +1,57 @@
+"""Why a block has no solution: what a common cause explains is said with the error."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from obseq.errors import ObseqError, SingularSystemError
+from obseq.images.adjustment.axes import exchanged_axes
+from obseq.images.adjustment.causes import common_cause, silent
+from obseq.images.adjustment.given_poses import misplaced
+from obseq.images.adjustment.start import ContradictionError
+from obseq.images.adjustment.trials import Attempts
+from obseq.images.initial.conventions import MOST_PLACED
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from obseq.images.adjustment.adjustable import AdjustableBlock
+
+
+@contextmanager
+def explained(
+    block: AdjustableBlock, told: Callable[[str], None] | None = None, **options: Any
+) -> Iterator[None]:
+    """Errors of a block that its measures leave undetermined, or contradict, say what explains them.
+
+    Args:
+        block: with the poses that were given.
+        told: is told what is being tried.
+        options: of `solve`.
+    """
+    given = block.poses
+    try:
+        yield
+    except (ContradictionError, SingularSystemError) as error:
+        attempts = Attempts(block, given, told or silent, options)
+        if sum(len(part.measures) for part in block.sets) <= MOST_PLACED and (said := _cause(attempts)):
+            error.args = (f"{error}\nLikely cause: {said}",)
+        raise
+
+
+def _cause(attempts: Attempts) -> str:
+    """What makes the block fit when it is changed, in words; empty where nothing does."""
+    return exchanged_axes(attempts) or misplaced(attempts) or _of_calibrated(attempts)
+
+
+def _of_calibrated(attempts: Attempts) -> str:
+    """What is wrong with a block that has a solution when its cameras keep their parameters, in words."""
+    made = attempts.copy()
+    made.freeze_parameters()
+    try:
+        made.initialise(causes=False)
+        found = made.solve(**{**attempts.options, "covariance": False})
+    except ObseqError:
+        return ""
+    return common_cause(made, found, attempts.given, attempts.told, **attempts.options)

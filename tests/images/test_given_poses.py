@@ -1,0 +1,120 @@
+"""Poses that are given and are not those of the measures, and axes of control points: what is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from obseq.errors import InputError, ObseqError
+from obseq.images import Poses
+from obseq.images.adjustment import exchanges, trials
+from obseq.images.adjustment.causes import common_cause
+from obseq.images.adjustment.refusals import explained
+
+
+@pytest.fixture(autouse=True)
+def _short_trials(monkeypatch):
+    """What is right fits after a few iterations; the trials of what is wrong are the time of these tests."""
+    monkeypatch.setattr(trials, "MOST", 12)
+    monkeypatch.setattr(exchanges, "TRIED", 0)
+
+
+def _block(n_control=8, origin=(0.0, 0.0, 0.0)):
+    block, _, _ = scenes.block(n_images=6, n_points=16, n_control=n_control, origin=origin)
+    block.freeze_parameters("K.|p.|b.")
+    return block
+
+
+def _cause(block):
+    given = block.poses
+    with explained(block, covariance=False):
+        block.initialise()
+        solution = block.solve(max_iterations=15, covariance=False)
+    return common_cause(block, solution, given, covariance=False)
+
+
+def _said(block):
+    """The cause, in a verdict or with the error of a block that has no solution."""
+    try:
+        return _cause(block)
+    except ObseqError as error:
+        return str(error)
+
+
+def _exchange_axes(block):
+    block.control = replace(block.control, coordinates=block.control.coordinates[:, [1, 0, 2]].copy())
+
+
+def _turn(block, turn):
+    block.poses = replace(block.poses, rotations=block.poses.rotations @ turn)
+
+
+def _exchange_poses(block, first, second):
+    rows = np.arange(len(block.poses))
+    rows[[first, second]] = second, first
+    given = block.poses
+    block.poses = Poses(given.images, given.centres[rows], given.rotations[rows], given.cameras)
+
+
+def test_exchanged_axes_of_control_points_are_told_from_images_by_the_poses_that_are_given():
+    block = _block()
+    _exchange_axes(block)
+    cause = _cause(block)
+    assert cause.startswith(
+        "x and y of the control points are exchanged (easting comes first here): so changed,"
+    )
+
+
+@pytest.mark.parametrize(
+    ("origin", "first"),
+    [((0.0, 0.0, 0.0), "the lines of all"), ((650000.0, 6860000.0, 0.0), "x and y of the control")],
+)
+def test_without_poses_both_are_named_and_what_coordinates_look_like_comes_first(origin, first):
+    block = _block(origin=origin)
+    _exchange_axes(block)
+    block.poses = block.poses.select([])
+    cause = _cause(block)
+    assert cause.startswith(first)
+    assert "the lines of all images were counted upwards" in cause
+    assert "x and y of the control points are exchanged" in cause and "x and y of all image" not in cause
+
+
+def test_exchanged_axes_that_put_points_behind_the_cameras_are_said_with_that():
+    block = _block(origin=(1000.0, 0.0, 0.0))
+    _exchange_axes(block)
+    with pytest.raises(
+        InputError, match=r"behind the camera [^\n]*\nLikely cause: x and y of the control points are"
+    ):
+        _cause(block)
+
+
+def test_images_whose_names_are_exchanged_are_named_though_the_block_fits():
+    block = _block()
+    _exchange_poses(block, 1, 2)
+    cause = _cause(block)
+    assert cause.startswith(
+        "images i1 and i2 look exchanged: i1 is where i2 was given, i2 is where i1 was given"
+    )
+
+
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        (np.diag([1.0, -1.0, -1.0]), "by 180 degrees about x: cameras look along +z here"),
+        (np.diag([-1.0, -1.0, 1.0]), "by 180 degrees about the viewing axis"),
+    ],
+)
+def test_a_turn_that_all_observed_rotations_share_is_named(turn, said):
+    block = _block()
+    _turn(block, turn)
+    block.observe_poses(block.poses, 0.05, 0.001)
+    assert said in _said(block)
+
+
+def test_good_poses_and_rough_ones_are_not_accused():
+    block = _block()
+    assert _cause(block) == ""
+    rough, _, _ = scenes.block(n_images=6, n_points=16, n_control=8)
+    rough.poses = scenes.moved(rough.poses, 0.5, 0.05)
+    assert _cause(rough) == ""
