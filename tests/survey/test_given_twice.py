@@ -1,4 +1,4 @@
-"""The same data given twice is refused or told; honest repetitions are not."""
+"""The same data given twice, or in the place of other data, is refused; honest repetitions are not."""
 
 import numpy as np
 import pytest
@@ -88,3 +88,29 @@ def test_coarse_levelling_may_repeat_itself(folder):
     (folder / "l.obs").write_text(text.replace("0.001", "0.0003") + "\n")
     (folder / "m.obs").write_text("* again\n" + text.replace("0.001", "0.0003") + "\n")
     assert warned(folder, "l.obs", "m.obs") == []
+
+
+PLACES, LENGTHS = "1 A 0 0 0 0.001\n0 B 10 0 0\n", "3 A B 10 0.002\n3 A B 10.001 0.002\n"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [
+        (PLACES, LENGTHS, r"a.txt holds points .*; .*b.txt holds observations .*: exchange them"),
+        (LENGTHS, LENGTHS + "*", r"b.txt holds observations .*, and was given for points: give it as"),
+        (PLACES, PLACES + "*", r"a.txt holds points .*, and was given for observations: give it as"),
+    ],
+)
+def test_files_of_points_and_of_observations_that_are_exchanged_are_named(tmp_path, first, second, told):
+    (tmp_path / "a.txt").write_text(first)
+    (tmp_path / "b.txt").write_text(second)
+    with pytest.raises(InputError, match=told):
+        Network.read(tmp_path / "a.txt", tmp_path / "b.txt")
+
+
+def test_other_mistakes_say_nothing_of_exchanged_files(tmp_path):
+    (tmp_path / "a.txt").write_text(LENGTHS + "3 A B ten 0.002")
+    (tmp_path / "b.txt").write_text(PLACES)
+    with pytest.raises(InputError, match="'ten' is not a number") as raised:
+        Network.read(tmp_path / "a.txt", tmp_path / "b.txt")
+    assert "holds" not in str(raised.value)

@@ -36,6 +36,7 @@ from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.both_faces import refuse_both_faces
 from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
+from obseq.survey.files.exchanged import told_if_exchanged
 from obseq.survey.files.geoid import read_geoid
 from obseq.survey.files.implausible_sigmas import implausible_sigmas
 from obseq.survey.files.obs import read_obs
@@ -148,7 +149,7 @@ class Network:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         watch = Stopwatch()
-        with watch.phase("read"):
+        with watch.phase("read"), told_if_exchanged(observation_files, point_files, encoding):
             book = read_obs(observation_files, encoding, ignore)
             if point_format is None:
                 points = read_cor(point_files, point_sigma, encoding, ignore)
