@@ -13,7 +13,6 @@ os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # whose import takes as lon
 
 import pytest
 from _pytest.runner import runtestprotocol
-from hypothesis import settings
 
 sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
 
@@ -21,12 +20,10 @@ from outside import OutsideData
 from sources import forget
 from unchanged import Seen
 
-settings.register_profile("fixed", derandomize=True, deadline=None)
-settings.load_profile("fixed")
-
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker for each processor: more threads wait, busily
 os.fsync = lambda _: None  # what tests write need not survive a power failure; each wait is milliseconds
 gc.set_threshold(20_000, 20, 20)
+gc.disable()  # until all tests are known: what is loaded stays
 
 MEMORY = Path("/dev/shm")
 ROOM = 2 << 30  # bytes; a whole run writes an eighth of it
@@ -46,21 +43,36 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as under a runner in th
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Where tests run, random examples are the same in every run."""
+    if hands_out(config):
+        return
+    from hypothesis import settings
+
+    settings.register_profile("fixed", derandomize=True, deadline=None)
+    settings.load_profile("fixed")
+
+
 def pytest_collection_finish() -> None:
-    """What is there when tests begin stays to the end: nobody need look again whether it is garbage."""
-    gc.collect()
+    """What is there when tests begin stays to the end: nobody need look whether it is garbage."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtestloop(session: pytest.Session) -> Generator[None, object, object]:
     """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
-    if session.config.getoption("numprocesses", None) and not is_worker(session.config):
+    if hands_out(session.config):
         return (yield)
     from vectorised import judging  # with numba, which what only hands tests to workers need not load
 
     with judging(session.config):
         return (yield)
+
+
+def hands_out(config: pytest.Config) -> bool:
+    """Whether this process only hands tests to others."""
+    return bool(config.getoption("numprocesses", None)) and not is_worker(config)
 
 
 def is_worker(config: pytest.Config) -> bool:

@@ -29,16 +29,17 @@ def is_vectorised(kernel: Function, code: str) -> bool:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Kernels found vectorised by these rules, as these versions compile them for this processor."""
+    """Kernels found vectorised by some rules, as these versions compile them for this processor."""
 
     kept: Any
+    rules: str = RULES
 
     def __contains__(self, symbol: str) -> bool:
-        return self.kept is not None and self.kept.get(self._place(symbol), "") == RULES
+        return self.kept is not None and self.kept.get(self._place(symbol), "") == self.rules
 
     def add(self, symbol: str) -> None:
         if self.kept is not None:
-            self.kept.set(self._place(symbol), RULES)
+            self.kept.set(self._place(symbol), self.rules)
 
     def _place(self, symbol: str) -> str:
         return f"obseq/vectorised/{cache.folder().name}/{symbol}"
