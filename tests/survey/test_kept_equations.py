@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from obseq.survey import Network, initial_values
+from obseq.survey.adjustment import kept_equations
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.adjustment.kept_equations import KeptEquations
 from obseq.survey.initial.left_out import Determined
@@ -97,3 +98,15 @@ def test_other_equations_are_made(network, made):
     for number, start in enumerate(others, 2):
         kept(start)
         assert made.count == number
+    for start in others[:2]:  # those are kept too
+        for mine, own in zip(solved(kept(start)), solved(made(start)), strict=True):
+            np.testing.assert_array_equal(mine, own)
+    assert made.count == 4 + 2
+
+
+def test_of_a_large_network_only_the_first_equations_are_kept(network, made, monkeypatch):
+    monkeypatch.setattr(kept_equations, "_LARGE", 0)
+    kept, heights = KeptEquations(made), network.book.observations.from_heights + 1.5
+    for start in (started(network), started(network, from_heights=heights), started(network)):
+        kept(start)
+    assert made.count == 2

@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 _OF_EQUATIONS = ("types", "from_points", "to_points", "stations", "groups", "backsights")
 """Columns of the observations from which it follows who is in which equation."""
+_MOST, _LARGE = 6, 5000
+"""Equations that are kept of networks up to so many observations."""
 
 
 class KeptEquations:
-    """The equations of networks, one after the other: those of the first, with the numbers of others like it.
+    """The equations of networks, one after the other: those of one before, with the numbers of others like it.
 
     Equations that it has given are not to be used any more once it gives the next ones.
 
@@ -33,18 +35,25 @@ class KeptEquations:
 
     def __init__(self, make: Callable[[Determined], Equations]) -> None:
         self._make = make
-        self._first: tuple[Determined, Equations] | None = None
+        self._kept: list[tuple[Determined, Equations]] = []
 
     def __call__(self, start: Determined) -> Equations:
         """The equations of a network, at its initial values."""
-        if self._first is None:
-            self._first = start, self._make(start)
-            return self._first[1]
-        first, equations = self._first
-        if len(equations.shared) or not _have_same_equations(first, start):
-            return self._make(start)
-        equations.restart(start.points, start.book, start.initial)
-        return equations
+        for place, (first, equations) in enumerate(self._kept):
+            if _have_same_equations(first, start):
+                equations.restart(start.points, start.book, start.initial)
+                self._kept.insert(0, self._kept.pop(place))
+                return equations
+        made = self._make(start)
+        if not len(made.shared):
+            self._keep(start, made)
+        return made
+
+    def _keep(self, start: Determined, made: Equations) -> None:
+        """Keeps equations, the last ones first; of a large network, whose equations are, no others beside."""
+        most = _MOST if len(start.book.observations) <= _LARGE else 1
+        if most > 1 or not self._kept:
+            self._kept = [(start, made), *self._kept[: most - 1]]
 
 
 def _have_same_equations(first: Determined, other: Determined) -> bool:

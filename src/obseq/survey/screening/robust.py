@@ -68,6 +68,8 @@ class Model:
 
     def for_trials(self) -> Model:
         """The same for networks that differ in little, one at a time: what they have in common is kept."""
+        if isinstance(self.equations, KeptEquations):
+            return self
         return replace(self, equations=KeptEquations(self.equations))
 
     def start(self, points: Points, book: FieldBook) -> Determined:

@@ -54,6 +54,7 @@ def gross_errors(
         points: of the network, as `join` made them.
         book: its observations.
     """
+    model = model.for_trials()
     try:
         found = estimate(model, points, book)
     except ObseqError:
