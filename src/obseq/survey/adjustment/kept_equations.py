@@ -25,7 +25,7 @@ _MOST, _LARGE = 6, 5000
 
 
 class KeptEquations:
-    """The equations of networks, one after the other: those of one before, with the numbers of others like it.
+    """The equations of networks, one after the other: those before, with the numbers of others like them.
 
     Equations that it has given are not to be used any more once it gives the next ones.
 

@@ -113,9 +113,13 @@ class Known:
         """True when the three coordinates are known, and settled."""
         return bool(self.is_settled[point] and self.has_height[point])
 
-    def is_complete(self) -> bool:
+    def has_all_points(self) -> bool:
         """True when all points are placed."""
         return 0 not in self.is_settled and 0 not in self.has_height
+
+    def is_complete(self) -> bool:
+        """True when all points are placed and all stations oriented."""
+        return self.has_all_points() and None not in self.station_steps
 
     def vertical_at(self, position: Space) -> Matrix:
         """R_(frame -> vertical) at a position."""

@@ -114,6 +114,8 @@ class Placement:
         """Places what these levels allow, in their order; true when something was placed or oriented."""
         done = False
         for level in levels:
+            if self.known.is_complete():
+                break
             self._look_around()
             self.dirty_geometry.update(self.best_positions)
             while self._place_polar() or self._orient_next(level) or self._place_by_geometry(level):
@@ -288,7 +290,7 @@ class Placement:
 
     def _beside(self, located: list[int]) -> set[int]:
         """The points without a place that observations join with new ones."""
-        if not located or self.known.is_complete():
+        if not located or self.known.has_all_points():
             return set()
         if len(located) >= _MANY:
             anew = np.zeros(self.graph.n_points, np.bool_)

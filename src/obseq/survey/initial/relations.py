@@ -194,20 +194,22 @@ def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, 
     assert there is not None
     if kind == _DISTANCE:
         return math.dist(position, there) - value
-    x, y, z = minus(position, there)
+    x, y, z = position[0] - there[0], position[1] - there[1], position[2] - there[2]
     if kind in _AT:
-        east, north, up = times(vertical, (-x, -y, -z))
+        x, y, z, axes = -x, -y, -z, vertical
     else:
-        east, north, up = times(known.vertical_of(other), (x, y, z))
+        axes = known.vertical_of(other)
+    (a, b, c), (d, e, f), (g, h, i) = axes
+    east, north = a * x + b * y + c * z, d * x + e * y + f * z
     if kind == _AZIMUTH:
-        return wrap(math.atan2(east, north) - value)
+        return math.remainder(math.atan2(east, north) - value, TURN)
     if kind == READING_AT:
-        return wrap(math.atan2(east, north) - g0 - value)
+        return math.remainder(math.atan2(east, north) - g0 - value, TURN)
     if kind in _ZENITHS:
-        return math.atan2(math.hypot(east, north), up) - value
+        return math.atan2(math.hypot(east, north), g * x + h * y + i * z) - value
     if kind in _PLUMB:
         return (east if kind == _EAST else north) - value
-    return (up if kind in _RISES else math.hypot(east, north)) - value
+    return (g * x + h * y + i * z if kind in _RISES else math.hypot(east, north)) - value
 
 
 def gradient(known: Known, relation: Relation, position: Space, vertical: Matrix) -> Space:
