@@ -14,7 +14,7 @@ BELOW = ("src/obseq/kernels", "src/obseq/compilation")
 """What the generator imports: test_architecture.py sees to it that it imports no other room."""
 
 KINDS = {".py", ".jinja", ".md"}
-TOOLS = ("sympy", "mpmath", "jinja2", "numpy")
+TOOLS = ("sympy", "mpmath", "jinja2", "numpy", "numba", "llvmlite")
 
 
 @cache
