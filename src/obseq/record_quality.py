@@ -128,6 +128,8 @@ class JointTestRecord:
         critical: Limit of T, which finds an error with the power that the tests of one observation have.
         level: Probability that T exceeds it where nothing is wrong.
         blunder: Estimates of the errors of its components (m).
+        rise: Estimate of an error of the height alone, as of an antenna (m); None where it is not known.
+        rise_test: The standardised residual of that.
     """
 
     what: str
@@ -139,6 +141,8 @@ class JointTestRecord:
     critical: float
     level: float
     blunder: tuple[float, ...]
+    rise: float | None = None
+    rise_test: float | None = None
 
     @property
     def name(self) -> str:
@@ -220,6 +224,7 @@ class SuspicionRecord:
         unit: "m" or "rad".
         degrees: Degrees of freedom of the test: above 1 for a vector or a position.
         blunders: Estimates of the errors of its components (m); none for a single observation.
+        cause: What it is likely to be; empty where that is not known.
     """
 
     observations: tuple[str, ...]
@@ -228,6 +233,7 @@ class SuspicionRecord:
     unit: str
     degrees: int = 1
     blunders: tuple[float, ...] = ()
+    cause: str = ""
 
     @property
     def may_be_known(self) -> bool:

@@ -1,10 +1,12 @@
 """A GNSS vector, or a position, is one observation: tested as a whole, named as a whole."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
 
+from obseq.crs import parse
 from obseq.report import listing, summary
 from obseq.report.content import content
 from obseq.report.verdict import Verdict
@@ -28,17 +30,25 @@ def axes():
     return np.array([east, np.cross(UP, east), UP])
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
+def tmp_path(tmp_path_factory):
+    """One folder for all: what was adjusted is kept."""
+    return tmp_path_factory.mktemp("vectors")
+
+
+@pytest.fixture(scope="module")
 def adjusted(tmp_path):
     """Adjusts local vectors of which one is off along the vertical; covariances are those of the axes."""
 
-    def run(lift=0.0, seed=3, pair="K2 A", **options):
+    @cache
+    def run(lift=0.0, *pairs, seed=3, is_upright=False, **options):
+        along = np.array([0.0, 0.0, 1.0]) if is_upright else UP
         chance, covariance = np.random.default_rng(seed), axes().T @ np.diag(np.square(SIGMAS)) @ axes()
         lines = ["type,from,to,value,sigma,cluster,covariances"]
         for number, ends in enumerate(PAIRS):
             a, b = ends.split()
             value = np.subtract(PLACES[b], PLACES[a]) + chance.multivariate_normal(np.zeros(3), covariance)
-            value = value + (lift * UP if ends == pair else 0.0)
+            value = value + (lift * along if ends in (pairs or ["K2 A"]) else 0.0)
             for k, name in enumerate(("LX", "LY", "LZ")):
                 others = " ".join(f"{covariance[k, j]:.9e}" for j in range(k))
                 sigma = covariance[k, k] ** 0.5
@@ -66,10 +76,9 @@ def test_a_wrong_antenna_height_is_named_though_no_component_stands_out(adjusted
 
 
 def test_without_it_nothing_is_suspected_and_no_type_is_blamed(adjusted):
-    for seed in range(1, 4):
-        record = adjusted(seed=seed).record()
-        assert record.suspicion is None
-        assert not any(row.sigma_factor > row.upper for row in Verdict(record).types_beyond)
+    record = adjusted().record()
+    assert record.suspicion is None
+    assert not any(row.sigma_factor > row.upper for row in Verdict(record).types_beyond)
 
 
 def test_reports_list_the_vectors_with_test_and_limit(adjusted):
@@ -104,8 +113,82 @@ def test_snooping_tests_and_leaves_out_the_vector(adjusted):
 
 
 def test_two_known_heights_that_explain_as_much_are_both_named(adjusted, tmp_path):
-    adjusted()
+    adjusted(seed=2)
     path = tmp_path / "p.csv"
     path.write_text(path.read_text().replace("K1,0,0,0,", "K1,0,0,0.09,"))
     names = Network.read_project([path, tmp_path / "v.csv"]).adjust().suspicion.observations
     assert {name.split(" (")[0] for name in names} == {"known z of K1", "known z of K2"}
+
+
+def test_a_vector_that_is_wrong_by_much_is_no_wrong_digit_of_components(adjusted):
+    adjustment = adjusted(0.6)
+    record = adjustment.record()
+    assert not adjustment.gross_errors and record.suspicion.observations[0].startswith("vector K2 -> A")
+    assert np.array(record.suspicion.blunders) == pytest.approx(0.6 * UP, abs=0.04)
+
+
+def test_several_vectors_of_one_station_share_the_height_of_its_antenna(adjusted):
+    adjustment = adjusted(-0.1, "K1 A", "K1 C", is_upright=True)
+    (error,) = adjustment.gross_errors
+    assert error.what == "height of the antenna at K1, in 2 of the 4 vectors there"
+    assert error.text.startswith("they put K1 ") and "too high" in error.text and error.points == ("K1",)
+    single = adjusted(0.08, is_upright=True).record().suspicion
+    assert single.cause == "along the vertical: likely the height of the antenna at K2 or at A"
+    assert "K1 -> A" in error.text and "K1 -> C" in error.text
+
+
+def test_where_the_sigmas_are_too_small_no_vector_is_blamed(adjusted, tmp_path):
+    adjusted(seed=5)
+    path, lines = tmp_path / "v.csv", (tmp_path / "v.csv").read_text().splitlines()
+    scaled = [lines[0]]
+    for line in lines[1:]:
+        *start, sigma, cluster, others = line.split(",")
+        less = " ".join(f"{float(one) / 16:.9e}" for one in others.split())
+        scaled.append(",".join([*start, f"{float(sigma) / 4:.8f}", cluster, less]))
+    path.write_text("\n".join(scaled))
+    record = Network.read_project([tmp_path / "p.csv", path]).adjust().record()
+    assert record.suspicion is None and not record.gross_errors
+    assert [row.name for row in Verdict(record).types_beyond] == ["LX LY LZ"]
+
+
+HOMES = {"K1": (0, 0), "K2": (7600, 1800), "K3": (2900, 6000), "A": (4700, -1500), "B": (1200, 2400)}
+LINKS = ["K1 A", "K1 B", "K2 A", "K2 K3", "K3 B", "A B", "K1 K2", "K3 A"]
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path):
+    """Adjusts geocentric vectors; heights of known points are lowered by what a function of (x, y) says."""
+
+    def run(lowered=lambda x, y: 0.0, crs="EPSG:25832"):
+        chance = np.random.default_rng(4)
+        given = {name: (455000.0 + x, 5410000.0 + y, 300.0) for name, (x, y) in HOMES.items()}
+        points = parse("EPSG:25832").to_geocentric(list(given.values()))
+        places = dict(zip(given, points, strict=True))
+        lines = ["type,from,to,value,sigma,cluster,covariances"]
+        for number, ends in enumerate(LINKS):
+            a, b = ends.split()
+            value = places[b] - places[a] + chance.normal(0.0, 0.005, 3)
+            lines += [f"V{'XYZ'[k]},{a},{b},{value[k]:.5f},0.005,{number},{'0 ' * k}" for k in range(3)]
+        (tmp_path / "v.csv").write_text("\n".join(lines))
+        rows = ["name,x,y,z,sx,sy,sz"]
+        for name, (x, y, z) in given.items():
+            sigmas = "0.003,0.003,0.005" if "K" in name else ",,"
+            rows.append(f"{name},{x},{y},{z - lowered(*HOMES[name])},{sigmas}")
+        (tmp_path / "p.csv").write_text("\n".join(rows))
+        return Network.read_project([tmp_path / "p.csv", tmp_path / "v.csv"], points_crs=crs).adjust()
+
+    return run
+
+
+def test_known_heights_above_the_geoid_are_named_as_that(mapped):
+    assert mapped().is_complete
+    (error,) = mapped(lambda x, y: 47.5 + 3e-5 * x - 2e-5 * y).gross_errors
+    assert error.cause == "coordinate system" and error.points == ("K1", "K2", "K3")
+    slope = float(re.search(r"slope of ([0-9.]+) mm/km", error.text)[1])
+    assert slope == pytest.approx(np.hypot(30.0, 20.0), rel=0.1) and "above the geoid" in error.text
+
+
+def test_one_wrong_known_height_is_no_geoid(mapped):
+    adjustment = mapped(lambda x, y: 0.15 if x == 7600 else 0.0)
+    assert "K2" in str([*adjustment.gross_errors, *adjustment.suspicion.observations])
+    assert not any("geoid" in error.text for error in adjustment.gross_errors)

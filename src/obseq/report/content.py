@@ -250,6 +250,8 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
         field("limit", "number", found, "critical"),
         column("T / limit", "number", (small(row.statistic / row.critical) for row in found), limit=1.0),
         column("off by", "small_length", off, about="estimate of its error, if it were the only one"),
+        field("up", "small_length", found, "rise", about="the same, if its height alone were wrong"),
+        field("w of that", "number", found, "rise_test", by_size=True),
         choice("file", [names[row.file] for row in found]),
         column("line", "count", (row.line for row in found)),
     ]

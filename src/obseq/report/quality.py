@@ -76,10 +76,22 @@ def vector_table(record: AdjustmentRecord, title: str, tests: Sequence[JointTest
             units.fixed(item.critical, 2),
             small.number(math.hypot(*item.blunder)),
             ", ".join(small.number(part) for part in item.blunder),
+            small.number(item.rise),
+            units.fixed(item.rise_test, 2),
         )
         for item in tests
     )
-    header = ("vector", "file", "T", "degrees", "limit", f"off by ({small.name})", "its components")
+    header = (
+        "vector",
+        "file",
+        "T",
+        "degrees",
+        "limit",
+        f"off by ({small.name})",
+        "its components",
+        "up alone",
+        "w",
+    )
     return Table(title, header, tuple(rows), 2)
 
 

@@ -7,6 +7,7 @@ from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,
     GlobalTestRecord,
+    JointTestRecord,
     ObservationRecord,
     StatisticsRecord,
     SuspicionRecord,
@@ -65,15 +66,26 @@ class Verdict:
 
         Wrong weights of one type spoil the residuals of others too: types that are out by less than the
         root of the worst factor wait until that is mended. None while gross errors are suspected, which
-        decide then what the residuals of each type are; what a single suspected one explains is taken off.
+        decide then what the residuals of each type are; what a single suspected one explains is taken off,
+        and so is what the worst vector does whose test fails.
         """
         if self.spoilt:
             return []
-        suspicion = self.record.suspicion
-        explained = 0.0 if suspicion is None else suspicion.statistic**2
+        suspicion, vector = self.record.suspicion, self.worst_vector
+        explained = suspicion.statistic**2 if suspicion else vector.statistic if vector else 0.0
         rows = (_without(row, explained) for row in self.record.types or ())
         found = sorted(filter(_is_beyond, rows), key=lambda row: -_times(row))
         return [row for row in found if _times(row) >= _times(found[0]) ** 0.5]
+
+    @property
+    def worst_vector(self) -> JointTestRecord | None:
+        """The vector, or the position, without which sigma0 is accepted; None where none explains it."""
+        worst = max(self.record.joint, key=lambda item: item.statistic / item.critical, default=None)
+        rest = self.record.redundancy - (worst.degrees if worst else 0)
+        if worst is None or self.test is None or not worst.is_beyond or rest <= 0:
+            return None
+        squares = self.test.sigma0**2 * self.record.redundancy - worst.statistic
+        return worst if (squares / rest) ** 0.5 <= self.test.upper else None
 
     @property
     def headline(self) -> str:
@@ -106,7 +118,9 @@ class Verdict:
         if not self.test.passed:
             if self.record.redundancy == 1 and self.test.sigma0 > self.test.upper:
                 return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
-            return TOO_LARGE if self.test.sigma0 > self.test.upper else TOO_SMALL
+            if self.test.sigma0 < self.test.upper:
+                return TOO_SMALL
+            return TOO_LARGE if self.worst_vector is None else f"{TOO_LARGE} {_worst(self.worst_vector)}"
         whole = " all together" if self.types_beyond else ""
         return f"The residuals{whole} are what the sigmas of the observations announce."
 
@@ -128,6 +142,14 @@ class Verdict:
             f"Type by type (chi-square test of each at {level:.2g} %): {told}. Correct these sigmas, the "
             "worst first, and adjust again; --variance-components estimates them."
         )
+
+
+def _worst(vector: JointTestRecord) -> str:
+    """The vector to look at first, of which chance may be the reason too."""
+    return (
+        f"Without {vector.name} the test would pass (its T is {vector.statistic:.1f}, the limit "
+        f"{vector.critical:.1f}): check it first."
+    )
 
 
 def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
@@ -157,6 +179,7 @@ def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     size = units.units_of(record).small(suspicion.unit, suspicion.blunder)
     which = _one_of(names) if len(names) == 1 else f"{_one_of(names)}, which cannot be told apart"
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
+    estimate += f" {suspicion.cause}" if suspicion.cause else ""
     return (
         f"GROSS ERROR suspected: {which}: {estimate} ({_test_of(suspicion)}). One "
         f"gross error explains it better than wrong sigmas: {_remedy(suspicion)}, and adjust again."

@@ -158,7 +158,6 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.adjustment.sequence import one_after_the_other
         from obseq.survey.screening.common_factor import common_factor
         from obseq.survey.screening.odd_sigmas import odd_sigmas
         from obseq.survey.screening.search import blame, refuse
@@ -183,11 +182,36 @@ class Fieldwork:
         if not errors:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
-            if strict and errors:
-                refuse(errors)
-        told = () if errors else one_after_the_other(computation, given, adjustment)
+        errors, told = self._told_best(errors, computation, given, equations, adjustment)
+        if strict and errors:
+            refuse(errors)
         notes = (*adjustment.notes, *odd_sigmas(adjustment, self.model().units))
         return replace(adjustment, notes=notes).announcing(errors, replaced).warned(*told)
+
+    def _told_best(
+        self,
+        errors: tuple[GrossError, ...],
+        computation: Computation,
+        given: Determined,
+        equations: Equations,
+        adjustment: Adjustment,
+    ) -> tuple[tuple[GrossError, ...], tuple[str, ...]]:
+        """The gross errors, and a sentence that lists several; none where the adjustment tells them better.
+
+        Components of vectors are looked for one by one; it tests the vectors, and heights of antennas.
+        """
+        from obseq.survey.adjustment.sequence import one_after_the_other
+        from obseq.survey.screening.antennas import antenna_cause, concern_vectors, is_one_vector
+        from obseq.survey.screening.known_heights import heights_cause
+
+        if heights := heights_cause(equations, adjustment, self.model().units):
+            return heights, ()
+        if errors and not concern_vectors(errors, adjustment):
+            return errors, ()
+        if antenna := antenna_cause(equations, adjustment, self.model().units):
+            return antenna, ()
+        told = one_after_the_other(computation, given, adjustment)
+        return () if told or is_one_vector(adjustment) else errors, told
 
     def _check_datum(self) -> None:
         """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""

@@ -31,12 +31,22 @@ class JointTest:
         statistic: T; NaN where nothing controls any of them.
         degrees: its degrees of freedom, the number of combinations of the equations that others control.
         blunder: (m,) estimates of the errors of the observed values; 0 along what nothing controls.
+        weight: (m, m) M; what errors along one direction d show is d' M d.
     """
 
     rows: IntArray
     statistic: float
     degrees: int
     blunder: FloatArray
+    weight: FloatArray
+
+    def along(self, direction: FloatArray) -> tuple[float, float]:
+        """Estimate of an error that is along one direction (m,) only, and its test w: NaN where unseen."""
+        seen = float(direction @ self.weight @ direction)
+        if not self.degrees or seen <= UNCONTROLLED * float(np.trace(self.weight)):
+            return np.nan, np.nan
+        size = float(direction @ self.weight @ self.blunder) / seen
+        return size, size * seen**0.5
 
 
 def joint_tests(
@@ -70,15 +80,15 @@ def _groups(numbers: IntArray) -> Iterator[IntArray]:
 
 def _tested(rows: IntArray, whole: FloatArray, lost: FloatArray, weighted: FloatArray) -> JointTest:
     """One test, from P, P - P Qv P and P v of its rows: along axes in which P is the identity."""
-    inverse = np.linalg.inv(np.linalg.cholesky(whole))
+    inverse, weight = np.linalg.inv(np.linalg.cholesky(whole)), whole - lost
     shares, axes = np.linalg.eigh(np.eye(len(rows)) - inverse @ lost @ inverse.T)
     kept = shares > UNCONTROLLED
     if not kept.any():
-        return JointTest(rows, np.nan, 0, np.zeros(len(rows)))
+        return JointTest(rows, np.nan, 0, np.zeros(len(rows)), weight)
     axes = axes[:, kept]
     along = axes.T @ (inverse @ weighted)
     blunder = -inverse.T @ (axes @ (along / shares[kept]))
-    return JointTest(rows, float(np.sum(along**2 / shares[kept])), int(kept.sum()), blunder)
+    return JointTest(rows, float(np.sum(along**2 / shares[kept])), int(kept.sum()), blunder, weight)
 
 
 def numbered(groups: Sequence[IntArray], n: int) -> IntArray:

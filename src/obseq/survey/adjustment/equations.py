@@ -313,6 +313,23 @@ class Equations:
                 residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
         return residuals, sigmas
 
+    def rises(self, coordinates: FloatArray) -> FloatArray:
+        """(n,) what a metre of height adds to components of vectors and to coordinates; NaN of others.
+
+        Along the vertical of the first point of each, where the frame has one.
+        """
+        rises, observations = np.full(len(self._book.observations), np.nan), self._book.observations
+        for rows, batch in self.batches.values() if self._frame.has_vertical else ():
+            if batch.clusters is None:
+                continue
+            origins = observations.from_points[rows].astype(np.int64)
+            up = self._plumb.axes(origins, coordinates)[:, 2]
+            for kind, chosen in family_of(observations, rows).kinds:
+                if kind.is_component:
+                    axis = kind.context(self._site, rows[chosen], coordinates)[:, -3:]
+                    rises[rows[chosen]] = np.einsum("ij,ij->i", axis, up[chosen])
+        return rises
+
     def shares(self, solution: LeastSquaresResult) -> FloatArray:
         """(n,) what correlated observations add to the weighted sum of squares, v (P v); NaN for others."""
         shares = np.full(len(self._book.observations), np.nan)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
 from obseq.record_quality import KNOWN, JointTestRecord
 from obseq.survey.kinds.registry import IS_ANGLE
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
 
+_CHANCE = 0.01
+"""Probability with which an error of the height alone leaves more, to be taken for the cause."""
+
 
 @dataclass(frozen=True, eq=False)
 class TestedJointly:
@@ -32,12 +36,21 @@ class TestedJointly:
         statistic: T; NaN where nothing controls it.
         degrees: its degrees of freedom.
         blunder: (m,) estimates of their errors (m).
+        rise: estimate of an error of the height alone (m), as of an antenna; NaN where it is not known.
+        rise_test: its test w; NaN likewise.
     """
 
     rows: IntArray
     statistic: float
     degrees: int
     blunder: FloatArray
+    rise: float = float("nan")
+    rise_test: float = float("nan")
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether an error of the height alone explains it, but for chance."""
+        return self.statistic - self.rise_test**2 <= chi_square_limit(max(self.degrees - 1, 1), above=_CHANCE)
 
 
 def joint_groups(equations: Equations, book: FieldBook) -> dict[Batch, list[IntArray]]:
@@ -77,11 +90,25 @@ def tested_jointly(equations: Equations, quality: Reliability, n: int) -> tuple[
     """The tests of all vectors and positions of a network with so many observations."""
     places = {batch: rows for rows, batch in equations.batches.values()}
     places |= {batch: n + rows for batch, rows in equations.known.places().items()}
+    tests = [(places[part.source][test.rows], test) for part in quality.observations for test in part.joint]
+    if not tests:
+        return ()
+    known = np.full(sum(map(len, equations.known.places().values())), np.nan)
+    rises = np.append(equations.rises(quality.state.result.values(equations.points)), known)
     return tuple(
-        TestedJointly(places[part.source][test.rows], test.statistic, test.degrees, test.blunder)
-        for part in quality.observations
-        for test in part.joint
+        TestedJointly(rows, test.statistic, test.degrees, test.blunder, *test.along(rises[rows]))
+        for rows, test in tests
     )
+
+
+def upright_cause(test: TestedJointly, book: FieldBook) -> str:
+    """What an error of the height alone is likely to be; empty where it explains too little."""
+    row = int(test.rows[0])
+    if row >= len(book.observations) or not test.is_upright:
+        return ""
+    ends = (book.observations.from_points[row], book.observations.to_points[row])
+    names = dict.fromkeys(book.point_names[end] for end in ends)
+    return f"along the vertical: likely the height of the antenna at {' or at '.join(names)}"
 
 
 def joint_records(
@@ -118,6 +145,8 @@ def joint_record(
         critical=joint_critical(*levels, test.degrees),
         level=joint_level(*levels, test.degrees),
         blunder=tuple(test.blunder.tolist()),
+        rise=test.rise if np.isfinite(test.rise) else None,
+        rise_test=test.rise_test if np.isfinite(test.rise) else None,
     )
 
 

@@ -14,7 +14,7 @@ from obseq.leastsquares.statistics.joint_levels import (
     shared_level,
 )
 from obseq.record_quality import KNOWN, SuspicionRecord
-from obseq.survey.adjustment.joint_groups import joint_record
+from obseq.survey.adjustment.joint_groups import joint_record, upright_cause
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
+    from obseq.survey.adjustment.joint_groups import TestedJointly
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
 
@@ -82,25 +83,35 @@ def suspicion(
     alone = np.concatenate([part.standardised for part in judged])
     for test in quality.joint:
         alone[test.rows] = np.nan
-    standardised = np.append(alone, [test.statistic**0.5 for test in quality.joint])
-    degrees = np.append(np.ones(len(alone), np.int64), [test.degrees for test in quality.joint])
+    tests = quality.joint
+    standardised = np.r_[alone, [test.statistic**0.5 for test in tests], [test.rise_test for test in tests]]
+    degrees = np.r_[np.ones(len(alone)), [test.degrees for test in tests], np.ones(len(tests))]
     squares = solution.variance_factor * solution.redundancy
     rows = suspected(standardised, squares, solution.redundancy, degrees.astype(np.int64))
     if not rows:
         return None
-    biases = np.concatenate([part.blunder for part in judged])
-    names = tuple(
+    joint = [tests[(row - len(alone)) % len(tests)] if row >= len(alone) else None for row in rows]
+    named = (
         _name(row, book, points, known)
-        if row < len(alone)
-        else joint_record(quality.joint[row - len(alone)], (_LEVEL, POWER), book, points, known).name
-        for row in rows
+        if test is None
+        else joint_record(test, (_LEVEL, POWER), book, points, known).name
+        for row, test in zip(rows, joint, strict=True)
     )
-    first, statistic = rows[0], float(standardised[rows[0]])
-    if first < len(alone):
-        return SuspicionRecord(names, statistic, float(biases[first]), _unit(first, book))
-    test = quality.joint[first - len(alone)]
-    size = float(np.linalg.norm(test.blunder))
-    return SuspicionRecord(names, statistic, size, "m", test.degrees, tuple(test.blunder.tolist()))
+    names, first, vector = tuple(dict.fromkeys(named)), rows[0], joint[0]
+    statistic = float(standardised[first])
+    if vector is not None:
+        return _of_vector(vector, names, statistic, int(degrees[first]), book)
+    blunder = float(np.concatenate([part.blunder for part in judged])[first])
+    return SuspicionRecord(names, statistic, blunder, _unit(first, book))
+
+
+def _of_vector(
+    test: TestedJointly, names: tuple[str, ...], statistic: float, degrees: int, book: FieldBook
+) -> SuspicionRecord:
+    """A vector, or a position, that is suspected as a whole or for its height."""
+    cause = upright_cause(test, book)
+    size = test.rise if cause else float(np.linalg.norm(test.blunder))
+    return SuspicionRecord(names, statistic, size, "m", degrees, tuple(test.blunder.tolist()), cause)
 
 
 def _name(row: int, book: FieldBook, points: Points, known: CoordinateResiduals) -> str:

@@ -47,6 +47,7 @@ class GeocentricCoordinate(OfPlace):
     """
 
     axis: int = 0
+    is_component: bool = True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The geocentric axis, in the frame."""

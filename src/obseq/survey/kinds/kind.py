@@ -176,6 +176,8 @@ class ObservationKind:
         is_absolute: Whether one observation says where its point is, not how points lie to each other.
         takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
+        is_component: Whether it is one of the three of a vector or a position: the last three of its linear
+            coefficients are its axis, in the frame.
         is_levelled: Whether it says how heights differ, and nothing of the plan.
         is_from_north: Whether it is an angle from north: it orients a network, and says nothing of its shape.
         is_of_circle: Whether it is read on the circle of an instrument, from a zero of the set-up.
@@ -201,6 +203,7 @@ class ObservationKind:
     is_absolute: bool = False
     takes_heights: bool = True
     is_line: bool = True
+    is_component: bool = False
     is_levelled: bool = False
     is_from_north: bool = False
     is_of_circle: bool = False

@@ -23,6 +23,7 @@ class VectorComponent(ObservationKind):
     """
 
     axis: int = 0
+    is_component: bool = True
 
     def is_linear(self, site: Site) -> bool:
         """The frame only turns it."""
