@@ -112,6 +112,14 @@ def test_levelling_takes_the_root_of_the_length(tmp_path):
     assert [row[4] for row in found] == pytest.approx([0.002, 0.01])
 
 
+def test_lines_of_levels_that_are_metres_long_are_told(tmp_path):
+    """0.18 is a length in kilometres, 3 a number of turns; both would make sigmas of nothing."""
+    lines = SPACE.format("L A-P 1.5 0.18\nL A-Q 1.5 3\nL A-P 1.5 0.18 0.01\nL A-Q 1.5 400")
+    network = read(tmp_path, lines, sigmas=["height-per-km=1mm"])
+    (told,) = (text for text in network.book.warnings if "a line of levels of 0.18 m" in text)
+    assert "and 1 more" in told and "turns" in told
+
+
 def test_a_direction_set_has_one_orientation(tmp_path):
     network = read(tmp_path, SPACE.format("DB A\nDN B 0 3\nDM P 40-30-00 60 88 3 0.002 5\nDE"))
     assert [row[0] for row in rows(network)] == ["Hz", "Hz", "Dist", "Zen"]

@@ -29,6 +29,8 @@ DEFAULTS = {
     DIST_HZ: "distance",
 }
 KILOMETRE = 1000.0
+SHORT = 10.0
+"""Length (m) of a line of levels below which it is likely in kilometres, or a number of turns."""
 CODES = ("a", "d", "v", "dv", "b", "bm", "m", "db", "dn", "dm", "de", "tb", "t", "te", "ss", "l")
 Heights = tuple[float, float]
 
@@ -56,6 +58,7 @@ class ObservationLines:
         self._back: str | float | None = None
         self._last: Line | None = None
         self._shots: list[tuple[Line, str]] = []
+        self._ways: list[tuple[float, Line]] = []
         self.warnings: list[str] = []
 
     def read(self, line: Line) -> None:
@@ -71,6 +74,7 @@ class ObservationLines:
         if self._last is not None and (self._set or self._leg or self._back is not None):
             open_one = "direction set (DB without DE)" if self._set else "traverse (TB without TE)"
             raise self._last.error(f"the file ends in an open {open_one}")
+        self._look_at_ways()
         named = set(self._columns.names)
         count: dict[str, int] = {}
         for _, target in self._shots:
@@ -83,6 +87,18 @@ class ObservationLines:
                 )
             else:
                 self._angle_and_more(line)
+
+    def _look_at_ways(self) -> None:
+        """Warns of lines of levels that are too short for their sigma to come from their length."""
+        short = [(way, line) for way, line in self._ways if 0.0 < way < SHORT]
+        if short:
+            way, line = short[0]
+            more = f", and {len(short) - 1} more are as short" if len(short) > 1 else ""
+            self.warnings.append(
+                f"{line.file.name}:{line.index + 1}: a line of levels of {way:g} m{more}: its length is in "
+                "the unit of the other lengths (.UNITS), neither in kilometres or miles nor a number of "
+                "turns; where it is one of these, write the standard errors in the lines"
+            )
 
     # Single lines
 
@@ -128,6 +144,7 @@ class ObservationLines:
             way, rest = line.length(rest[0]), rest[1:]
         (sigma,), heights = split_rest(line, rest, (False,))
         if sigma.value is None and sigma.is_active:
+            self._ways.append((way, line))
             sigma = Sigma(
                 self._default(line, "height-per-km") * math.sqrt(way / KILOMETRE) if way > 0.0 else None
             )
