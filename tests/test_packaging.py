@@ -194,7 +194,8 @@ def test_an_editable_install_reads_the_folders_of_the_project(copy: Path, tmp_pa
 
 DEMO_FORMULAS = ("TopoHz", "TopoZen", "TopoDist")
 DEMO_LOOPS = (
-    "obseq.leastsquares.loops.accumulation",
+    "obseq.leastsquares.assembly.small_loops",
+    "obseq.leastsquares.loops.block_places",
     "obseq.leastsquares.loops.blocks_to_matrix",
     "obseq.leastsquares.loops.leverages",
     "obseq.leastsquares.solvers.dense_loops",

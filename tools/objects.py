@@ -41,8 +41,9 @@ LOOPS = {
         "evaluate_to_memory",
         "evaluate_values",
     ),
-    "obseq.leastsquares.assembly.small_loops": ("add_batch", "find_step"),
+    "obseq.leastsquares.assembly.small_loops": ("add_batch", "evaluate_batch", "find_step"),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
+    "obseq.leastsquares.loops.block_places": ("list_pairs", "place_blocks"),
     "obseq.leastsquares.loops.blocks_to_matrix": (
         "add_diagonal_blocks",
         "add_pairs",

@@ -62,7 +62,8 @@ def _filling(cls: type) -> Callable[..., None]:
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
-        if is_plain and (not named if len(given) == count else not given and named.keys() == known):
+        is_whole = is_plain and len(given) + len(named) == count and known.issuperset(named)
+        if is_whole and not (given and named):
             values.update(named or zip(names, given, strict=True))
             if has_more:
                 self.__post_init__()

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import numpy.typing as npt
 from measured_networks import terrestrial, vectors
-from scipy import stats
+from scipy import special
 
 from obseq.leastsquares import LeastSquares, reliability, snoop
 
@@ -126,7 +126,7 @@ def transfer(network: Measured) -> FloatArray:
 
 def sidak_critical(tests: int) -> float:
     """Limit of each of so many tests of which any rejects at the overall level."""
-    return float(stats.norm.isf((1.0 - (1.0 - OVERALL) ** (1.0 / tests)) / 2.0))
+    return -float(special.ndtri((1.0 - (1.0 - OVERALL) ** (1.0 / tests)) / 2.0))
 
 
 def rates(network: Measured, draws: int, seed: int) -> Rates:
@@ -135,7 +135,7 @@ def rates(network: Measured, draws: int, seed: int) -> Rates:
     chance, n = np.random.default_rng(seed), len(root)
     sigmas = np.sqrt(np.diag(network.covariance))
     clean = np.abs(response @ (root @ chance.standard_normal((n, draws))))
-    critical = stats.norm.isf(LEVEL / 2.0)
+    critical = -special.ndtri(LEVEL / 2.0)
     found, first = np.zeros(n), np.zeros(n)
     for row in range(n):
         errors = root @ chance.standard_normal((n, draws))
@@ -177,7 +177,7 @@ def controls(network: Measured) -> tuple[FloatArray, FloatArray]:
 def power(network: Measured, critical: float) -> FloatArray:
     """(n,) probability that the two-sided test of a biased observation rejects it."""
     shift, _ = controls(network)
-    return np.asarray(stats.norm.sf(critical - shift) + stats.norm.cdf(-critical - shift))
+    return np.asarray(special.ndtr(shift - critical) + special.ndtr(-critical - shift))
 
 
 def named_first(network: Measured, critical: float, seed: int, draws: int = THEORY_DRAWS) -> FloatArray:

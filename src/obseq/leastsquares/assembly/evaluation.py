@@ -6,48 +6,40 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.assembly.threads import in_threads, share_bounds
-from obseq.leastsquares.loops.loop_arguments import BatchArrays, Present, Span
+from obseq.leastsquares.assembly.at_once import (
+    batch_members,
+    evaluate_at_once,
+    is_short,
+    plan_of,
+    present_values,
+)
+from obseq.leastsquares.assembly.threads import in_threads, share_bounds, share_count
+from obseq.leastsquares.loops.loop_arguments import BatchArrays, Span
 from obseq.leastsquares.problem.batches import padded_length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares.loops.loop_arguments import BatchMembers, Present
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.problem.shapes import Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 def batch_arrays(batch: Batch) -> BatchArrays:
     """A batch as the loops take it; no weights where clusters are added otherwise."""
     shape = batch.shape
-    return BatchArrays(
-        shape.n_unknowns,
-        shape.n_residuals,
-        shape.first_row,
-        batch.roles,
-        batch.starts,
-        batch.contexts,
-        batch.observation_tiles,
-        batch.observation_rows,
-        batch.tile_weights,
-        batch.roots,
-        batch.turns,
-        batch.turn_starts,
-    )
-
-
-def present_values(table: UnknownTable) -> Present:
-    """The current values, as the loops take them."""
-    return Present(table.padded_values, table.padded_context)
+    return BatchArrays(shape.n_unknowns, shape.n_residuals, shape.first_row, *batch_members(batch))
 
 
 def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
     """(n_blocks,) True for the blocks that an active observation or a prior touches."""
     used = np.zeros(len(table), dtype=bool)
     for batch in batches:
-        used[batch.blocks if batch.active.all() else batch.blocks[:, batch.active]] = True
+        is_whole = np.count_nonzero(batch.active) == batch.n
+        used[batch.blocks if is_whole else batch.blocks[:, batch.active]] = True
     for prior in priors:
         used[prior.ids] = True
     return used
@@ -76,7 +68,14 @@ def residual_rows(
 
 def whitened(batch: Batch, raw: FloatArray) -> FloatArray:
     """(n, n_residuals) what the sigmas stand for: `raw_residuals`, whitened where they are correlated."""
+    if not has_whitening(batch):
+        return raw
     return np.ascontiguousarray(whitened_residual_rows(batch, raw.T).T)
+
+
+def has_whitening(batch: Batch) -> bool:
+    """Whether its sigmas stand for other residuals than the raw ones."""
+    return batch.is_correlated or batch.clusters is not None
 
 
 def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
@@ -94,7 +93,7 @@ def jacobian_rows(table: UnknownTable, batch: Batch) -> FloatArray:
 
 def whitened_residual_rows(batch: Batch, rows: FloatArray) -> FloatArray:
     """(n_residuals, n) what the sigmas stand for, of `residual_rows`."""
-    return batch.whitened(rows[:, None])[:, 0] if batch.is_correlated or batch.clusters is not None else rows
+    return batch.whitened(rows[:, None])[:, 0] if has_whitening(batch) else rows
 
 
 def _evaluated(
@@ -105,16 +104,40 @@ def _evaluated(
     threads: int = 1,
     tile: Callable[[int], FloatArray] | None = None,
 ) -> FloatArray:
-    from obseq.leastsquares.loops.accumulation import evaluate
-
+    shape, members, present = batch.shape, batch_members(batch), present_values(table)
     results = np.empty((rows, padded_length(batch.n)))
-    bounds = share_bounds([batch.n], threads)[:, 0].tolist()
-    arrays, present = batch_arrays(batch), present_values(table)
+    bounds = share_bounds([batch.n], threads)[:, 0].tolist() if share_count(batch.n, threads) > 1 else []
 
     def evaluate_share(share: int) -> None:
-        span = Span(bounds[share], bounds[share + 1])
-        room = tile(share) if tile else batch.shape.new_tile()
-        evaluate(kernel, room, arrays, span, present, rows, results)
+        from obseq.leastsquares.loops.accumulation import evaluate
 
-    in_threads(evaluate_share, len(bounds) - 1)
+        arrays, span = batch_arrays(batch), Span(bounds[share], bounds[share + 1])
+        evaluate(kernel, room(share), arrays, span, present, rows, results)
+
+    def room(share: int) -> FloatArray:
+        return tile(share) if tile else shape.new_tile()
+
+    if bounds:
+        in_threads(evaluate_share, len(bounds) - 1)
+    else:
+        evaluate_members(members, shape, kernel, batch.n, room(0), present, results)
     return results[:, : batch.n]
+
+
+def evaluate_members(
+    members: BatchMembers,
+    shape: Shape,
+    kernel: int,
+    n: int,
+    tile: FloatArray,
+    present: Present,
+    results: FloatArray,
+) -> None:
+    """Writes residuals, and more, of n observations to `results` (rows, n padded)."""
+    plan = plan_of(shape, kernel, n)
+    if is_short(n) and evaluate_at_once(plan, tile, members, present, results):
+        return
+    from obseq.leastsquares.loops.accumulation import evaluate
+
+    arrays = BatchArrays(shape.n_unknowns, shape.n_residuals, shape.first_row, *members)
+    evaluate(kernel, tile, arrays, Span(0, n), present, len(results), results)

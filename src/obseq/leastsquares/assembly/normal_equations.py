@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import DivergenceError
+from obseq.leastsquares.assembly.at_once import BatchesAtOnce, is_short, present_values
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
 from obseq.leastsquares.assembly.elimination import Elimination
 from obseq.leastsquares.assembly.evaluation import (
     batch_arrays,
     jacobian_rows,
-    present_values,
     raw_residuals,
     residual_rows,
     used_blocks,
@@ -24,10 +23,11 @@ from obseq.leastsquares.assembly.evaluation import (
 )
 from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
 from obseq.leastsquares.assembly.prior_rows import PriorRows
-from obseq.leastsquares.assembly.small_system import MOST_OBSERVATIONS, MOST_UNKNOWNS, SmallSystem
+from obseq.leastsquares.assembly.small_system import MOST_UNKNOWNS, SmallSystem
 from obseq.leastsquares.assembly.store import aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
 from obseq.leastsquares.loops.loop_arguments import Span
+from obseq.leastsquares.problem.arguments import are_finite
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -76,13 +76,11 @@ class NormalEquations:
         self.viscosities = tuple(viscosities)
         self.used = used_blocks(table, [*batches, *constraints], priors)
         self.layout = layout or store_layout(table, self.batches, self.used, eliminated)
-        self.pattern = self.layout.matrix
-        self.free = self.layout.free
+        self.pattern, self.free = self.layout.matrix, self.layout.free
         self._threads = threads
         self.evaluations = 0
         self._prior_rows = PriorRows(self.priors, self.free)
-        blocks = self.layout.groups.blocks
-        self._diagonal_places = self.layout.diagonal.copy()
+        blocks, self._diagonal_places = self.layout.groups.blocks, self.layout.diagonal.copy()
         self._diagonal_places[blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._elimination = Elimination(table, self.layout, len(self._shares)) if len(blocks) else None
@@ -121,10 +119,15 @@ class NormalEquations:
         """The system as one that `solved` can treat; None where it is none of those."""
         has_clusters = any(batch.clusters is not None for batch in self.batches)
         is_plain = not (self._elimination or self.viscosities or has_clusters)
-        is_small = self.pattern.n <= MOST_UNKNOWNS and sum(b.n for b in self.batches) <= MOST_OBSERVATIONS
-        if not (is_plain and is_small and self.pattern.n and HAS_BUILTINS):
+        batches = self._at_once if is_plain and 0 < self.pattern.n <= MOST_UNKNOWNS else None
+        return SmallSystem(self.table, batches, self._prior_rows, self.layout) if batches else None
+
+    @cached_property
+    def _at_once(self) -> BatchesAtOnce | None:
+        """The batches where all together are short, and in one share."""
+        if len(self._shares) > 1 or not is_short(sum(batch.n for batch in self.batches)):
             return None
-        return SmallSystem(self.table, self.batches, self._prior_rows, self.layout, partial(self._room, 0))
+        return BatchesAtOnce(self.table, self.batches, self.layout.batches, partial(self._room, 0))
 
     def solve_at_once(self) -> SolvedLinearisation | None:
         """`assemble` and its Gauss-Newton step at once, for systems that are `small`.
@@ -209,7 +212,7 @@ class NormalEquations:
         eliminated = 0.0
         if self._elimination:
             eliminated = self._elimination.eliminate(self._store, gradient, damping)
-        if not (np.isfinite(gradient).all() and np.isfinite(values).all()):
+        if not (are_finite(gradient) and are_finite(values)):
             raise DivergenceError(self._explain(*self.batches))
         return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
 
@@ -288,8 +291,12 @@ class NormalEquations:
 
     def _added_up(self) -> list[float]:
         """Adds all batches to the store; returns their sums of weighted squared residuals."""
-        kernels = [batch.shape.kernel() for batch in self.batches]
-        bounds = self._shares.bounds
+        if self._at_once:
+            squares = np.zeros(len(self.batches))
+            if self._at_once.add(self._store, squares):
+                return squares.tolist()
+            self._clean()
+        kernels, bounds = [batch.shape.kernel() for batch in self.batches], self._shares.bounds
 
         def add_share(share: int) -> list[float]:
             spans = map(Span, bounds[share].tolist(), bounds[share + 1].tolist())

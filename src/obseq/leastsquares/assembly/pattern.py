@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,12 +38,12 @@ class BlockPairs:
     columns: IntArray
     occurrence: IntArray
 
-    @property
+    @cached_property
     def low(self) -> IntArray:
         """(n_pairs,) the block of the two that comes first: its columns hold the pair."""
         return np.minimum(self.rows, self.columns)
 
-    @property
+    @cached_property
     def high(self) -> IntArray:
         """(n_pairs,) the block of the two that comes last."""
         return np.maximum(self.rows, self.columns)
@@ -58,17 +58,24 @@ def role_pairs(n_roles: int) -> tuple[tuple[int, int], ...]:
 def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
     """Every pair of live blocks (n_blocks,) that some observation joins."""
     n = max(len(live), 1)
-    keys = [
-        np.where(live[batch.blocks[p]] & live[batch.blocks[q]], batch.blocks[q] * n + batch.blocks[p], -1)
-        for batch in batches
-        for p, q in role_pairs(len(batch.blocks))
-    ]
-    keys += cluster_keys(batches, live, n)  # behind all occurrences, which nothing is scattered to
-    joined = np.concatenate(keys) if keys else np.zeros(0, dtype=np.int64)
+    joined = np.concatenate([_occurrences(batches, live), *cluster_keys(batches, live, n)])
     distinct, occurrence = _distinct(joined, n * n)
     if distinct.size and distinct[0] < 0:
         distinct, occurrence = distinct[1:], occurrence - 1
     return BlockPairs(distinct % n, distinct // n, occurrence)
+
+
+def _occurrences(batches: Sequence[Batch], live: BoolArray) -> IntArray:
+    """The keys of all occurrences; those of clusters come behind, which nothing is scattered to."""
+    from obseq.leastsquares.loops.block_places import list_pairs
+
+    counts = [batch.n * len(role_pairs(len(batch.blocks))) for batch in batches]
+    keys, first = np.empty(sum(counts), dtype=np.int64), 0
+    for batch, count in zip(batches, counts, strict=True):
+        if count:
+            list_pairs(batch.blocks, live, keys, first)
+        first += count
+    return keys
 
 
 def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[SymmetricPattern, IntArray]:

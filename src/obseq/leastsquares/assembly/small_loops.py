@@ -8,10 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.accumulation import assemble
+from obseq.leastsquares.loops.accumulation import assemble, evaluate
 from obseq.leastsquares.loops.blocks_to_matrix import add_diagonal_blocks, add_pairs, add_priors
 from obseq.leastsquares.loops.loop_arguments import (
     BatchArrays,
+    BatchMembers,
     BlockTable,
     Present,
     PriorArrays,
@@ -22,20 +23,6 @@ from obseq.leastsquares.solvers.dense_loops import factor_columns, solve_columns
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
-
-
-class BatchMembers(NamedTuple):
-    """The arrays of a batch, as of `BatchArrays`."""
-
-    blocks: IntRows
-    starts: PositionRows
-    contexts: PositionRows
-    observations: FloatRows
-    observation_rows: IntArray
-    weights: FloatRows
-    roots: FloatRows
-    turns: IntRows
-    turn_starts: PositionRows
 
 
 class TableMembers(NamedTuple):
@@ -83,6 +70,25 @@ class Outcome(NamedTuple):
     numbers: FloatArray
 
 
+@compiled
+def batch_arrays(plan: IntArray, batch: BatchMembers) -> BatchArrays:
+    """A batch as other loops take it; `plan` as of `add_batch`."""
+    return BatchArrays(
+        plan[1],
+        plan[2],
+        plan[3],
+        batch.blocks,
+        batch.starts,
+        batch.contexts,
+        batch.observations,
+        batch.observation_rows,
+        batch.weights,
+        batch.roots,
+        batch.turns,
+        batch.turn_starts,
+    )
+
+
 @compiled(at_once=True)
 def add_batch(
     plan: IntArray,
@@ -99,23 +105,22 @@ def add_batch(
     `plan`: address of the kernel, numbers of unknowns and residuals, first row of results, number of
     observations, place among `squares`.
     """
-    arrays = BatchArrays(
-        plan[1],
-        plan[2],
-        plan[3],
-        batch.blocks,
-        batch.starts,
-        batch.contexts,
-        batch.observations,
-        batch.observation_rows,
-        batch.weights,
-        batch.roots,
-        batch.turns,
-        batch.turn_starts,
-    )
     blocks = BlockTable(table.record_rows, table.pairs, table.positions, table.heights, len(scratch))
-    span = Span(0, plan[4])
+    arrays, span = batch_arrays(plan, batch), Span(0, plan[4])
     squares[plan[5]] += assemble(plan[0], tile, arrays, span, present, blocks, scratch, store)
+    return 0
+
+
+@compiled(at_once=True)
+def evaluate_batch(
+    plan: IntArray, tile: FloatArray, batch: BatchMembers, present: Present, results: FloatRows
+) -> int:
+    """Copies rows of each tile, from the residuals on, to `results` (rows, n padded).
+
+    `plan` as of `add_batch`; its kernel may be that of values alone.
+    """
+    span = Span(0, plan[4])
+    evaluate(plan[0], tile, batch_arrays(plan, batch), span, present, len(results), results)
     return 0
 
 

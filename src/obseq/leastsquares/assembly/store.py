@@ -272,23 +272,22 @@ def _batch_layouts(
     return tuple(result)
 
 
-def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntArray) -> BlockTable:
-    record = _record(tuple([(role.row, role.size) for role in batch.shape.roles]))
-    positions = np.concatenate([places.own[batch.blocks], places.position[occurrence]])
-    pairs, threes, n_roles = record.pairs.copy(), record.threes, len(batch.blocks)
-    if places.has_spare:
-        kept = np.append((positions[:n_roles] != places.own[-1]).any(axis=1), (occurrence >= 0).any(axis=1))
-        positions, pairs, threes = positions[kept], pairs[kept], threes & kept[n_roles:]
-        pairs[pairs[:, 4] >= 0, 4] = np.arange(np.count_nonzero(threes))
-    positions[pairs[:, 4] < 0] //= 4
-    pairs[:, 5] = 2 * (positions[:, 1:] == positions[:, :-1]).sum(axis=1) > batch.n
-    width = len(record.rows)
+def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntRows) -> BlockTable:
+    from obseq.leastsquares.loops.block_places import place_blocks
+
+    shape, record = batch.shape, _record(tuple([(role.row, role.size) for role in batch.shape.roles]))
+    pairs = record.pairs.copy()
+    positions = np.empty((len(pairs), batch.n), dtype=np.uint32)
+    heights = np.empty((record.n_threes, batch.n), dtype=np.uint32)
+    addresses = places.own, places.position, places.height, places.has_spare
+    kept = place_blocks(batch.blocks, occurrence, *addresses, pairs, positions, heights)
+    pairs, width = pairs[:kept], len(record.rows)
     return BlockTable(
         record.rows,
         pairs,
-        positions,
-        places.height[occurrence[threes]],
-        batch.shape.n_residuals * (LANES * width + STRIDE * (1 + batch.shape.n_unknowns)) + STRIDE,
+        positions[:kept],
+        heights[: np.count_nonzero(pairs[:, 4] >= 0)],
+        shape.n_residuals * (LANES * width + STRIDE * (1 + shape.n_unknowns)) + STRIDE,
     )
 
 
@@ -299,12 +298,12 @@ class _Record(NamedTuple):
         rows: as of `BlockTable.record_rows`.
         pairs: (n_roles + n_role_pairs, 6) as of `BlockTable`, of the roles, then of pairs of roles; 0 for
             whether blocks come in runs.
-        threes: (n_role_pairs,) True where both roles have three unknowns.
+        n_threes: pairs of roles that have three unknowns both.
     """
 
     rows: IntArray
     pairs: IntRows
-    threes: BoolArray
+    n_threes: int
 
 
 @lru_cache
@@ -322,7 +321,7 @@ def _record(roles: tuple[tuple[int, int], ...]) -> _Record:
     own = np.array([part, part, widths // 4, sizes + 1, none - 1, none]).T
     number = np.where(threes, threes.cumsum(), 0) - 1
     joined = np.array([part[p], part[q], widths[p] // 4, sizes[q], number, none[p]]).T
-    return _Record(rows, np.concatenate([own, joined]), threes)
+    return _Record(rows, np.concatenate([own, joined]), int(np.count_nonzero(threes)))
 
 
 def aligned_zeros(n: int) -> FloatArray:

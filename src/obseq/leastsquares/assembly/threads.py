@@ -71,12 +71,17 @@ def checked_threads(threads: int) -> int:
     return threads
 
 
+def share_count(n: int, threads: int) -> int:
+    """How many share n observations."""
+    return max(1, min(threads, n // LEAST_SHARE))
+
+
 def share_bounds(counts: Sequence[int], threads: int) -> IntArray:
     """(n_shares + 1, n_batches) where shares of batches of so many observations begin, and the ends.
 
     There are as many shares as threads, fewer when each would have less than `LEAST_SHARE` observations.
     """
-    shares = max(1, min(threads, sum(counts) // LEAST_SHARE))
+    shares = share_count(sum(counts), threads)
     if shares == 1:
         return np.array([[0] * len(counts), counts], dtype=np.int64)
     n = np.array(counts, dtype=np.int64)

@@ -48,6 +48,20 @@ class BatchArrays(NamedTuple):
     turn_starts: PositionRows
 
 
+class BatchMembers(NamedTuple):
+    """The arrays of a batch, as of `BatchArrays`."""
+
+    blocks: IntRows
+    starts: PositionRows
+    contexts: PositionRows
+    observations: FloatRows
+    observation_rows: IntArray
+    weights: FloatRows
+    roots: FloatRows
+    turns: IntRows
+    turn_starts: PositionRows
+
+
 class Span(NamedTuple):
     """Observations of a batch: from the first, a multiple of 32, to before the last."""
 

@@ -45,12 +45,16 @@ def padded_length(n: int) -> int:
 
 def _padded(rows: Array, dtype: type) -> Array:
     """(k, n) rows repeated at their end to whole tiles, so that spare lanes compute what a real one does."""
-    k, n = rows.shape
-    result: Array = np.empty((k, padded_length(n)), dtype=dtype)
+    result: Array = np.empty((len(rows), padded_length(rows.shape[1])), dtype=dtype)
+    _fill_padded(result, rows)
+    return result
+
+
+def _fill_padded(result: Array, rows: Array) -> None:
+    n = rows.shape[1]
     result[:, :n] = rows
     if n:
         result[:, n:] = rows[:, n - 1 : n]
-    return result
 
 
 class Batch:
@@ -67,6 +71,7 @@ class Batch:
         weights: (n_residuals, padded n) inverse sigmas times the roots of robust weights; 0 where inactive.
         clusters: covariances across observations; None without.
         roots: (m (m + 1) / 2, padded n) upper triangles that whiten correlated residuals; empty without.
+        kept: what the loops are given of it, made and looked after by assembly.
     """
 
     __slots__ = (
@@ -82,6 +87,7 @@ class Batch:
         "clusters",
         "contexts",
         "is_constraint",
+        "kept",
         "n",
         "observation_rows",
         "observation_tiles",
@@ -107,6 +113,7 @@ class Batch:
     ) -> None:
         self.shape = shape
         self._table = table
+        self.kept: object = None
         self._group = shape.name if group is None else text(group, f"{shape.name}, group")
         columns = block_columns(table, shape, blocks)
         self.n: int = max(rows_given(shape, observations, columns))
@@ -163,10 +170,10 @@ class Batch:
             )
         array = array.reshape(self.n, width)
         is_finite = np.isfinite(array)
-        if not is_finite.all():
+        if np.count_nonzero(is_finite) < is_finite.size:
             wrong = int(is_finite.all(axis=1).argmin())
             raise InputError(f"{self.label(wrong)}: the observation is not finite: {array[wrong]}")
-        self.observation_tiles[:] = _padded(array.T, np.float64)
+        _fill_padded(self.observation_tiles, array.T)
 
     @property
     def sigmas(self) -> FloatArray:
@@ -215,7 +222,7 @@ class Batch:
             InputError: a sigma is no positive number any more.
         """
         sigmas, active = self._weighed
-        if not ((sigmas == self._sigmas).all() and (active == self._active).all()):
+        if np.count_nonzero(sigmas != self._sigmas) or np.count_nonzero(active != self._active):
             self._sigmas = self._checked_sigmas(self._sigmas)
             self._weigh()
 
@@ -311,11 +318,6 @@ class Batch:
         rows, columns = np.broadcast_arrays(members[:, :, None], members[:, None, :])
         return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(count, m, m)
 
-    @property
-    def tile_weights(self) -> FloatArray:
-        """The weights that the loops over tiles take: none where clusters are added otherwise."""
-        return self.weights if self.clusters is None else np.zeros_like(self.weights)
-
     def whitened(self, rows: FloatArray, chosen: IntArray | slice | None = None) -> FloatArray:
         """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.
 
@@ -370,8 +372,8 @@ class Batch:
             )
         sigmas = np.empty(shape)
         sigmas[:] = array
-        is_right = np.isfinite(sigmas) & (sigmas > 0.0)
-        if not is_right.all():
+        is_right = (sigmas > 0.0) & (sigmas < np.inf)
+        if np.count_nonzero(is_right) < is_right.size:
             row = int(is_right.all(axis=1).argmin())
             raise InputError(f"{self.label(row)}: sigma must be positive and finite, not {sigmas[row]}")
         return sigmas
@@ -385,15 +387,11 @@ class Batch:
         """The arrays that the loops take, in their order."""
         shape, table = self.shape, self._table
         contexts = table.context_start[self.blocks]
-        if any(role.transposed for role in shape.roles):
-            asks = np.array([role.transposed for role in shape.roles])[:, None]
-            contexts += asks * table.each(attrgetter("transposed_at"), self.blocks)
-        self.roles = np.array(
-            [(role.row, role.size, role.context_row, role.context_size) for role in shape.roles],
-            dtype=np.int64,
-        )
+        if shape.transposed.any():
+            contexts += shape.transposed * table.each(attrgetter("transposed_at"), self.blocks)
+        self.roles = shape.role_rows
         self.starts = _padded(table.start[self.blocks], np.uint32)
         self.turns, places = turns_of(shape, table, self.blocks)
         self.turn_starts = _padded(places, np.uint32)
         self.contexts = _padded(contexts, np.uint32)
-        self.observation_rows = np.array(shape.observation_rows, dtype=np.int64)
+        self.observation_rows = shape.observation_places

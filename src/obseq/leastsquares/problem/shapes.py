@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from obseq.errors import FormulaError, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.manifolds import Manifold
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -90,6 +91,29 @@ class Shape:
     n_residuals: int
     first_row: int
     formula: Kernel | None
+
+    @cached_property
+    def role_rows(self) -> IntArray:
+        """(n_roles, 4) row, size, row and size of the context of each block."""
+        rows = [(role.row, role.size, role.context_row, role.context_size) for role in self.roles]
+        return np.array(rows, dtype=np.int64)
+
+    @cached_property
+    def transposed(self) -> BoolArray:
+        """(n_roles, 1) True for the blocks whose transposed rotation matrix the formula reads."""
+        return np.array([role.transposed for role in self.roles])[:, None]
+
+    @cached_property
+    def with_centre(self) -> tuple[tuple[int, int], ...]:
+        """The blocks beside which the formula has their centre: their number, and the row of the centre."""
+        rows = {role.name: role.row for role in self.roles}
+        centres = [rows.get(role.name.removesuffix("rotation") + "centre") for role in self.roles]
+        return tuple((number, row) for number, row in enumerate(centres) if row is not None)
+
+    @cached_property
+    def observation_places(self) -> IntArray:
+        """(m,) `observation_rows`, for the loops."""
+        return np.array(self.observation_rows, dtype=np.int64)
 
     def kernel(self) -> int:
         """Address of the kernel of values and derivatives, compiled when needed; 0 for linear rows."""
@@ -193,14 +217,13 @@ def turns_of(shape: Shape, table: UnknownTable, blocks: IntArray) -> tuple[IntAr
     Returns:
         (k, 2) first unknown of the centre and of the rotation; (k, n) where the turns are in the context.
     """
-    rows, starts = {role.name: role.row for role in shape.roles}, table.context_start
-    at = table.each(attrgetter("turn_at"), blocks)
     pairs, places = [], []
-    for role, ids, shift in zip(shape.roles, blocks, at, strict=True):
-        centre = rows.get(role.name.removesuffix("rotation") + "centre")
-        if centre is not None and shift.any():
-            pairs.append((centre, role.row))
-            places.append(_all_turning(table, ids, shift) + starts[ids])
+    for number, centre in shape.with_centre:
+        ids = blocks[number]
+        shift = table.each(attrgetter("turn_at"), ids)
+        if shift.any():
+            pairs.append((centre, shape.roles[number].row))
+            places.append(_all_turning(table, ids, shift) + table.context_start[ids])
     return np.array(pairs, np.int64).reshape(-1, 2), np.array(places, np.int64).reshape(-1, blocks.shape[1])
 
 

@@ -266,13 +266,12 @@ class UnknownTable:
         if not array.size:
             raise InputError(f"{what}: no block ids")
         kind, size = self._kind.view[array], self.size[array]
-        other = (kind != kind[0]) | (size != size[0])
-        if len(array) > 1 and other.any():
+        if len(array) > 1 and np.count_nonzero(other := (kind != kind[0]) | (size != size[0])):
             raise InputError(
                 f"{what}: {self._described(array[0])} and {self._described(array[other][0])} are not alike; "
                 "treat them in two calls"
             )
-        return array, self.manifold(array[0]), int(size[0])
+        return array, self.manifolds[int(kind[0])], int(size[0])
 
     def _described(self, block: int) -> str:
         return f"{self.names[block]!r} ({self.manifold(block).label}, {self.size[block]})"
@@ -366,10 +365,11 @@ class UnknownTable:
     def _absorb(self, blocks: CurvedBlocks, values: FloatArray) -> None:
         small, places = values[blocks.scalars], blocks.places
         moved = small.any(axis=1)
-        if not moved.any():
+        count = np.count_nonzero(moved)
+        if not count:
             return
         values[blocks.scalars] = 0.0
-        if not moved.all():
+        if count < moved.size:
             small, places = small[moved], places[moved]
         self._context.view[places] = blocks.manifold.moved(self._context.view[places], small)
 

@@ -57,7 +57,7 @@ class Weighted(Protocol):
 def root_weights(sigmas: FloatArray, active: BoolArray, factors: FloatArray | float = 1.0) -> FloatArray:
     """(n, k) what residuals are multiplied by: factors over sigmas (n, k); 0 where not active (n,)."""
     weights = factors / sigmas
-    return weights if active.all() else np.where(active[:, None], weights, 0.0)
+    return weights if np.count_nonzero(active) == len(active) else np.where(active[:, None], weights, 0.0)
 
 
 class Restorer:

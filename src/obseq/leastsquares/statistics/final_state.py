@@ -10,9 +10,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
+from obseq.leastsquares.assembly.at_once import batch_members
 from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
-from obseq.leastsquares.assembly.evaluation import batch_arrays, whitened_residual_rows
-from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, Span, SparseInverse
+from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_residual_rows
+from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
 from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
 from obseq.leastsquares.problem.weights import root_weights
@@ -203,18 +204,16 @@ class FinalState:
 
     def _raw_rows(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
         """(n_residuals + n_residuals n_unknowns, k) residuals and derivatives of chosen observations (k,)."""
-        from obseq.leastsquares.loops.accumulation import evaluate
-
         shape, (count, padded) = batch.shape, _in_tiles(chosen)
         results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(count)))
-        arrays = batch_arrays(batch)._replace(
+        members = batch_members(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
             contexts=np.ascontiguousarray(batch.contexts[:, padded]),
             turn_starts=np.ascontiguousarray(batch.turn_starts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
         )
-        span, present = Span(0, count), Present(self._values, self._context)
-        evaluate(shape.kernel(), shape.new_tile(), arrays, span, present, len(results), results)
+        present = Present(self._values, self._context)
+        evaluate_members(members, shape, shape.kernel(), count, shape.new_tile(), present, results)
         return results[:, :count]
 
 

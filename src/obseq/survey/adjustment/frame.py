@@ -24,6 +24,9 @@ RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 MEAN_RADIUS = 6371008.8
 """Radius (m) of the Earth where its place is not known: the mean one of GRS 80."""
 
+UPRIGHT = np.broadcast_to(np.eye(3), (2**40, 3, 3))
+"""The unit matrix, as often as there are points."""
+
 _LARGEST_COEFFICIENT = 1.0
 """Refraction coefficients beyond it, in size, are mistakes: at 1 rays are as curved as the Earth."""
 _FARTHEST = 1000.0
@@ -78,7 +81,7 @@ class Frame:
         """(n, 3, 3) rotations from the frame to east, north, up at points; identity without vertical."""
         if self.has_turning_vertical:
             return self.system.vertical_rotation(points)
-        return np.broadcast_to(np.eye(3), (len(points), 3, 3))
+        return UPRIGHT[: len(points)]
 
     def around(self, coordinates: FloatArray) -> Surroundings:
         """What a frame with a place on the Earth has at coordinates (n, 3).
