@@ -1,9 +1,11 @@
 """Ctrl-C and SIGTERM at work: exit code 130, one message, no file but whole ones."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,38 +15,54 @@ from obseq.cli import versions
 from obseq.cli.guard import guarded
 from obseq.cli.main import main
 
-SCRIPT = """\
-import signal, sys
+LENDER = """\
+import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a runner in the background has it ignored
 from obseq.cli.main import main
 from obseq import survey
 adjust = survey.Network.adjust
+
 def told(*args, **kwargs):
-    print("adjusting", flush=True)
     while True:
+        print("adjusting", os.getpid(), flush=True)
         adjust(*args, **kwargs)
-survey.Network.adjust = told
-sys.exit(main(["demo", "--out", sys.argv[1]]))
+
+def run(out, errors):
+    signal.alarm(60)
+    os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT), 2)
+    survey.Network.adjust = told
+    sys.exit(main(["demo", "--out", out]))
+
+for line in sys.stdin:
+    child = os.fork() or run(*line.rstrip("\\n").split("\\t"))
+    print("ended", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
+"""A process that has loaded the command; it runs each one, which adjusts without end, in a copy of itself."""
 
 
-@pytest.mark.slow  # starts a process that computes in compiled loops until it is interrupted
+@pytest.fixture(scope="module")
+def lender() -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-c", LENDER]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        yield process
+
+
+@pytest.mark.slow  # a process that computes in compiled loops until it is interrupted
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("delay", [0.0, 0.37])
-def test_a_command_that_is_interrupted_while_it_computes(number, delay: float, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    with subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "adjusting\n"
-        time.sleep(delay)
-        process.send_signal(number)
-        try:
-            _, err = process.communicate(timeout=60)
-        finally:
-            process.kill()
-    assert (process.returncode, err) == (130, "\nobseq: interrupted; no file is half-written.\n")
+@pytest.mark.parametrize("adjustments", [0, 1])
+def test_a_command_that_is_interrupted_while_it_computes(
+    number: int, adjustments: int, tmp_path: Path, lender: subprocess.Popen[str]
+) -> None:
+    """During the first adjustment, while what computes is loaded, or after it."""
+    assert lender.stdin is not None and lender.stdout is not None
+    out, errors = tmp_path / "out", tmp_path / "errors"
+    print(out, errors, sep="\t", file=lender.stdin, flush=True)
+    for _ in range(adjustments + 1):
+        word, process = lender.stdout.readline().split()
+        assert word == "adjusting"
+    os.kill(int(process), number)
+    word, code = next(words for words in map(str.split, lender.stdout) if words[0] == "ended")
+    assert (code, errors.read_text()) == ("130", "\nobseq: interrupted; no file is half-written.\n")
     assert not out.exists()
 
 
