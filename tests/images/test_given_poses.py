@@ -80,6 +80,25 @@ def test_without_poses_both_are_named_and_what_coordinates_look_like_comes_first
     assert "x and y of the control points are exchanged" in cause and "x and y of all image" not in cause
 
 
+def test_heights_that_count_downwards_are_told_by_the_poses_that_are_given():
+    block = _block()
+    block.control = replace(block.control, coordinates=block.control.coordinates * [1.0, 1.0, -1.0])
+    assert _cause(block).startswith("the heights of the control points count downwards (z goes up here): so")
+
+
+def test_principal_points_of_images_that_have_been_turned_are_named():
+    block = _block()
+    (part,) = block.sets
+    xy = np.column_stack([scenes.CAMERA.height - part.measures.xy[:, 1], part.measures.xy[:, 0]])
+    block.cameras["c"] = replace(scenes.CAMERA, width=scenes.CAMERA.height, height=scenes.CAMERA.width)
+    block.sets = [replace(part, measures=replace(part.measures, xy=xy))]
+    block.freeze_parameters("PP.|K.|p.|b.")
+    assert (
+        "images that have been turned by 90 degrees (of the images as measured they are c: 750, 1000)"
+        in _said(block)
+    )
+
+
 def test_exchanged_axes_that_put_points_behind_the_cameras_are_said_with_that():
     block = _block(origin=(1000.0, 0.0, 0.0))
     _exchange_axes(block)

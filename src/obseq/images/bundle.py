@@ -14,7 +14,7 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_datum, check_scale, in_words
+from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, in_words
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -107,7 +107,9 @@ class BundleAdjustment(AdjustableBlock):
                 done += result.iterations
         except SingularSystemError as error:
             raise in_words(self, start, error) from None
-        return BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
+        return check_cameras(
+            BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
+        )
 
     @property
     def _is_robust(self) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from obseq.errors import SingularSystemError
 from obseq.images.adjustment.start import LeftOut, put_points
+from obseq.images.adjustment.verdicts import cameras_refused
 from obseq.images.initial.rough import ROUGH
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
@@ -221,10 +222,9 @@ def _present_cameras(equations: Equations) -> list[Camera]:
     """The camera of each image with its present parameters."""
     ids = dict(zip(equations.cameras, equations.calibrations.tolist(), strict=True))
     values = equations.system.values
-    present = {
-        camera.name: camera.with_parameters(values([ids[camera.name]])[0])
-        for camera in {camera.name: camera for camera in equations.start.cameras}.values()
-    }
+    used = {camera.name: camera for camera in equations.start.cameras}
+    with cameras_refused():
+        present = {name: camera.with_parameters(values([ids[name]])[0]) for name, camera in used.items()}
     return [present[camera.name] for camera in equations.start.cameras]
 
 

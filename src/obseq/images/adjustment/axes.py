@@ -24,12 +24,15 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Attempts
+    from obseq.images.camera import Camera
     from obseq.images.control import ControlPoints
     from obseq.images.poses import Poses
 
 TIMES, PIXELS, MOVED = 3.0, 5.0, 0.2
 """Explanations are alike that move principal points and poses by no more than so many times the least: and
 these pixels, this share of the extent and radians."""
+OFF_MIDDLE = 0.1
+"""Share of the size of an image by which no principal point is off its middle, as a rule."""
 EASTINGS = (1e5, 1e6)
 """Metres: between these are eastings of most grids, and northings above the second."""
 
@@ -66,7 +69,7 @@ def exchanged_axes(attempts: Attempts) -> str:
     if not fits:
         return ""
     good = _alike(fits)
-    return f"{', or '.join(fit.said for fit in good)}: {attempts.becomes(good[0].found)}"
+    return f"{', or '.join(dict.fromkeys(fit.said for fit in good))}: {attempts.becomes(good[0].found)}"
 
 
 def _alike(fits: list[_Fit]) -> list[_Fit]:
@@ -91,6 +94,52 @@ def _changed(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock | N
     said = f"x and y of the control points are exchanged (easting comes first here{like})"
     known = [("x and y of control points exchanged", said, made)] if len(control) else []
     yield from [*known, *images] if _are_northings_first(control) else [*images, *known]
+    if len(attempts.given) and len(control):
+        yield _upside_down(attempts)
+    yield from _turned_back(attempts)
+
+
+def _upside_down(attempts: Attempts) -> tuple[str, str, AdjustableBlock]:
+    made, control = attempts.copy(), attempts.block.control
+    made.control = replace(control, coordinates=control.coordinates * [1.0, 1.0, -1.0])
+    said = "the heights of the control points count downwards (z goes up here)"
+    return "heights of control points counted downwards", said, made
+
+
+def _turned_back(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock]]:
+    """Cameras whose principal points were given for images that were turned by 90 degrees afterwards."""
+    for quarter, turn in (("90", _clockwise), ("-90", _anticlockwise)):
+        cameras = {name: replace(c, principal_point=turn(c)) for name, c in attempts.block.cameras.items()}
+        if all(
+            _off_middle(c) < OFF_MIDDLE < _off_middle(attempts.block.cameras[c.name])
+            for c in cameras.values()
+        ):
+            made = attempts.copy()
+            made.cameras = cameras
+            points = ", ".join(
+                f"{name}: {c.principal_point[0]:g}, {c.principal_point[1]:g}" for name, c in cameras.items()
+            )
+            said = (
+                "principal points were given for images that have been turned by 90 degrees "
+                f"(of the images as measured they are {points})"
+            )
+            yield f"principal points turned by {quarter} degrees", said, made
+
+
+def _clockwise(camera: Camera) -> FloatArray:
+    x, y = camera.principal_point
+    return np.array([camera.width - y, x])
+
+
+def _anticlockwise(camera: Camera) -> FloatArray:
+    x, y = camera.principal_point
+    return np.array([y, camera.height - x])
+
+
+def _off_middle(camera: Camera) -> float:
+    """Share of the size of its images by which a principal point is off the middle; 0 without a size."""
+    size = np.array([camera.width, camera.height], dtype=np.float64)
+    return float(np.abs(camera.principal_point / size - 0.5).max()) if size.all() else 0.0
 
 
 def with_exchanged_axes(control: ControlPoints) -> ControlPoints:

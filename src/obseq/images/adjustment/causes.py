@@ -59,7 +59,7 @@ def common_cause(
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad:
-        cause = exchanged_axes(trials) or misplaced(trials) or _focal_length(trials)
+        cause = exchanged_axes(trials) or misplaced(trials) or _interior(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
@@ -74,14 +74,21 @@ def _has_gross(solution: BundleSolution) -> bool:
     return bool((np.abs(found.residuals) > GROSS * found.sigmas).any())
 
 
-def _focal_length(trials: Trials) -> str:
-    """Another focal length that explains a block, in words."""
-    freed = trials.copy()
-    freed.free_parameters("F")
-    found = trials.fitting(freed, "another focal length")
+def _interior(trials: Trials) -> str:
+    """Another focal length that explains a block, or another principal point, in words."""
+    found = _freed(trials, "F", "another focal length")
+    if found is not None:
+        return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
+    found = _freed(trials, "F|PP.", "another principal point")
     if found is None:
         return ""
-    return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
+    return f"a principal point is wrong ({_principal_points(found)}): {trials.becomes(found)}"
+
+
+def _freed(trials: Trials, parameters: str, change: str) -> BundleSolution | None:
+    made = trials.copy()
+    made.free_parameters(parameters)
+    return trials.fitting(made, change)
 
 
 def silent(said: str) -> None:
@@ -94,3 +101,15 @@ def _focal_lengths(found: BundleSolution) -> str:
     ratio = {name: abs(np.log(camera.focal / given[name].focal)) for name, camera in found.cameras.items()}
     name = max(ratio, key=lambda name: ratio[name])
     return f"camera {name}: {given[name].focal:g} px given, {found.cameras[name].focal:.6g} px as an unknown"
+
+
+def _principal_points(found: BundleSolution) -> str:
+    """The one that is farthest from what was given."""
+    given = found.block.cameras
+    off = {
+        name: float(np.abs(c.principal_point - given[name].principal_point).max())
+        for name, c in found.cameras.items()
+    }
+    name = max(off, key=lambda name: off[name])
+    (x, y), (u, v) = given[name].principal_point, found.cameras[name].principal_point
+    return f"camera {name}: {x:g}, {y:g} given, {u:.6g}, {v:.6g} as unknowns"

@@ -87,7 +87,7 @@ class Attempts:
         try:
             self.told(f"the block does not fit: trying {change}")
             block.initialise(causes=False)
-            return _sound(block.solve(**self._as_before(change)))
+            return block.solve(**self._as_before(change))
         except ObseqError:
             return None
 
@@ -172,16 +172,6 @@ class Trials(Attempts):
     @property
     def _most(self) -> int:
         return min(max(FEW, TIMES * len(self.before.iterations)), MOST)
-
-
-def _sound(found: BundleSolution) -> BundleSolution:
-    """A solution whose cameras are possible.
-
-    Raises:
-        InputError: one is not: a focal length that is negative, in a mirror image.
-    """
-    found.cameras  # noqa: B018  (each is checked when it is made)
-    return found
 
 
 def _step(change: str, step: Iteration) -> str:

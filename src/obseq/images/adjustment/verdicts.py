@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
+from obseq.images.adjustment.start import ContradictionError
 from obseq.images.initial.distribution import check_spread
 from obseq.leastsquares.diagnosis.singular import grouped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import Start
     from obseq.images.block import Block
 
@@ -57,6 +60,29 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
         places = block.control_places([start.points[row] for row in rows])
         what = "the block" if any(origin.lines for _, origin in block.control_origins) else ""
         check_spread(start.coordinates[rows], what or f"{block.source}the block", places)
+
+
+def check_cameras(solution: BundleSolution) -> BundleSolution:
+    """A solution, if its cameras are possible.
+
+    Raises:
+        ContradictionError: one is not: a mirror image has a negative focal length.
+    """
+    with cameras_refused():
+        solution.cameras  # noqa: B018  (each is checked when it is made)
+    return solution
+
+
+@contextmanager
+def cameras_refused() -> Iterator[None]:
+    """Cameras that cannot be, which iterations have led to, are said to be those of a mirror image."""
+    try:
+        yield
+    except InputError as error:
+        raise ContradictionError(
+            f"{error}: the block fits as a mirror image only; check the axes of image points and control "
+            "points, the principal point and the poses, or hold the camera (--freeze '.*')"
+        ) from None
 
 
 def _idle(start: Start) -> str:
