@@ -220,6 +220,13 @@ def test_broken_and_hostile_files_are_refused(tmp_path, text, reason):
         read_tree(path)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1", "koi8-r", "cp1252"])
+def test_entities_are_refused_in_whatever_encoding(tmp_path, encoding):
+    (tmp_path / "f.xml").write_bytes(BOMB.replace("?>", f' encoding="{encoding}"?>', 1).encode(encoding))
+    with pytest.raises(InputError, match="refused: XML with entities"):
+        read_tree(tmp_path / "f.xml")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [

@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion
 from obseq.images import Camera
+from obseq.project.xml_elements import root_of
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -110,20 +111,11 @@ def _distortion(
 
 
 def _parsed(path: Path) -> Element:
-    from xml.etree.ElementTree import ParseError
-
-    from defusedxml.common import DefusedXmlException
-    from defusedxml.ElementTree import fromstring
-
     try:
-        root: Element = fromstring(path.read_bytes())
+        data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except DefusedXmlException as error:
-        raise InputError(f"{path}: refused: XML with entities or external references ({error})") from None
-    except (ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: the XML is broken: {error}") from None
-    return root
+    return root_of(path, data)
 
 
 def _one(node: Element, name: str, place: Path) -> Element:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from obseq.errors import InputError
+from obseq.project.xml_elements import root_of
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -225,18 +226,8 @@ def _envelope(path: Path, whole: Tree) -> dict[str, Tree]:
 
 
 def _from_xml(path: Path, data: bytes) -> Tree:
-    from xml.etree.ElementTree import ParseError
-
-    from defusedxml.common import DefusedXmlException
-    from defusedxml.ElementTree import fromstring
-
     # MMVII of 2023 writes the name ISO8859-1, which expat does not know, for ISO-8859-1
-    try:
-        root = fromstring(data.replace(b'encoding="ISO8859-1"', b'encoding="ISO-8859-1"', 1))
-    except DefusedXmlException as error:
-        raise InputError(f"{path}: refused: XML with entities or external references ({error})") from None
-    except (ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: the XML is broken: {error}") from None
+    root = root_of(path, data.replace(b'encoding="ISO8859-1"', b'encoding="ISO-8859-1"', 1))
     return _element(root, str(path), 0)
 
 

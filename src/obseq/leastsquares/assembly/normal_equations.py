@@ -280,13 +280,13 @@ class NormalEquations:
 
     def raw_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed, at the current values, in their units."""
-        return raw_residuals(self.table, batch, self._threads, partial(self._tile, batch))
+        return raw_residuals(self.table, batch, self._threads, partial(self.tile, batch))
 
     def _weighted(self, batch: Batch, rows: FloatArray | None = None) -> FloatArray:
         """(n_residuals, n) weighted residuals, from those (n_residuals, n) that are known."""
         weights = batch.weights[:, : batch.n]
         if rows is None:
-            rows = residual_rows(self.table, batch, self._threads, partial(self._tile, batch))
+            rows = residual_rows(self.table, batch, self._threads, partial(self.tile, batch))
         return np.where(weights != 0.0, whitened_residual_rows(batch, rows) * weights, 0.0)
 
     def _added_up(self) -> list[float]:
@@ -322,9 +322,9 @@ class NormalEquations:
         key = share, id(batch.shape)
         if key not in self._records:
             self._records[key] = aligned_zeros(table.scratch)
-        return self._tile(batch, share), self._records[key]
+        return self.tile(batch, share), self._records[key]
 
-    def _tile(self, batch: Batch, share: int) -> FloatArray:
+    def tile(self, batch: Batch, share: int = 0) -> FloatArray:
         """A tile of one thread and for one formula, kept too."""
         key = share, id(batch.shape)
         if key not in self._tiles:

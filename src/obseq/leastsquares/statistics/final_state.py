@@ -205,6 +205,7 @@ class FinalState:
     def _raw_rows(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
         """(n_residuals + n_residuals n_unknowns, k) residuals and derivatives of chosen observations (k,)."""
         shape, (count, padded) = batch.shape, _in_tiles(chosen)
+        tile, present = self.equations.tile(batch), Present(self._values, self._context)
         results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(count)))
         members = batch_members(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
@@ -212,8 +213,7 @@ class FinalState:
             turn_starts=np.ascontiguousarray(batch.turn_starts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
         )
-        present = Present(self._values, self._context)
-        evaluate_members(members, shape, shape.kernel(), count, shape.new_tile(), present, results)
+        evaluate_members(members, shape, shape.kernel(), count, tile, present, results)
         return results[:, :count]
 
 
