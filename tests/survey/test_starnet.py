@@ -338,3 +338,29 @@ def test_a_project_file_is_refused_with_the_data_files_to_give(tmp_path, text, c
     assert "the form of STAR*NET's project files is not published; give its data files" in said
     names = ["survey one.dat", "Levels.DAT"] if "survey" in text else []
     assert all(name in said for name in [*names, "job.dat"])
+
+
+IN_FEET = """\
+.UNITS FeetUS DMS
+.ORDER EN
+.2D
+C 1 5000.00 5000.00 ! !
+C N 4000 6000 ! !
+C 5 6300 5000 ! !
+C S 7500 6500 ! !
+TB N
+T 1 116-01-38 {:.3f}
+T 2 228-56-12 {:.3f}
+T 3 105-43-36 {:.3f}
+T 4 260-06-44 {:.3f}
+TE 5 92-51-16 S
+"""
+
+
+def test_distances_in_metres_in_a_file_in_feet_are_told_as_that(tmp_path):
+    """Neither they nor the coordinates are "in feet where metres are meant": the file is in feet."""
+    feet = np.array([338.962, 439.496, 445.510, 345.121])
+    sigmas = ["distance=3mm", "angle=5sec"]
+    assert read(tmp_path, IN_FEET.format(*feet), sigmas=sigmas).gross_errors() == ()
+    (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=sigmas).gross_errors()
+    assert error.what.startswith("all 4 DistHz") and "metres, and were read as feet" in error.text

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.record import GrossErrorRecord
+from obseq.survey.kinds.kind import Start
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -88,6 +89,8 @@ def any_of(errors: list[GrossError]) -> GrossError:
 def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:
     """What the other observations give of one (m or rad), and how far it is off, in words."""
     given, gap = units.observed(kind.unit, expected), units.observed(kind.unit, off)
+    if expected <= 0.0 and kind.start in (Start.DISTANCE, Start.FLAT):
+        return f"no length of it fits the others, which would make it {given}"
     return f"the others give {given}, it is {gap} off"
 
 

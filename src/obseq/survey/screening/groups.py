@@ -19,7 +19,7 @@ from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes, codes_where
 from obseq.survey.model import Orientation
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.robust import GROSS, Estimate
-from obseq.survey.screening.values import GON, Mistake, mistakes_of
+from obseq.survey.screening.values import GON, Mistake, in_unit_of, mistakes_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -84,7 +84,7 @@ def _trials(trials: Trials) -> Iterator[tuple[Group, Mistake, FloatArray]]:
         if not trials.may_be_of(group.rows):
             continue
         kinds = {BY_CODE[kind] for kind in found.book.observations.types[group.rows].tolist()}
-        for mistake in _shared_mistakes(kinds):
+        for mistake in (in_unit_of(one, found.units) for one in _shared_mistakes(kinds)):
             values = found.book.observations.values.copy()
             read = values[group.rows]
             right = np.array([mistake.right(value) for value in read.tolist()])

@@ -17,12 +17,13 @@ from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
 from obseq.survey.screening.robust import GROSS, Estimate, solved
-from obseq.survey.screening.values import COORDINATE, FEET, explain
+from obseq.survey.screening.values import COORDINATE, FEET, are_feet, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.report.units import Units
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import Points
     from obseq.survey.screening.trials import Trials
@@ -107,7 +108,7 @@ def _as_good(
 def _trials(system: PointSystem, found: Estimate) -> Iterator[_Trial]:
     """What may be wrong, the most particular first."""
     yield from _swapped(system, found.points, np.flatnonzero(found.points.has_coordinates), "all points")
-    yield from _in_other_units(system, found.points)
+    yield from _in_other_units(system, found.points, found.units)
     candidates = _candidates(found)
     for row in candidates:
         alone = _swapped(system, found.points, np.array([row]), "")
@@ -158,13 +159,19 @@ def _strays(points: Points, trial: _Trial) -> bool:
     return bool(len(others) and after.min() > _ASTRAY * before.max())
 
 
-def _in_other_units(system: PointSystem, points: Points) -> Iterator[_Trial]:
-    """All points with heights, or all coordinates, in feet where metres are meant, and the reverse."""
+def _in_other_units(system: PointSystem, points: Points, units: Units) -> Iterator[_Trial]:
+    """All points with heights, or all coordinates, in feet where metres are meant, and the reverse.
+
+    Where the files are in feet only the reverse.
+    """
+    mistakes = [(FEET, "feet where metres are meant"), (1.0 / FEET, "metres read as feet")]
+    if are_feet(units):
+        mistakes = [(units.length.factor, "metres read as feet")]
     rows = np.flatnonzero(points.has_coordinates)
     given = system.coordinates(points.coordinates[rows])
     is_plane = system.system.kind is crs.Kind.LOCAL
     for axes, what in (((2,), "heights"), ((0, 1, 2), "coordinates"))[: 2 if is_plane else 1]:
-        for factor, unit in ((FEET, "feet where metres are meant"), (1.0 / FEET, "metres read as feet")):
+        for factor, unit in mistakes:
             right = given.copy()
             right[:, axes] *= factor
             coordinates = points.coordinates.copy()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -18,6 +19,8 @@ from obseq.survey.screening.findings import Cause
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from obseq.report.units import Units
+
 GON = 200.0 / math.pi
 FEET = 0.3048
 """Metres in a foot."""
@@ -25,6 +28,7 @@ _DECIMALS = {True: 5, False: 4}
 """Decimals of angles (gon) and of lengths (m) in which digits are looked for."""
 _FEWEST_DECIMALS = 3
 """Decimals that lengths are taken to be written with, where they end in zeros."""
+_FEET_TEXT = "feet instead of metres"
 LIKELY = 0.02
 """Chance below which an explanation is believed."""
 _LIKELY_DIGITS = 0.1
@@ -72,7 +76,7 @@ _LENGTHS = (
     Mistake(Cause.UNITS, "millimetres instead of metres", lambda v: v / 1000.0, 1e-3),
     Mistake(Cause.UNITS, "centimetres instead of metres", lambda v: v / 100.0, 1e-2),
     Mistake(Cause.UNITS, "kilometres instead of metres", lambda v: v * 1000.0),
-    Mistake(Cause.UNITS, "feet instead of metres", lambda v: v * FEET, FEET),
+    Mistake(Cause.UNITS, _FEET_TEXT, lambda v: v * FEET, FEET),
 )
 _SIGN = Mistake(Cause.SENSE, "the sign, or the order of the two points, is wrong", lambda v: -v)
 _OF_ZENITH = (
@@ -108,6 +112,19 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
     if kind.is_angle:
         return _ANGLES + (_OF_ANGLE if kind.start is Start.ANGLE else _OF_HZ)
     return _LENGTHS if kind.start in (Start.DISTANCE, Start.FLAT) else (*_LENGTHS, _SIGN)
+
+
+def are_feet(units: Units) -> bool:
+    """Whether the files are in feet."""
+    return units.length.factor != 1.0
+
+
+def in_unit_of(mistake: Mistake, units: Units) -> Mistake:
+    """A mistake with the unit of a file: in one in feet, no value is in feet by mistake, but in metres."""
+    factor = units.length.factor
+    if mistake.text != _FEET_TEXT or not are_feet(units):
+        return mistake
+    return replace(mistake, text="metres, and were read as feet", right=lambda v: v * factor, factor=1.0)
 
 
 def _sexagesimal(value: float) -> float:
