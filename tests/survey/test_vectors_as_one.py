@@ -192,3 +192,9 @@ def test_one_wrong_known_height_is_no_geoid(mapped):
     adjustment = mapped(lambda x, y: 0.15 if x == 7600 else 0.0)
     assert "K2" in str([*adjustment.gross_errors, *adjustment.suspicion.observations])
     assert not any("geoid" in error.text for error in adjustment.gross_errors)
+
+
+def test_another_zone_of_the_projection_is_named(mapped):
+    (error,) = mapped(crs="EPSG:25833").gross_errors
+    assert error.what == "all 3 known points together" and error.cause == "coordinate system"
+    assert error.text.startswith("the vectors fit them 6.00 degrees further west")

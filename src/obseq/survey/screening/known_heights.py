@@ -122,6 +122,8 @@ def _described(
         "the geoid (levelled), and vectors need heights above the ellipsoid: add the geoid heights, or name "
         "the vertical system in --points-crs (which needs its geoid grid)"
     )
+    if len(names) < _PLANE:
+        text += "; or the coordinates of one of the two are wrong, and nothing tells these apart"
     what = f"the heights of the {len(names)} known points together ({listed})"
     return GrossError(what, Cause.COORDINATE_SYSTEM, text, statistic**0.5, (), names)
 

@@ -24,6 +24,7 @@ from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 from obseq.survey.screening.standpoints import standpoint_cause
 from obseq.survey.screening.trials import Trials
+from obseq.survey.screening.vector_systems import vector_system_cause
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
@@ -59,7 +60,7 @@ def gross_errors(
         found = estimate(model, points, book)
     except ObseqError:
         return ()
-    if found.suspects.size and (together := coordinate_system_cause(Trials(model, found), system)):
+    if found.suspects.size and (together := _cause_of_all(Trials(model, found), system)):
         return (together,)
     errors: list[GrossError] = []
     untried: list[str] = []
@@ -74,6 +75,11 @@ def gross_errors(
     ambiguous, suspects = _ambiguous(model, system, found, suspects)
     singles = _left_over(found, suspects, untried)
     return tuple(sorted([*errors, *exchanged, *ambiguous, *singles], key=lambda error: -error.size))
+
+
+def _cause_of_all(trials: Trials, system: PointSystem) -> GrossError | None:
+    """A wrong coordinate system of all known points; None where something else is wrong."""
+    return coordinate_system_cause(trials, system) or vector_system_cause(trials, system)
 
 
 def _ambiguous(
