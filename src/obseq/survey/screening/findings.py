@@ -32,6 +32,7 @@ class Cause(enum.StrEnum):
     ECCENTRIC = "eccentric set-up"
     DISTANCES = "constant or scale of distances"
     HEIGHT = "height of instrument or target"
+    INDEX = "index of zenith angles"
     SIGMAS = "sigmas too small"
     HORIZONTAL = "horizontal for slope distance"
     COORDINATE_SYSTEM = "coordinate system"

@@ -1,4 +1,4 @@
-"""One offset that several sights share: a height of instrument or target, the constant or scale of distances.
+"""One offset that several sights share: of a height, of an index, the constant or scale of distances.
 
 Each group of sights that may share one is corrected by the offset that fits it best, and the network is
 computed anew. A height changes zenith angles by its share across the sight and distances by that along it.
@@ -6,7 +6,6 @@ computed anew. A height changes zenith angles by its share across the sight and 
 
 from __future__ import annotations
 
-import enum
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -14,24 +13,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.registry import codes_where, codes_with
 from obseq.survey.screening.distances import LARGEST_CONSTANT
 from obseq.survey.screening.findings import Cause, GrossError, any_of
+from obseq.survey.screening.offset_effects import Sights, What, slopes, zenith_angles
 from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
 from obseq.survey.screening.values import COORDINATE, explain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook
+    from obseq.survey.screening.offset_effects import Change
     from obseq.survey.screening.robust import Estimate
     from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
-    Change = Callable[[float], FloatArray]
-    """Offset (m) -> what it adds to the misfit of each sight."""
 
 _HIT = 5.0
 """Sigmas of an offset within which an explanation must hit."""
@@ -49,30 +47,8 @@ _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
 
 
-def _zenith_angles() -> list[int]:
-    return codes_where(lambda kind: kind.is_refracted)
-
-
-def _slopes() -> list[int]:
-    return codes_where(lambda kind: kind.horizontal is not None)
-
-
-class What(enum.Enum):
-    """What is shared."""
-
-    INSTRUMENT = "height of the instrument"
-    TARGET = "height of the target"
-    CONSTANT = "constant of the distances"
-    SCALE = "scale of the distances"
-
-    @property
-    def is_height(self) -> bool:
-        """Whether it is a height, not something of distances."""
-        return self in (What.INSTRUMENT, What.TARGET)
-
-
-_LARGEST = {What.CONSTANT: LARGEST_CONSTANT, What.SCALE: 3e-3}
-"""Constants (m), and scales less 1, beyond which distances are wrong in another way: in another unit, say."""
+_LARGEST = {What.CONSTANT: LARGEST_CONSTANT, What.SCALE: 3e-3, What.INDEX: 0.5 * math.pi}
+"""Constants (m), scales less 1 and indices (rad) beyond which something else is wrong: a unit, the face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +58,7 @@ class _Offset:
     Attributes:
         what: what is off.
         rows: the observations that share it.
-        size: m, to be added; of a scale, parts.
+        size: m, to be added; of a scale, parts; of an index, rad.
         sigma: its standard deviation, as the size.
         suspects: the suspects that it explains.
     """
@@ -139,7 +115,7 @@ def _heights(found: Estimate, what: What) -> FloatArray:
 
 def _offsets(found: Estimate) -> Iterator[_Offset]:
     """Offsets that would explain all suspects of a group, and fit the rest of it."""
-    sights = _Sights.of(found)
+    sights = Sights.of(found)
     seen: set[bytes] = set()
     for what, rows in _groups(found):
         key = what.value.encode() + rows.tobytes()
@@ -180,7 +156,7 @@ def _height_seeing(found: Estimate) -> BoolArray:
     """(k,) the observations that heights of instrument and target change."""
     observations = found.book.observations
     is_used = observations.active & np.isfinite(found.misfits)
-    return np.asarray(is_used & np.isin(observations.types, [*_zenith_angles(), *_slopes()]))
+    return np.asarray(is_used & np.isin(observations.types, [*zenith_angles(), *slopes()]))
 
 
 def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
@@ -197,7 +173,7 @@ def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
         yield replace(one, what=what, rows=rows, size=-one.size)
 
 
-def _fitted(found: Estimate, what: What, rows: Rows, sights: _Sights) -> _Offset | None:
+def _fitted(found: Estimate, what: What, rows: Rows, sights: Sights) -> _Offset | None:
     """The offset that fits a group; None where it explains nothing, or not the whole group."""
     rows = sights.seeing(what, rows)
     suspects = rows[found.ratios[rows] > found.limit]
@@ -233,80 +209,6 @@ def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
-@dataclass(frozen=True, eq=False)
-class _Sights:
-    """Where the observations look.
-
-    Attributes:
-        vectors: (k, 3) from instrument to target; NaN where a point has no place.
-        up: (k, 3) verticals of the instruments.
-        values: (k,) what was read (m, rad).
-        is_zenith, is_slope: (k,) which are zenith angles, and slope distances.
-        is_distance: (k,) which are distances of an instrument.
-    """
-
-    vectors: FloatArray
-    up: FloatArray
-    values: FloatArray
-    is_zenith: BoolArray
-    is_slope: BoolArray
-    is_distance: BoolArray
-
-    @classmethod
-    def of(cls, found: Estimate) -> _Sights:
-        """Those of an estimate."""
-        observations = found.book.observations
-        is_used = observations.active & np.isfinite(found.misfits)
-        chosen = _zenith_angles(), _slopes(), list(codes_with("constant"))
-        kinds = (is_used & np.isin(observations.types, codes) for codes in chosen)
-        up = _verticals(found)
-        return cls(_vectors(found, up), up, observations.values, *kinds)
-
-    def seeing(self, what: What, rows: Rows) -> Rows:
-        """Those of some rows that an offset changes."""
-        mask = self.is_zenith | self.is_slope if what.is_height else self.is_distance
-        return rows[mask[rows]]
-
-    def change(self, what: What, rows: Rows) -> Change:
-        """What offsets add to misfits."""
-        if what is What.CONSTANT:
-            return lambda size: np.full(len(rows), -size)
-        if what is What.SCALE:
-            return lambda size: -size * self.values[rows]
-        sign = 1.0 if what is What.TARGET else -1.0
-        vectors, up, is_zenith = self.vectors[rows], self.up[rows], self.is_zenith[rows]
-        before = _observed(vectors, up, is_zenith)
-        return lambda size: _observed(vectors + sign * size * up, up, is_zenith) - before
-
-
-def _observed(vectors: FloatArray, up: FloatArray, is_zenith: BoolArray) -> FloatArray:
-    """(n,) zenith angles or slope distances of sights (n, 3), with the verticals of their instruments."""
-    rise = np.sum(vectors * up, axis=1)
-    length = np.linalg.norm(vectors, axis=1)
-    flat = np.sqrt(np.maximum(length**2 - rise**2, 0.0))
-    return np.asarray(np.where(is_zenith, np.arctan2(flat, rise), length))
-
-
-def _verticals(found: Estimate) -> FloatArray:
-    """(k, 3) the vertical of each instrument; z where there is none."""
-    observations, rotations = found.book.observations, found.rotations
-    up = np.tile((0.0, 0.0, 1.0), (len(observations), 1))
-    if len(rotations):
-        turned = rotations[observations.stations][:, :, 2]
-        is_known = (observations.stations >= 0) & np.isfinite(turned).all(axis=1)
-        up = np.where(is_known[:, None], turned, up)
-    return up
-
-
-def _vectors(found: Estimate, up: FloatArray) -> FloatArray:
-    observations, n = found.book.observations, len(found.book.point_names)
-    places = np.full((n, 3), np.nan)
-    places[: len(found.coordinates)] = found.coordinates
-    heights = (observations.to_heights - observations.from_heights)[:, None]
-    marks = places[observations.to_points] - places[observations.from_points]
-    return np.asarray(marks + heights * up)
-
-
 def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
     """Sights from a point with one height, to a point, and of both; distances from and to a point.
 
@@ -321,6 +223,7 @@ def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
             yield What.INSTRUMENT, _rows(mine & (observations.from_heights == height))
         yield What.CONSTANT, _rows(mine)
         yield What.SCALE, _rows(mine)
+        yield What.INDEX, _rows(mine)
     for target in np.unique(ends[1][found.suspects]).tolist():
         mine = is_used & (ends[1] == target)
         yield What.TARGET, _rows(mine)
@@ -348,10 +251,19 @@ def _described(found: Estimate, one: _Offset) -> GrossError:
     if one.what.is_height:
         cause, text = _of_height(found, one)
         what = f"{one.what.value} of {len(rows)} observations {_between(found, rows)} (the first: {label})"
+    elif one.what is What.INDEX:
+        cause, text = Cause.INDEX, _of_index(found, one)
+        what = f"the {len(rows)} zenith angles {_between(found, rows)} (the first: {label})"
     else:
         cause, text = Cause.DISTANCES, _of_distances(found, one)
         what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
     return GrossError(what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what.is_height)
+
+
+def _of_index(found: Estimate, one: _Offset) -> str:
+    """What is to be added to zenith angles, in words."""
+    added = found.units.angle.number(one.size)
+    return f"{added} {found.units.angle.name} added to each of them fits: likely an error of the index"
 
 
 def _of_distances(found: Estimate, one: _Offset) -> str:
