@@ -79,11 +79,23 @@ def pages(tmp_path_factory, browser):
 
 
 @pytest.fixture(scope="module", params=["demo", "polygon"])
-def report(request, pages, browser) -> Path:
-    """A page that is open: each test finds it as the one before has left it: nothing is picked."""
+def path(request, pages) -> Path:
     shared = request.getfixturevalue("shared_data") if request.param == "polygon" else None
-    path = pages(request.param, shared)
-    browsing.opened(browser, path)
+    return pages(request.param, shared)
+
+
+def show(browser, path: Path | None) -> None:
+    """Opens a page anew; nothing: whatever is open is of no use any more."""
+    if path is not None:
+        browsing.opened(browser, path)
+    browser.shown = path
+
+
+@pytest.fixture
+def report(path, browser) -> Path:
+    """A page that is open: each test finds it as the one before has left it: nothing is picked."""
+    if getattr(browser, "shown", None) != path:
+        show(browser, path)
     return path
 
 
@@ -106,9 +118,9 @@ def violations(browser, seen) -> Callable[..., list[str]]:
 
 @pytest.fixture
 def spoilt(report, browser) -> Iterator[Path]:
-    """A page of which a test leaves little: it is opened anew."""
+    """A page of which a test leaves little: who needs it next opens it anew."""
     yield report
-    browsing.opened(browser, report)
+    show(browser, None)
 
 
 def cells(browser, table: str, title: str) -> list[str]:
@@ -275,13 +287,13 @@ def test_axe_finds_nothing(spoilt, browser, violations) -> None:
         assert violations(f"{spoilt.stem} {theme}", *rules) == [], theme
 
 
-def test_a_phone_shows_it_without_sideways_scrolling(report, browser, violations) -> None:
+def test_a_phone_shows_it_without_sideways_scrolling(path, browser, violations) -> None:
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", browsing.PHONE)
     try:
-        browsing.opened(browser, report)
+        show(browser, path)
         wide = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
         assert wide == [375, 375]
-        if report.stem == "demo":
+        if path.stem == "demo":
             assert violations("demo on a phone") == []
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
@@ -331,7 +343,7 @@ def test_ten_thousand_points(pages, browser, violations) -> None:
 def test_what_nothing_determines_is_drawn_and_switched(tmp_path, browser) -> None:
     path = tmp_path / "free.html"
     path.write_text(page(demo().adjust(datum=Datum("inner")).record()), encoding="utf-8")
-    browsing.opened(browser, path)
+    show(browser, path)
     colours = (
         "const seen = new Set(); const { context } = page.plan; const stroke = context.stroke.bind(context);"
         "context.stroke = (path) => { seen.add(context.strokeStyle); return stroke(path); };"
