@@ -84,7 +84,6 @@ def with_two_known(files, points_crs):
 def test_two_known_points_of_many_are_enough_to_say_that_they_lie_elsewhere(files):
     (error,) = with_two_known(files(), "EPSG:2056").gross_errors()
     assert error.cause is Cause.COORDINATE_SYSTEM and len(error.points) == 2
-    assert with_two_known(files(), "IGNF:LAMB93").gross_errors() == ()
 
 
 def test_longitudes_and_latitudes_without_a_system_are_said_to_be_in_degrees(files):

@@ -233,10 +233,9 @@ def test_a_known_point_is_not_taken_for_a_scale(tmp_path):
     assert adjustment.suspicion.observations[0].startswith("known y of C")
 
 
-@pytest.mark.parametrize(("off", "origin"), [(40.0, "P2"), (0.2, "P1")])
-def test_an_error_of_the_index_is_one_finding(tmp_path, off, origin):
+def test_an_error_of_the_index_is_one_finding(tmp_path):
     """All zenith angles of a set-up are off by the same: they were listed one by one."""
-    (error,) = spoilt(tmp_path, lambda line: {"value": line.value + off}, origin=(origin,), code=("6",))
+    (error,) = spoilt(tmp_path, lambda line: {"value": line.value + 40.0}, origin=("P2",), code=("6",))
     assert error.cause is Cause.INDEX and len(error.rows) == len(PLACES) - 1
-    assert error.what.startswith(f"the 6 zenith angles from {origin} ")
-    assert float(error.text.split()[0]) == pytest.approx(-off, abs=0.003)
+    assert error.what.startswith("the 6 zenith angles from P2 ")
+    assert float(error.text.split()[0]) == pytest.approx(-40.0, abs=0.003)

