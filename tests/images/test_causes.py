@@ -10,6 +10,14 @@ from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
 from obseq.images.adjustment import trials
 from obseq.images.adjustment.causes import common_cause
+from obseq.images.initial import growth
+
+
+@pytest.fixture(autouse=True)
+def _short_trials(monkeypatch):
+    """Images that can be placed are, from the first pairs; the others are the time of these tests."""
+    monkeypatch.setattr(growth, "PAIRS_TRIED", 2)
+    monkeypatch.setattr(trials, "MOST", 25)
 
 
 def _cause(block):

@@ -7,7 +7,16 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.images.adjustment import trials
 from obseq.images.adjustment.causes import common_cause
+from obseq.images.initial import growth
+
+
+@pytest.fixture(autouse=True)
+def _short_trials(monkeypatch):
+    """Images that can be placed are, from the first pairs; the others are the time of these tests."""
+    monkeypatch.setattr(growth, "PAIRS_TRIED", 2)
+    monkeypatch.setattr(trials, "MOST", 15)
 
 
 def _block(factor, noise=0.5):

@@ -10,13 +10,16 @@ from obseq.errors import InputError, ObseqError
 from obseq.images import Poses
 from obseq.images.adjustment import exchanges, trials
 from obseq.images.adjustment.causes import common_cause
+from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.refusals import explained
+from obseq.images.initial import growth
 
 
 @pytest.fixture(autouse=True)
 def _short_trials(monkeypatch):
     """What is right fits after a few iterations; the trials of what is wrong are the time of these tests."""
     monkeypatch.setattr(trials, "MOST", 12)
+    monkeypatch.setattr(growth, "PAIRS_TRIED", 2)
     monkeypatch.setattr(exchanges, "TRIED", 0)
 
 
@@ -106,6 +109,24 @@ def test_exchanged_axes_that_put_points_behind_the_cameras_are_said_with_that():
         InputError, match=r"behind the camera [^\n]*\nLikely cause: x and y of the control points are"
     ):
         _cause(block)
+
+
+def test_a_control_point_that_is_far_off_is_named_with_by_how_much():
+    block = _block()
+    block.control.coordinates[5] += [9.0, -7.0, 4.0]
+    said = _said(block)
+    assert "control points that the others and the images contradict: P5 (by " in said
+    numbers = said.partition("P5 (by ")[2].partition(")")[0].split(", ")
+    assert [float(number) for number in numbers] == pytest.approx([9.0, -7.0, 4.0], abs=0.05)
+
+
+def test_exchanged_control_points_that_keep_images_from_being_placed_are_named():
+    block = _block()
+    block.control.coordinates[[1, 4]] = block.control.coordinates[[4, 1]]
+    attempts = trials.Attempts(block, block.poses.select([]), str, {"covariance": False})
+    assert odd_control(attempts).startswith(
+        "control points P1 and P4 are exchanged: each has the coordinates"
+    )
 
 
 def test_images_whose_names_are_exchanged_are_named_though_the_block_fits():

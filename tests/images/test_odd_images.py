@@ -10,6 +10,7 @@ import scenes
 from obseq.errors import InputError
 from obseq.images.adjustment import odd_images, trials
 from obseq.images.adjustment.causes import common_cause
+from obseq.images.initial import growth
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import suspected
 
@@ -20,6 +21,7 @@ SIZE = np.array([scenes.CAMERA.width, scenes.CAMERA.height])
 def _short_trials(monkeypatch):
     """What is right fits after a few iterations; the trials of what is wrong are the time of these tests."""
     monkeypatch.setattr(trials, "MOST", 12)
+    monkeypatch.setattr(growth, "PAIRS_TRIED", 2)
 
 
 def _block(**shape):

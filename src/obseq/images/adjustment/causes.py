@@ -14,6 +14,7 @@ from obseq.images.adjustment.axes import common, exchanged_axes
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
+from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
 from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
@@ -63,7 +64,7 @@ def common_cause(
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
-        cause = odd_image(trials, is_bad)
+        cause = odd_image(trials, is_bad) or (odd_control(trials) if is_bad else "")
     if not (cause or is_bad):
         cause = exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
@@ -76,10 +77,13 @@ def _has_gross(solution: BundleSolution) -> bool:
 
 def _interior(trials: Trials) -> str:
     """Another focal length that explains a block, or another principal point, in words."""
-    found = _freed(trials, "F", "another focal length")
+    found, before = _freed(trials, "F", "another focal length"), trials.before.cameras
     if found is not None:
         return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
-    found = _freed(trials, "F|PP.", "another principal point")
+    held = all(
+        (c.principal_point == trials.block.cameras[name].principal_point).all() for name, c in before.items()
+    )
+    found = _freed(trials, "F|PP.", "another principal point") if held else None
     if found is None:
         return ""
     return f"a principal point is wrong ({_principal_points(found)}): {trials.becomes(found)}"

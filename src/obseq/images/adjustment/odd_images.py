@@ -102,10 +102,11 @@ def _several(trials: Trials) -> str:
 
 def _left_out(trials: Trials, odd: Odd, from_there: BundleSolution) -> BundleSolution | None:
     """The block without images; from other poses where more odd ones spoil those from the measures."""
-    said = f"the block without {odd.said}"
-    found = trials.solved(_without(trials, odd), said)
-    changed = _without(trials, odd)
-    if found is not None or changed is None:
+    said, changed = f"the block without {odd.said}", _without(trials, odd)
+    if changed is None or len(trials.given):
+        return trials.last(changed, said)
+    found = trials.solved(changed, said)
+    if found is not None:
         return found
     changed.poses = from_there.poses
     return trials.last(changed, said)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from obseq.errors import InputError, ObseqError
 from obseq.images.adjustment.axes import exchanged_axes
 from obseq.images.adjustment.causes import common_cause, silent
+from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import Odd, odd_without
 from obseq.images.adjustment.trials import BAD, Attempts
 from obseq.images.initial.conventions import MOST_PLACED
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from obseq.images.parts import MeasureSet
     from obseq.images.poses import Poses
 
-FEW = 40
-"""Iterations of a block whose images are placed loosely."""
+FEW, FAR_OFF = 20, 500.0
+"""Iterations of a block whose images are placed loosely, and sigma0 from which they show nothing then."""
 SHOWN = 4
 MOST_LOST = 3
 """One of so many images at most may have no place at all, for the others to say why."""
@@ -100,13 +101,16 @@ def _of_some(block: AdjustableBlock, growth: Growth) -> str:
     """What is wrong with some images, or control points, of a block whose images are placed by force."""
     if len(growth.measures) > MOST_PLACED:
         return ""
+    said = odd_control(Attempts(block, block.poses, silent, {}))
+    if said:
+        return said
     place_loosely(growth, block.control)
     lost = growth.waiting()
     if MOST_LOST * len(lost) > len(growth.measures.image_names):
         return ""
     rest = _without(block, growth, lost)
     found = _solved(rest)
-    if found is None or found.sigma0 is None:
+    if found is None or found.sigma0 is None or not (found.converged or found.sigma0 < FAR_OFF):
         return ""
     if lost and found.converged and found.sigma0 < BAD:
         return odd_without(Odd.of(tuple(lost)), Attempts(block, block.poses, silent, {}), found)

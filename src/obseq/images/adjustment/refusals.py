@@ -9,6 +9,7 @@ from obseq.errors import ObseqError, SingularSystemError
 from obseq.images.adjustment.axes import exchanged_axes
 from obseq.images.adjustment.causes import common_cause, silent
 from obseq.images.adjustment.given_poses import misplaced
+from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.start import ContradictionError
 from obseq.images.adjustment.trials import Attempts
 from obseq.images.initial.conventions import MOST_PLACED
@@ -42,7 +43,9 @@ def explained(
 
 def _cause(attempts: Attempts) -> str:
     """What makes the block fit when it is changed, in words; empty where nothing does."""
-    return exchanged_axes(attempts) or misplaced(attempts) or _of_calibrated(attempts)
+    return (
+        exchanged_axes(attempts) or misplaced(attempts) or odd_control(attempts) or _of_calibrated(attempts)
+    )
 
 
 def _of_calibrated(attempts: Attempts) -> str:

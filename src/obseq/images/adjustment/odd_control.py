@@ -1,0 +1,129 @@
+"""Control points that contradict the others: found where the images place the block without any of them.
+
+The block of the images alone has the shape of the control points, but for those that are wrong: a similarity
+is looked for that takes it to most of them. Those that it leaves far off are left out, or exchanged, and the
+block is adjusted again: it must fit.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import ObseqError
+from obseq.images.control import ControlPoints
+from obseq.images.initial.growth import place_images, place_the_last, similarity
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.images.adjustment.trials import Attempts
+
+FAR = 0.03
+"""Share of their extent by which a similarity may miss control points: a block without them is bent."""
+LEAST = 4
+"""Control points that agree, at least."""
+WRONG = 3
+"""One of so many control points may be wrong, at most."""
+TRIPLES = 150
+NEAR = 0.3
+"""Share of the distance of two control points, within which the images see one at the other."""
+
+
+def odd_control(attempts: Attempts) -> str:
+    """Control points that do not agree with the others and the images, in words; empty where all do."""
+    control = attempts.block.control
+    points = _points(attempts) if len(control) > LEAST else None
+    if points is None or len(points) <= LEAST:
+        return ""
+    given = control.select(points.names).coordinates
+    moved, agree = _best(points.coordinates, given)
+    wrong = [points.names[row] for row in np.flatnonzero(~agree)]
+    if not wrong or WRONG * len(wrong) > len(points) or agree.sum() < LEAST:
+        return ""
+    return _exchanged(attempts, wrong, moved[~agree], given[~agree]) or _left_out(attempts, wrong)
+
+
+def _points(attempts: Attempts) -> ControlPoints | None:
+    """The control points as the images alone place them, in a frame of their own."""
+    measures = functools.reduce(ImagePoints.joined, (part.measures for part in attempts.block.sets))
+    nothing = ControlPoints.of([], np.zeros((0, 3)))
+    try:
+        growth = place_images(measures, nothing, attempts.cameras, Poses.of([], [], []))
+        place_the_last(growth, nothing)
+    except ObseqError:
+        return None
+    met = growth.points(np.inf)
+    known = set(attempts.block.control.names)
+    return met.select([name for name in met.names if name in known])
+
+
+def _best(points: FloatArray, given: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(n, 3) points moved to the control points by the similarity that most agree with, and (n,) which do."""
+    far = 2.0 * FAR * float(np.median(np.linalg.norm(given - np.median(given, axis=0), axis=1)))
+    best, agree = points, np.zeros(len(points), dtype=bool)
+    for rows in (*_triples(len(points)), None):
+        moved = _moved(points, given, agree if rows is None else rows)
+        near = agree if moved is None else np.linalg.norm(moved - given, axis=1) < far
+        if moved is not None and (near.sum() > agree.sum() or rows is None):
+            best, agree = moved, near
+    return best, agree
+
+
+def _triples(n: int) -> list[list[int]]:
+    """Three of n points, in all ways or some of them."""
+    chosen = [list(rows) for rows in itertools.combinations(range(n), 3)]
+    return chosen[:: max(1, len(chosen) // TRIPLES)]
+
+
+def _moved(points: FloatArray, given: FloatArray, rows: list[int] | BoolArray) -> FloatArray | None:
+    """(n, 3) points moved by the similarity of some of them; None where these are on a line."""
+    try:
+        scale, motion = similarity(points[rows], given[rows])
+    except ObseqError:
+        return None
+    return np.asarray(motion.centre + scale * points @ motion.rotation.T)
+
+
+def _exchanged(attempts: Attempts, wrong: list[str], moved: FloatArray, given: FloatArray) -> str:
+    """That two control points have each other's coordinates, where the images see them there."""
+    if len(wrong) != 2 or not _are_close(moved, given[::-1]):
+        return ""
+    other = dict(zip(wrong, wrong[::-1], strict=True))
+    made, control = attempts.copy(), attempts.block.control
+    made.control = replace(control, names=tuple(other.get(name, name) for name in control.names))
+    one, two = attempts.block.control_places(wrong)
+    found = attempts.fitting(made, f"control points {one} and {two} exchanged")
+    if found is None:
+        return ""
+    said = f"control points {one} and {two} are exchanged: each has the coordinates of the other"
+    return f"{said}; {attempts.becomes(found)}"
+
+
+def _are_close(points: FloatArray, others: FloatArray) -> bool:
+    """Whether two points are nearer to two others than to each other, by far."""
+    apart = float(np.linalg.norm(others[0] - others[1]))
+    return bool((np.linalg.norm(points - others, axis=1) < NEAR * apart).all())
+
+
+def _left_out(attempts: Attempts, wrong: list[str]) -> str:
+    """That control points are wrong, and by how much, where the block fits without them."""
+    made, control = attempts.copy(), attempts.block.control
+    made.control = control.select([name for name in control.names if name not in wrong])
+    found = attempts.fitting(made, f"the block without control points {', '.join(wrong)}")
+    if found is None:
+        return ""
+    seen = dict(zip(found.points, found.coordinates, strict=True))
+    off = control.select(wrong).coordinates - [seen.get(name, [np.nan] * 3) for name in wrong]
+    places = attempts.block.control_places(wrong)
+    said = [
+        f"{place} (by {x:+.4g}, {y:+.4g}, {z:+.4g})" for place, (x, y, z) in zip(places, off, strict=True)
+    ]
+    listed = "; ".join(said)
+    told = f"control points that the others and the images contradict: {listed}"
+    return f"{told}. Without, {attempts.falls(found)}"
