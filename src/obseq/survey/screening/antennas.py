@@ -9,7 +9,7 @@ most is the cause, where the adjustment is accepted without it, and no single ve
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook
 
-_LARGEST = 20_000
+_Part: TypeAlias = "tuple[IntArray, Any, FloatArray, Any]"
+
+_LARGEST = 6_000
 """Observations up to which this is tried."""
 _FEW = 6
 """Vectors at a station up to which any of them may share a height."""
@@ -125,7 +127,7 @@ def _occupations(
         state = final_state(equations.system, adjustment.solution)
     except InputError:
         return  # parts of the network were left out, or its sigmas changed
-    book = adjustment.book
+    book, parts = adjustment.book, _parts(state, equations)
     rises = equations.rises(adjustment.points.coordinates)
     ends = book.observations.from_points, book.observations.to_points
     for station in np.unique([[end[rows[0]] for end in ends] for rows in vectors]).tolist():
@@ -136,7 +138,7 @@ def _occupations(
         columns = np.zeros((len(book.observations), len(mine)))
         for k, (rows, sign) in enumerate(zip(mine, signs, strict=True)):
             columns[rows, k] = sign * rises[rows]
-        shown, weight, whole = _weighted(state, equations, columns)
+        shown, weight, whole = _weighted(state, parts, columns)
         firsts = np.array([rows[0] for rows in mine])
         for chosen in _choices(firsts, book):
             part = weight[np.ix_(chosen, chosen)].sum()
@@ -145,21 +147,30 @@ def _occupations(
                 yield _Occupation(station, firsts[chosen], len(mine), size, size * float(part) ** 0.5)
 
 
+def _parts(state: FinalState, equations: Equations) -> list[_Part]:
+    """Correlated observations: rows of the field book, root of their weights, its residuals and Jacobian."""
+    found: list[_Part] = []
+    for rows, batch in equations.batches.values():
+        if batch.clusters is not None:
+            root, residuals = batch.whitening_matrix(), np.nan_to_num(state.result.residuals(batch)[:, 0])
+            found.append((rows, root.tocsc(), root @ residuals, state.cluster_rows(batch).T.tocsr()))
+    return found
+
+
 def _weighted(
-    state: FinalState, equations: Equations, columns: FloatArray
+    state: FinalState, parts: list[_Part], columns: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """C' P v (k,), its covariance C' P Qv P C (k, k), and C' P C, of columns C (n, k) of the field book."""
     count = columns.shape[1]
     shown, whole = np.zeros(count), np.zeros((count, count))
     through = np.zeros((state.equations.n_unknowns, count))
-    for rows, batch in equations.batches.values():
-        own = columns[rows]
-        if batch.clusters is not None and own.any():
-            root = batch.whitening_matrix()
-            white = root @ own
-            shown += white.T @ (root @ np.nan_to_num(state.result.residuals(batch)[:, 0]))
+    for rows, root, residuals, jacobian in parts:
+        used = np.flatnonzero(columns[rows].any(axis=1))
+        if used.size:
+            white = root[:, used] @ columns[rows[used]]
+            shown += white.T @ residuals
             whole += white.T @ white
-            through += state.cluster_rows(batch).T @ white
+            through += jacobian @ white
     return shown, whole - through.T @ state.solve(through), whole
 
 
