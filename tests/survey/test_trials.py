@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from obseq.survey import fieldwork
 from obseq.survey.kinds.directions import ZEN
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
@@ -75,3 +76,18 @@ def test_a_good_point_is_not_put_right_to_another_country(planted, tmp_path, tri
     given = network.points.coordinates
     moves = [np.linalg.norm(points.coordinates - given, axis=1) for points, _ in tried]
     assert moves and any(np.count_nonzero(move > 1e6) == 1 for move in moves) == is_tried
+
+
+def test_a_search_begins_with_the_initial_values_of_the_adjustment(planted, tmp_path, monkeypatch):
+    """They are computed once; those of trials are others."""
+    work, began, values = with_mistake(planted, tmp_path, "one_digit").fieldwork, [], fieldwork.values_by
+
+    def computed(graphs, points, book, vertical):
+        same = np.array_equal(points.coordinates, work.points.coordinates, equal_nan=True)
+        began.append(book is work.book and same)
+        return values(graphs, points, book, vertical)
+
+    monkeypatch.setattr(fieldwork, "values_by", computed)
+    work.initial_values()
+    assert work.gross_errors()
+    assert began.count(True) == 1

@@ -68,10 +68,20 @@ class Fieldwork:
 
     def initial_values(self) -> InitialValues:
         """Initial values as far as they go."""
-        return self._started(self.points, self.book)
+        return self._own_values
+
+    @cached_property
+    def _own_values(self) -> InitialValues:
+        """Those of these points and observations: an adjustment and a search for gross errors begin there."""
+        return self._computed(self.points, self.book)
 
     def _started(self, points: Points, book: FieldBook) -> InitialValues:
         """Initial values of points and observations in the frame."""
+        is_own = points is self.points and book is self.book
+        return self._own_values if is_own else self._computed(points, book)
+
+    def _computed(self, points: Points, book: FieldBook) -> InitialValues:
+        """The same, computed."""
         points = with_first_places(self.frame, points, book)
         while True:
             found = values_by(self._graphs, points, book, self.frame.plumb)
@@ -235,7 +245,8 @@ class Fieldwork:
         """The gross errors without what nothing determines, which therefore contradicts nothing."""
         kept = computation.whole(start, equations).book.observations.active
         lost = start.book.observations.active & ~kept
-        return replace(self, book=self.book.without(lost)).gross_errors(computation.watch.progress)
+        work = replace(self, book=self.book.without(lost)) if lost.any() else self
+        return work.gross_errors(computation.watch.progress)
 
     def _looked_for(
         self, announced: tuple[GrossError, ...] | None, start: Determined, computation: Computation
