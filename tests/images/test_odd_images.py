@@ -8,6 +8,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.images import ImagePoints
 from obseq.images.adjustment import odd_images, trials
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.initial import growth
@@ -102,6 +103,16 @@ def test_two_images_that_cannot_be_placed_are_both_named():
     assert _refused(block).startswith(
         "images i1 and i4 contradict all the others: without their 32 measures, "
     )
+
+
+def test_an_image_that_shares_no_points_contradicts_nothing():
+    block = _block()
+    block.add_images(["alone"], "c")
+    measures = ImagePoints.of(
+        ["alone"] * 4, ["a", "b", "c", "d"], [[100, 90], [900, 200], [300, 900], [1500, 800]]
+    )
+    block.add_measures(measures)
+    assert _refused(block) == ""
 
 
 def test_the_images_of_one_camera_are_named_together():

@@ -112,8 +112,10 @@ def _of_some(block: AdjustableBlock, growth: Growth) -> str:
     found = _solved(rest)
     if found is None or found.sigma0 is None or not (found.converged or found.sigma0 < FAR_OFF):
         return ""
+    tried = tuple(image for image in lost if image in growth.reasons)  # the others share too few points
     if lost and found.converged and found.sigma0 < BAD:
-        return odd_without(Odd.of(tuple(lost)), Attempts(block, block.poses, silent, {}), found)
+        odd = Odd.of(tried)
+        return odd_without(odd, Attempts(block, block.poses, silent, {}), found) if tried else ""
     cause = common_cause(rest, found, block.poses)
     return f"{cause}; {Odd.of(tuple(lost)).said}: no place at all" if cause and lost else cause
 
