@@ -7,7 +7,7 @@ import pytest
 from test_slips_of_set_ups import PLACES, measured, network
 
 from obseq.errors import InputError
-from obseq.survey import Network, network_from_tables
+from obseq.survey import Datum, Network, compare, network_from_tables
 from obseq.survey.screening.names import are_alike
 
 
@@ -92,3 +92,8 @@ def test_names_that_look_the_same_are_one_point(tmp_path):
     rows = {"type": ["DH"], "from": [one], "to": ["C"], "value": [1.0], "sigma": [0.001]}
     from_memory = network_from_tables({"name": [two], "x": [0.0], "y": [0.0], "z": [0.0]}, rows)
     assert from_memory.points.names == (one, "C")
+    assert Datum("inner", points=(two, "B")) == Datum("inner", points=(one, "B"))
+    with pytest.raises(InputError, match="Datum: points must be"):
+        Datum("inner", points="AB")  # a text is no list of names
+    epoch = network.adjust()
+    assert compare(epoch, epoch, points=[two, "C"]).displacements.names == (one, "C")

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import WORDS, require
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.printable import composed
 from obseq.survey.adjustment.links import is_one_part
 from obseq.survey.kinds.registry import among, codes_where
 from obseq.survey.model import Orientation
@@ -54,6 +56,10 @@ class Datum:
         except ValueError as error:
             listed = ", ".join(kind.value for kind in DatumKind)
             raise InputError(f"Datum: {self.kind!r} is unknown; there are {listed}") from error
+        for chosen in ("points", "remote", "kept"):
+            names = getattr(self, chosen)
+            require("Datum", chosen, names, WORDS)
+            object.__setattr__(self, chosen, tuple(map(composed, names)))
         if self.points and self.kind is not DatumKind.INNER:
             raise InputError("Datum: points are chosen for inner constraints only")
 

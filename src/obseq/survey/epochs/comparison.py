@@ -14,6 +14,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
+from obseq.printable import composed
 from obseq.record import EllipseRecord
 from obseq.shown_units import METRIC
 from obseq.survey.adjustment.frame import Frame
@@ -190,6 +191,7 @@ def compare(
             not agree with one another.
     """
     checked_probability(level, "compare: level")
+    points, reference = (None if given is None else [*map(composed, given)] for given in (points, reference))
     names = _names(first, second, points, reference)
     if reference is not None:
         return _relative((first, second), names, reference, level, trusted=a_priori)
