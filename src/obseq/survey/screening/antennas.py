@@ -80,7 +80,7 @@ def antenna_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
     solution, book = adjustment.solution, adjustment.book
     vectors = [test.rows for test in adjustment.quality.joint if np.isfinite(test.rise)]
     is_small = len(book.observations) <= _LARGEST
-    if not vectors or not is_small or not _is_rejected(solution.cost, solution.redundancy):
+    if not vectors or not is_small or not is_rejected(solution.cost, solution.redundancy):
         return ()
     tested = list(_occupations(equations, adjustment, vectors))
     best = max((one.test**2 for one in tested), default=0.0)
@@ -88,7 +88,7 @@ def antenna_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
     other = max(other, adjustment.suspicion.statistic**2 if adjustment.suspicion else 0.0)
     if best < max(normal_critical(_LEVEL / max(len(tested), 1)) ** 2, other + _BETTER):
         return ()
-    if _is_rejected(solution.cost - best, solution.redundancy - 1):
+    if is_rejected(solution.cost - best, solution.redundancy - 1):
         return ()
     equal = sorted((one for one in tested if one.test**2 > best - _EQUAL), key=lambda one: -abs(one.test))
     return (any_of([_described(one, book, units) for one in equal[:_MOST]]),)
@@ -111,11 +111,11 @@ def is_one_vector(adjustment: Adjustment) -> bool:
     tests = adjustment.quality.observations.standardised
     own = max((float(tests[row]) ** 2 for row in worst.rows if row < len(tests)), default=0.0)
     is_whole = worst.statistic - own > chi_square_limit(2, above=_ACCEPTED)
-    return is_whole and not _is_rejected(solution.cost - worst.statistic, solution.redundancy - worst.degrees)
+    return is_whole and not is_rejected(solution.cost - worst.statistic, solution.redundancy - worst.degrees)
 
 
-def _is_rejected(squares: float, redundancy: int) -> bool:
-    """Whether residuals are larger than the sigmas announce."""
+def is_rejected(squares: float, redundancy: int) -> bool:
+    """Whether residuals are larger than the sigmas announce: their weighted squares, and the redundancy."""
     return redundancy > 0 and squares > chi_square_limit(redundancy, above=_ACCEPTED)
 
 

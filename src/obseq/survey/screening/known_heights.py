@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.statistics.distributions import chi_square_limit, chi_square_tails
+from obseq.leastsquares.statistics.distributions import chi_square_tails
 from obseq.leastsquares.statistics.final_state import final_state
+from obseq.survey.screening.antennas import is_rejected
 from obseq.survey.screening.findings import Cause, GrossError
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
 _LEAST, _PLANE = 2, 3
 """Known heights that may be wrong together, and those that define a plane."""
-_LEVEL, _ACCEPTED = 1e-4, 0.01
-"""Levels of the test of all heights together, and of what remains without them."""
+_LEVEL = 1e-4
+"""Of the test of all heights together."""
 _BETTER = 16.0
 """Weighted squares by which all heights must be better than one gross error."""
 _SLOPES = 2e-6, 2e-4
@@ -50,7 +51,7 @@ def heights_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
     solution, known = adjustment.solution, adjustment.known
     mine = np.flatnonzero(known.components == 2)
     has_vectors = any(np.isfinite(test.rise) for test in adjustment.quality.joint)
-    if not has_vectors or len(mine) < _LEAST or not _is_rejected(solution.cost, solution.redundancy):
+    if not has_vectors or len(mine) < _LEAST or not is_rejected(solution.cost, solution.redundancy):
         return ()
     statistic, degrees, off = _tested(equations, adjustment, mine)
     other = 0.0 if adjustment.suspicion is None else adjustment.suspicion.statistic**2
@@ -58,7 +59,7 @@ def heights_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
         return ()
     if chi_square_tails(statistic, degrees)[1] > _LEVEL:
         return ()
-    if _is_rejected(solution.cost - statistic, solution.redundancy - degrees):
+    if is_rejected(solution.cost - statistic, solution.redundancy - degrees):
         return ()
     slope, left = _plane(adjustment.points.coordinates[known.points[mine]], off)
     spread = float(np.std(off))
@@ -72,11 +73,6 @@ def heights_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
     ):
         return ()
     return (_described(adjustment, mine, slope, off, statistic, units),)
-
-
-def _is_rejected(squares: float, redundancy: int) -> bool:
-    """Whether residuals are larger than the sigmas announce."""
-    return redundancy > 0 and squares > chi_square_limit(redundancy, above=_ACCEPTED)
 
 
 def _tested(equations: Equations, adjustment: Adjustment, mine: IntArray) -> tuple[float, int, FloatArray]:

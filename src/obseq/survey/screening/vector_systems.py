@@ -99,5 +99,5 @@ def _of_system(found: Estimate, given: FloatArray, placed: FloatArray) -> str:
     misfit = np.max(np.linalg.norm(gaps, axis=1) / np.maximum(np.linalg.norm(steps, axis=1), 1e-3))
     if abs(scale - 1.0) > _SCALE or not _TURNS[0] <= turn <= _TURNS[1] or misfit > _FIT * turn:
         return ""
-    larger = f"{1e6 * (scale - 1.0):+.0f} ppm larger"
+    larger = f"{1e6 * abs(scale - 1.0):.0f} ppm {'larger' if scale > 1.0 else 'smaller'}"
     return f"the vectors place them turned by {found.units.angle.text(turn)} and {larger}"
