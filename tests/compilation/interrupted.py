@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 import signal
 import sys
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,10 +50,12 @@ def check_cache() -> None:
 def is_interrupted(loop: Callable[[FloatArray, int], float], delay: float, expected: float) -> bool:
     """Calls a loop, interrupts it after a delay, and calls it again."""
     row, said = np.arange(4.0), False
+    begin = time.perf_counter()
     try:
         signal.setitimer(signal.ITIMER_REAL, delay)
         loop(row, 2)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        assert time.perf_counter() - begin < delay + 0.01, "an interruption was lost"
     except KeyboardInterrupt:
         said = True
     check_cache()

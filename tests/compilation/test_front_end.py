@@ -6,7 +6,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from obseq.compilation import front_end, host, numba_compiler
+from obseq.compilation import front_end, host, numba_compiler, objects
 from obseq.compilation.routines import Routine
 from obseq.kernels import load
 from obseq.kernels.loading import routine
@@ -33,6 +33,17 @@ def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.Mon
     monkeypatch.setattr(front_end, "hurrying", nullcontext)
     numba_compiler.dispatcher.cache_clear()
     assert machine_code(made) == short
+
+
+@pytest.mark.skipif(not objects.levels_here(), reason="no objects can be made for this processor")
+def test_what_is_compiled_here_is_what_a_library_has() -> None:
+    """Vectors of the same width, sums in the same order: results are the same to the last digit."""
+    made = routine(load("Dist3D").module, "value")
+    here, there = (
+        str(numba_compiler.optimised(made.function, made.signature, made.symbol, machine))
+        for machine in (host.machine(), host.other_machine(objects.levels_here()[0]))
+    )
+    assert re.sub(r"_ZN\w+", "callee", here) == re.sub(r"_ZN\w+", "callee", there)
 
 
 def test_every_pass_left_out_exists() -> None:

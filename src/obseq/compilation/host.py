@@ -7,19 +7,27 @@ from typing import TYPE_CHECKING
 
 import llvmlite.binding as llvm
 
+from obseq.compilation import objects
+
 if TYPE_CHECKING:
     from obseq.compilation.emission import Value
 
 
 def description() -> str:
-    """System, processor and its features: code compiled for one description runs where it is the same."""
-    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features()}"
+    """System, kind of processor and its features: compiled code runs where they are the same."""
+    return " ".join((llvm.get_process_triple(), *_processor()))
 
 
 @cache
-def features() -> str:
-    """Features of the processor, as LLVM writes them."""
-    return str(llvm.get_host_cpu_features().flatten())
+def _processor() -> tuple[str, str]:
+    """What code is compiled for: a kind of processor and further features, as LLVM writes them.
+
+    The kind is the one that libraries compiled ahead of time are made for, if there is one: LLVM orders sums
+    otherwise for each make of processor, and results are the same to the last digit only with one choice.
+    """
+    if kinds := objects.levels_here():
+        return kinds[0], ""
+    return llvm.get_host_cpu_name(), str(llvm.get_host_cpu_features().flatten())
 
 
 WIDE = "-prefer-256-bit"
@@ -32,8 +40,9 @@ def machine(wide: bool = False) -> Value:
     target = llvm.Target.from_triple(llvm.get_process_triple())
     model = "static" if target.name.startswith("x86") else "default"
     options = {"reloc": model, "codemodel": "jitdefault", "jit": True}
-    wanted = _preferring(features(), target, wide)
-    return target.create_target_machine(llvm.get_host_cpu_name(), wanted, opt=3, **options)
+    processor, features = _processor()
+    wanted = _preferring(features, target, wide)
+    return target.create_target_machine(processor, wanted, opt=3, **options)
 
 
 def other_machine(processor: str, wide: bool = False) -> Value:
