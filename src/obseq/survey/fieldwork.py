@@ -169,6 +169,7 @@ class Fieldwork:
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
         from obseq.survey.screening.common_factor import common_factor
+        from obseq.survey.screening.mirrored import mirror_warning
         from obseq.survey.screening.odd_sigmas import odd_sigmas
         from obseq.survey.screening.search import blame, refuse
 
@@ -179,6 +180,7 @@ class Fieldwork:
                 given.initial.require_complete()
                 check_counts(self.points, self.book)
             replaced = replaced_coordinates(self.points, self.point_system, given.initial)
+            mirrored = mirror_warning(self.points, given.initial)
             given = leave_out(given, given.initial.unplaced)
         with computation.watch.phase("equations"):
             equations = self._equations(given)
@@ -196,7 +198,7 @@ class Fieldwork:
         if strict and errors:
             refuse(errors)
         notes = (*adjustment.notes, *odd_sigmas(adjustment, self.model().units))
-        return replace(adjustment, notes=notes).announcing(errors, replaced).warned(*told)
+        return replace(adjustment, notes=notes).announcing(errors, replaced).warned(*mirrored, *told)
 
     def _told_best(
         self,

@@ -168,13 +168,12 @@ def _are_whole_set_ups(book: FieldBook, group: Group) -> bool:
 def _groups(found: Estimate, *, by_share: bool) -> Iterator[Group]:
     """Groups with many suspects: of all files and of one file, the largest first; then those of one point.
 
-    By their share, those with the most suspects come first.
+    By their share, those with the most suspects come first; else large ones do with nearly as many.
     """
     seen: set[bytes] = set()
     parts = (_files_of, _origins_of)
     groups = [group for part in parts for group in _possible_groups(found.book, part)]
-    if by_share:
-        groups.sort(key=lambda group: -_share(found, group))
+    groups.sort(key=lambda group: -_share(found, group) * _weight(found, group, by_share=by_share))
     for group in groups:
         key = group.rows.tobytes()
         is_new = len(group.rows) >= 2 and key not in seen
@@ -186,6 +185,11 @@ def _groups(found: Estimate, *, by_share: bool) -> Iterator[Group]:
 def _share(found: Estimate, group: Group) -> float:
     """Share of suspects in a group."""
     return float(np.mean(found.ratios[group.rows] > GROSS)) if len(group.rows) else 0.0
+
+
+def _weight(found: Estimate, group: Group, *, by_share: bool) -> float:
+    """What the share of suspects in a group is multiplied by, where groups are put in order."""
+    return 1.0 if by_share else float(np.count_nonzero(found.ratios[group.rows] > GROSS))
 
 
 def _least_share(found: Estimate, group: Group) -> float:

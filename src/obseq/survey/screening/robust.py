@@ -138,10 +138,14 @@ class Estimate:
         count = np.count_nonzero(np.isfinite(self.misfits))
         return max(self.control, 0.0) * float(count) * (self.scale / GROSS) ** 2
 
+    @property
+    def lost(self) -> int:
+        """How many observations cannot be compared with the others."""
+        return int(np.count_nonzero(np.isnan(self.misfits) & self.book.observations.active))
+
     def disagreement(self, limit: float) -> float:
         """How many observations contradict the others, counted softly, or cannot be compared."""
-        lost = np.count_nonzero(np.isnan(self.misfits) & self.book.observations.active)
-        return float(lost) + float(self.contradictions(limit).sum())
+        return self.lost + float(self.contradictions(limit).sum())
 
     def contradictions(self, limit: float) -> FloatArray:
         """(k,) from 0 to 1, how much each observation contradicts the others; 0 where it is not known."""

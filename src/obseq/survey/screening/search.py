@@ -10,12 +10,14 @@ from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.ambiguous import Ambiguity
+from obseq.survey.screening.beyond_nadir import beyond_nadir, put_right, with_signs
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.mirrored import mirrored_cause
 from obseq.survey.screening.offsets import offset_cause
 from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
 from obseq.survey.screening.setups import setup_cause
@@ -55,15 +57,23 @@ def gross_errors(
         points: of the network, as `join` made them.
         book: its observations.
     """
-    model = model.for_trials()
+    model, beyond = model.for_trials(), beyond_nadir(book)
     try:
-        found = estimate(model, points, book)
+        found = estimate(model, points, put_right(book, beyond) if len(beyond) else book)
     except ObseqError:
         return ()
+    errors = with_signs(book, beyond, found, _errors(model, system, found, are_right=not len(beyond)))
+    return tuple(sorted(errors, key=lambda error: -error.size))
+
+
+def _errors(model: Model, system: PointSystem, found: Estimate, *, are_right: bool) -> list[GrossError]:
+    """The gross errors of an estimated network whose zenith angles are right, or have been put right."""
     if found.suspects.size and (together := _cause_of_all(Trials(model, found), system)):
-        return (together,)
+        return [together]
     errors: list[GrossError] = []
     untried: list[str] = []
+    if (found.suspects.size or not are_right) and (mirrored := mirrored_cause(Trials(model, found))):
+        errors, found = [mirrored[0]], mirrored[1]
     for _ in range(_MOST_CAUSES):
         step = _cause_of_many(model, system, found, untried)
         if step is None:
@@ -74,7 +84,7 @@ def gross_errors(
     exchanged, suspects = exchanged_readings(found, found.suspects.tolist())
     ambiguous, suspects = _ambiguous(model, system, found, suspects)
     singles = _left_over(found, suspects, untried)
-    return tuple(sorted([*errors, *exchanged, *ambiguous, *singles], key=lambda error: -error.size))
+    return [*errors, *exchanged, *ambiguous, *singles]
 
 
 def _cause_of_all(trials: Trials, system: PointSystem) -> GrossError | None:

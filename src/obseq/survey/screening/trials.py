@@ -160,8 +160,12 @@ class Trials:
         return anew is None or bool(anew.contradictions(GROSS).sum() <= most)
 
     def is_decisive(self, corrected: Estimate) -> bool:
-        """Whether hardly any contradiction is left beyond noise, so that no other cause need be tried."""
-        return corrected.disagreement(GROSS) - corrected.noise <= max(0.5, 0.03 * self.before)
+        """Whether hardly any contradiction is left beyond noise, so that no other cause need be tried.
+
+        Observations that were lost before and are still do not count: maybe nothing determines their points.
+        """
+        left = corrected.disagreement(GROSS) - min(corrected.lost, self.found.lost)
+        return left - corrected.noise <= max(0.5, 0.03 * self.before)
 
     def explains(self, left: float) -> bool:
         """Whether a cause that leaves so many contradictions explains the network."""

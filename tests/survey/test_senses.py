@@ -1,0 +1,90 @@
+"""Angles with the wrong sign: zenith angles that no instrument reads, and networks that are mirror images."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from obseq.survey import network_from_tables
+from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.screening.beyond_nadir import beyond_nadir
+from obseq.survey.screening.findings import Cause
+
+PLACES = {"A": (0.0, 0.0, 10.0), "B": (210.0, 20.0, 14.0), "C": (90.0, 190.0, 7.0), "D": (60.0, 60.0, 12.0)}
+PLACES |= {"E": (130.0, 110.0, 9.0)}
+
+
+@pytest.fixture(scope="module")
+def network():
+    """Every point observes all others; A and B are known, the others have approximate coordinates."""
+    random = np.random.default_rng(2)
+    rows = []
+    for k, (start, here) in enumerate(PLACES.items()):
+        for end, there in PLACES.items():
+            east, north, up = np.subtract(there, here)
+            flat = math.hypot(east, north)
+            hz, zen = (math.atan2(*pair) + random.normal(0.0, 1e-5) for pair in ((east, north), (flat, up)))
+            sight = [
+                ("Hz", (hz + 1.3 * k) % (2.0 * math.pi), 1e-5),
+                ("Zen", zen, 1e-5),
+                ("Dist", math.hypot(flat, up), 0.002),
+            ]
+            rows += [(kind, start, end, value, sigma) for kind, value, sigma in sight if start != end]
+    x, y, z = np.array(list(PLACES.values())).T
+    points = {"name": list(PLACES), "x": x, "y": y, "z": z}
+    points |= {f"s{axis}": [0.001, 0.001, None, None, None] for axis in "xyz"}
+    columns = ("type", "from", "to", "value", "sigma")
+    return network_from_tables(points, dict(zip(columns, zip(*rows, strict=True), strict=True)), angles="rad")
+
+
+def turned(network, *kinds, start=None):
+    """The network with the signs of some angles, all or those from a point, changed."""
+    rows = network.book.observations
+    chosen = np.isin(rows.types, [kind.code for kind in kinds])
+    if start is not None:
+        chosen &= rows.from_points == network.book.point_names.index(start)
+    values = np.where(chosen, -rows.values, rows.values)
+    return replace(network, book=replace(network.book, observations=replace(rows, values=values)))
+
+
+@pytest.mark.parametrize("start", [None, "C"])
+def test_zenith_angles_with_the_wrong_sign_are_one_finding(network, start):
+    (error,) = turned(network, ZEN, start=start).gross_errors()
+    count, where = (20, "") if start is None else (4, " from C")
+    assert error.what.startswith(f"all {count} Zen observations{where} (the first: Zen ")
+    assert error.cause is Cause.SENSE and len(error.rows) == count and error.size > 1e5
+    assert "read in the other face, or with the wrong sign" in error.text
+
+
+@pytest.mark.parametrize("start", [None, "C"])
+def test_all_angles_with_the_wrong_sign_are_one_finding(network, start):
+    (error,) = turned(network, HZ, ZEN, start=start).gross_errors()
+    count, where = (40, "") if start is None else (8, " from C")
+    assert error.what.startswith(f"all {count} angles{where} (the first: Hz ")
+    assert error.text == "they look like angles with the wrong sign: directions counted anticlockwise"
+
+
+def test_elevations_below_the_horizon_are_not_taken_for_zenith_angles_of_the_other_face(network):
+    rows = network.book.observations
+    values = np.where(rows.types == ZEN.code, -0.2, rows.values)
+    book = replace(network.book, observations=replace(rows, values=values))
+    assert not beyond_nadir(book).size and beyond_nadir(turned(network, ZEN).book).size == 20
+
+
+def test_a_network_that_is_a_mirror_image_is_told_by_approximate_coordinates(network):
+    """Two known points do not contradict it."""
+    assert not network.gross_errors() and not network.adjust().warnings
+    adjustment = turned(network, HZ).adjust()
+    assert adjustment.solution.sigma0 < 2.0 and not adjustment.gross_errors
+    assert adjustment.warnings[0].startswith(
+        "the observations place 3 points as their approximate coordinates"
+    )
+    assert "directions look like counted anticlockwise" in adjustment.warnings[0]
+
+
+def test_one_bad_approximation_is_no_mirror_image(network):
+    coordinates = network.points.coordinates.copy()
+    coordinates[[2, 3, 4]] += (500.0, 300.0, 0.0), (-400.0, 100.0, 0.0), (0.0, -600.0, 0.0)
+    adjustment = replace(network, points=replace(network.points, coordinates=coordinates)).adjust()
+    assert len(adjustment.replaced) == 3 and not any("mirror" in text for text in adjustment.warnings)
