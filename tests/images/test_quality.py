@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scenes
 
-from obseq.errors import InputError
+from obseq.errors import InputError, SingularSystemError
 from obseq.images import BlunderSearch, ImagePoints, Weighting
 from obseq.images.output.page import page
 from obseq.images.output.record import record_of
@@ -186,3 +186,15 @@ def test_robust_weights_show_all_blunders_and_hardly_any_good_measure(weighting)
         wrong += len(found - set(rows.tolist()))
     assert missed <= 1
     assert wrong <= 2
+
+
+def test_a_threshold_that_rejects_all_image_points_is_an_error_though_poses_are_observed():
+    block, _, _ = scenes.block(n_images=3, n_points=8, n_control=8)
+    block.poses = scenes.moved(block.poses, 0.3, 0.03)
+    block.observe_poses(block.poses, 1e-4, 1e-6)
+    block.freeze_parameters()
+    block.add_measures(block.sets.pop().measures, Weighting(0.5, threshold=0.5))
+    with pytest.raises(
+        SingularSystemError, match=r"all 24 image points lie beyond the threshold[^\n]*\n.*attenuation"
+    ):
+        block.solve()

@@ -183,6 +183,21 @@ def test_a_loss_that_rejects_everything_is_told_with_its_groups(strategy):
     assert str(refused.value).startswith(told) and refused.value.unknowns == ("x",)
 
 
+@pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt"])
+def test_a_loss_that_leaves_priors_alone_is_told_and_one_beside_other_observations_is_not(strategy):
+    system = LeastSquares()
+    x = system.add_scalars(["x"], np.full(1, 50.0))
+    system.add_prior(x, [[50.0]], 0.5)
+    batch = system.add_linear([np.repeat(x, 3)], [np.ones((3, 1))], np.ones(3), 0.1, group="far")
+    batch.loss = "tukey"
+    with pytest.raises(
+        SingularSystemError, match=r"leaves 3 of 3 observations no weight: 3 of 3 of far.*So only priors say"
+    ):
+        system.solve(strategy=strategy)
+    system.add_linear([x], [np.ones((1, 1))], [50.0], 0.1)
+    assert system.solve(strategy=strategy).values(x)[0] == pytest.approx([50.0])
+
+
 def test_a_loss_that_rejects_little_is_not_to_blame_for_what_nothing_determines():
     system = LeastSquares()
     x, y = system.add_scalars(["x", "y"], np.zeros(2))

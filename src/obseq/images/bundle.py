@@ -14,7 +14,7 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, in_words
+from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights, in_words
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -71,7 +71,8 @@ class BundleAdjustment(AdjustableBlock):
 
         Raises:
             InputError: something in the block makes the adjustment impossible; it is named.
-            SingularSystemError: measures do not determine some unknowns, which are named.
+            SingularSystemError: measures do not determine some unknowns, which are named; or thresholds
+                reject all of them.
         """
         start, initial = with_surveys(self.surveys, start_of(self))
         check_datum(self, start, datum)
@@ -105,6 +106,7 @@ class BundleAdjustment(AdjustableBlock):
                     equations, surveys, blunders, {**solving, "strategy": strategy}
                 )
                 done += result.iterations
+            check_weights(equations)
         except SingularSystemError as error:
             raise in_words(self, start, error) from None
         return check_cameras(

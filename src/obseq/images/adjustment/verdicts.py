@@ -10,11 +10,13 @@ import numpy as np
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.start import ContradictionError
 from obseq.images.initial.distribution import check_spread
+from obseq.leastsquares.diagnosis.rejection import is_emptied
 from obseq.leastsquares.diagnosis.singular import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import Start
     from obseq.images.block import Block
@@ -60,6 +62,20 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
         places = block.control_places([start.points[row] for row in rows])
         what = "the block" if any(origin.lines for _, origin in block.control_origins) else ""
         check_spread(start.coordinates[rows], what or f"{block.source}the block", places)
+
+
+def check_weights(equations: Equations) -> None:
+    """Refuses a solution in which no image point has any weight: only what is known besides says the poses.
+
+    Raises:
+        SingularSystemError: thresholds have rejected all of them.
+    """
+    batches = [item.batch for item in equations.measures if item.batch.active.any()]
+    if batches and all(is_emptied(batch) for batch in batches):
+        raise SingularSystemError(
+            f"all {sum(int(batch.active.sum()) for batch in batches)} image points lie beyond the threshold: "
+            "none has any weight"
+        )
 
 
 def check_cameras(solution: BundleSolution) -> BundleSolution:

@@ -1,4 +1,7 @@
-"""Robust losses that leave a system without observations: how many, of which group, and what to do."""
+"""Robust losses that leave a system without observations: how many, of which group, and what to do.
+
+Without observations unknowns are undetermined, or keep the values of their priors: nothing is adjusted then.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +29,31 @@ REMEDY = (
 
 @contextmanager
 def rejection_told(table: UnknownTable, batches: Sequence[Batch]) -> Iterator[None]:
-    """Errors of systems that a loss has emptied say so too."""
+    """Errors of systems that a loss has emptied say so too; where priors hide it, it is one.
+
+    Raises:
+        SingularSystemError: no observation has any weight left at the solution.
+    """
     try:
         yield
+        _refuse_emptied(batches)
     except (DivergenceError, SingularSystemError) as error:
         said = _emptied(table, batches, getattr(error, "unknowns", ()))
         if said:
             error.args = (f"{said}. So {error}",)
         raise
+
+
+def _refuse_emptied(batches: Sequence[Batch]) -> None:
+    """Refuses a solution for which losses have left no observation any weight."""
+    active = [batch for batch in batches if batch.active.any()]
+    if active and all(is_emptied(batch) for batch in active):
+        raise SingularSystemError("only priors say what the unknowns are: nothing is adjusted")
+
+
+def is_emptied(batch: Batch) -> bool:
+    """Whether the loss of a batch leaves none of its observations any weight."""
+    return batch.loss is not None and not (batch.active & (batch.robust_weights() > 0.0)).any()
 
 
 def _emptied(table: UnknownTable, batches: Sequence[Batch], unknowns: Sequence[str]) -> str:
