@@ -8,7 +8,7 @@ import scenes
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
-from obseq.images.adjustment import trials
+from obseq.images.adjustment import causes, trials
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.initial import growth
 
@@ -38,8 +38,8 @@ def _measured(block, xy):
     block.sets = [replace(part, measures=replace(part.measures, xy=xy))]
 
 
-def _block():
-    block, _, _ = scenes.block()
+def _block(**shape):
+    block, _, _ = scenes.block(**shape)
     block.freeze_parameters()
     return block
 
@@ -105,13 +105,37 @@ def test_a_focal_length_of_another_unit_is_named_with_the_one_that_fits():
     assert float(cause.partition("given, ")[2].split()[0]) == pytest.approx(1800.0, abs=10.0)
 
 
-def test_a_good_block_and_a_single_gross_error_have_no_common_cause():
+def test_a_good_block_has_no_cause_and_a_few_gross_errors_are_named_without_a_search(monkeypatch):
     block = _block()
     assert _cause(block) == ""
+    monkeypatch.setattr(causes, "exchanged_axes", None)  # what takes time is not tried
     (part,) = block.sets
-    part.measures.xy[7] += 300.0
-    assert block.solve().sigma0 > 5.0
-    assert _cause(block) == ""
+    part.measures.xy[7] += [200.0, -120.0]
+    said = (
+        "a gross error: image i0, point P7, off by (+200, -119) px. Without it, sigma0 falls from 21 to 0.9"
+    )
+    assert _cause(block).startswith(said)
+    block.control.coordinates[2] += [0.5, 0.4, -0.3]
+    assert _cause(block).startswith("2 gross errors: control point P2 (by +0.51")
+    part.measures.xy[7] -= [200.0, -120.0]
+    assert _cause(block).startswith("control points that the others and the images contradict: P2 (by +0.51")
+
+
+def test_measures_that_rays_do_not_tell_apart_are_all_named():
+    block = _block()
+    (part,) = block.sets
+    measures = part.measures
+    few = (measures.point == 20) & (measures.image > 1) | (measures.point == 3) & (measures.image > 0)
+    block.sets = [replace(part, measures=measures.rows(~few))]
+    xy = block.sets[0].measures.xy
+    xy[20] += [0.0, 150.0]
+    assert "one of the 2 measures of point P20 (images i0, i1)" in _cause(block)
+    xy[20] -= [0.0, 150.0]
+    xy[3] += [0.0, 150.0]
+    assert (
+        "a gross error: the coordinates of control point P3, or its measure in image i0, the only one."
+        in _cause(block)
+    )
 
 
 def _steps(block):
@@ -124,9 +148,11 @@ def _steps(block):
 
 
 def test_what_is_tried_is_told_and_a_hopeless_trial_is_given_up(monkeypatch):
-    block = _block()
+    block = _block(n_images=4, n_points=12)
     (part,) = block.sets
-    part.measures.xy[7] += 300.0
+    part.measures.xy[3::9] += 300.0
+    for other in ("misplaced", "odd_image", "odd_control"):  # whose steps are not counted here
+        monkeypatch.setattr(causes, other, lambda *_: "")
     long = _steps(block)
     monkeypatch.setattr(trials, "FEW", 1)
     monkeypatch.setattr(trials, "TIMES", 0)

@@ -11,7 +11,7 @@ from obseq.errors import InputError, RowError
 from obseq.images.names import index_of, unique_names
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -134,6 +134,10 @@ class ControlPoints(GivenComponents):
         """Some of them, in that order."""
         rows = index_of(self.names, names, "control point")
         return ControlPoints(tuple(names), self.coordinates[rows], self.covariances[rows])
+
+    def without(self, names: Collection[str]) -> ControlPoints:
+        """All but some of them."""
+        return self.select([name for name in self.names if name not in names])
 
     def held(self) -> ControlPoints:
         """The same points, known exactly."""

@@ -14,6 +14,7 @@ from obseq.images.adjustment.axes import common, exchanged_axes
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
+from obseq.images.adjustment.gross_errors import gross_errors
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
 from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 GROSS = 10.0
 """Sigmas: a larger residual may be that of an exchanged point."""
+SMALL, NEAR = 5e-4, 5e-3
+"""Of focal lengths and of the extent: no block comes as near to image and control points with wrong axes."""
 MIRRORED = (
     "the block fits as a mirror image only (points behind the cameras, or a distortion that changes sides): "
     "axes of image points or control points are not those of here"
@@ -56,15 +59,20 @@ def common_cause(
     trials = Trials(block, given, told or silent, options, solution)
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
     may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
+    may_be_misplaced = is_bad and not _is_in_shape(solution)
     cause = control_unit(trials) if is_bad else ""
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
+    if not cause and is_bad and may_search:
+        cause = gross_errors(trials)
+    if not cause and may_be_misplaced:
+        cause = exchanged_axes(trials) or misplaced(trials)
     if not cause and is_bad:
-        cause = exchanged_axes(trials) or misplaced(trials) or _interior(trials)
+        cause = _interior(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
-        cause = odd_image(trials, is_bad) or (odd_control(trials) if is_bad else "")
+        cause = odd_image(trials, may_be_misplaced) or (odd_control(trials) if may_be_misplaced else "")
     if not (cause or is_bad):
         cause = exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
@@ -73,6 +81,19 @@ def common_cause(
 def _has_gross(solution: BundleSolution) -> bool:
     found = solution.residuals
     return bool((np.abs(found.residuals) > GROSS * found.sigmas).any())
+
+
+def _is_in_shape(solution: BundleSolution) -> bool:
+    """Whether residuals are so small that axes, poses and control points are right, whatever sigmas say."""
+    if not solution.converged or is_mirrored(solution) or solution.block.pose_observations:
+        return False
+    found, off = solution.residuals, solution.control_residuals()[1]
+    focals = np.array([camera.focal for camera in solution.start.cameras])[found.image]
+    extent = np.ptp(solution.coordinates, axis=0).max()
+    return bool(
+        np.sqrt(np.mean(np.square(found.norms / focals))) < SMALL
+        and (np.linalg.norm(off, axis=1) < NEAR * extent).all()
+    )
 
 
 def _interior(trials: Trials) -> str:

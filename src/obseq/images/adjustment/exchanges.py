@@ -44,7 +44,7 @@ def exchange_in(trials: Trials, image: str, first: str, second: str) -> str:
     said = f"{what} are exchanged: each measured as the other"
     changed = trials.measured(lambda measures: _exchanged(measures, *pair))
     left_out = trials.measured(
-        lambda measures: measures.rows(np.delete(np.arange(len(measures)), _rows(measures, *pair)))
+        lambda measures: measures.rows(np.delete(np.arange(len(measures)), rows_of(measures, *pair)))
     )
     return _explanation(trials, changed, left_out, what, said)
 
@@ -62,7 +62,7 @@ def _explanation(
     return f"{said}; so changed, {trials.falls(found)}"
 
 
-def _rows(measures: ImagePoints, image: str, *points: str) -> list[int]:
+def rows_of(measures: ImagePoints, image: str, *points: str) -> list[int]:
     """Rows of points of an image."""
     names = measures.image_names, measures.point_names
     pairs = [(names[0][i], names[1][k]) for i, k in zip(measures.image, measures.point, strict=True)]
@@ -71,7 +71,7 @@ def _rows(measures: ImagePoints, image: str, *points: str) -> list[int]:
 
 def _exchanged(measures: ImagePoints, image: str, first: str, second: str) -> ImagePoints:
     """Measures with the pixels of two points exchanged in an image, where both are in it."""
-    rows = _rows(measures, image, first, second)
+    rows = rows_of(measures, image, first, second)
     xy = measures.xy.copy()
     if len(rows) == 2:
         xy[rows] = xy[rows[::-1]]
@@ -114,7 +114,7 @@ def exchanged_control(trials: Trials) -> str:
 def _control_exchange(trials: Trials, first: str, second: str) -> str:
     changed, left_out = trials.copy(), trials.copy()
     changed.control = _exchanged_names(changed.control, first, second)
-    left_out.control = _freed(left_out.control, (first, second))
+    left_out.control = left_out.control.without((first, second))
     one, other = trials.block.control_places([first, second])
     said = f"control points {one} and {other} are exchanged: each has the coordinates of the other"
     return _explanation(trials, changed, left_out, f"control points {first} and {second}", said)
@@ -123,12 +123,6 @@ def _control_exchange(trials: Trials, first: str, second: str) -> str:
 def _exchanged_names(control: ControlPoints, first: str, second: str) -> ControlPoints:
     other = {first: second, second: first}
     return replace(control, names=tuple(other.get(name, name) for name in control.names))
-
-
-def _freed(control: ControlPoints, names: tuple[str, ...]) -> ControlPoints:
-    """Control points of which some are not known any more."""
-    kept = [name for name in control.names if name not in names]
-    return control.select(kept)
 
 
 def _pairs_of_control(trials: Trials, poses: Poses) -> list[tuple[str, str]]:

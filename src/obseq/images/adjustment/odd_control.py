@@ -21,7 +21,10 @@ from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Attempts
 
 FAR = 0.03
@@ -113,17 +116,25 @@ def _are_close(points: FloatArray, others: FloatArray) -> bool:
 
 def _left_out(attempts: Attempts, wrong: list[str]) -> str:
     """That control points are wrong, and by how much, where the block fits without them."""
-    made, control = attempts.copy(), attempts.block.control
-    made.control = control.select([name for name in control.names if name not in wrong])
+    made = attempts.copy()
+    made.control = made.control.without(wrong)
     found = attempts.fitting(made, f"the block without control points {', '.join(wrong)}")
-    if found is None:
-        return ""
-    seen = dict(zip(found.points, found.coordinates, strict=True))
-    off = control.select(wrong).coordinates - [seen.get(name, [np.nan] * 3) for name in wrong]
-    places = attempts.block.control_places(wrong)
-    said = [
-        f"{place} (by {x:+.4g}, {y:+.4g}, {z:+.4g})" for place, (x, y, z) in zip(places, off, strict=True)
-    ]
-    listed = "; ".join(said)
+    return "" if found is None else contradicted(attempts, wrong, found)
+
+
+def contradicted(attempts: Attempts, wrong: Sequence[str], found: BundleSolution) -> str:
+    """Control points that are wrong, in words, where the block fits without them."""
+    listed = "; ".join(off_by(attempts, wrong, found))
     told = f"control points that the others and the images contradict: {listed}"
     return f"{told}. Without, {attempts.falls(found)}"
+
+
+def off_by(attempts: Attempts, wrong: Sequence[str], found: BundleSolution) -> list[str]:
+    """Control points, with by how much they are off in a solution without them."""
+    seen, control = dict(zip(found.points, found.coordinates, strict=True)), attempts.block.control
+    there = np.array([seen.get(name, [np.nan] * 3) for name in wrong]).reshape(-1, 3)
+    off = control.select(wrong).coordinates - there
+    places = attempts.block.control_places(wrong)
+    return [
+        f"{place} (by {x:+.4g}, {y:+.4g}, {z:+.4g})" for place, (x, y, z) in zip(places, off, strict=True)
+    ]

@@ -94,16 +94,16 @@ class Attempts:
     def fitting(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
         """The solution of a changed block that fits, and as no mirror image."""
         found = self.solved(block, change)
-        return None if found is None or is_mirrored(found) or not self._fits(found) else found
+        return None if found is None or is_mirrored(found) or not self.fits(found) else found
 
-    def _fits(self, found: BundleSolution) -> bool:
+    def fits(self, found: BundleSolution) -> bool:
         """Whether a solution is a good one."""
         return _sigma0(found) < BAD
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change of observations makes them agree with the rest, as it is without them."""
         more = _redundancy(changed) - _redundancy(without)
-        return bool(_squares(changed) - _squares(without) <= QUIET**2 * _variance(without) * more)
+        return bool(squares(changed) - squares(without) <= QUIET**2 * _variance(without) * more)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -139,7 +139,7 @@ class Trials(Attempts):
 
     before: BundleSolution
 
-    def _fits(self, found: BundleSolution) -> bool:
+    def fits(self, found: BundleSolution) -> bool:
         """Whether a solution is ten times better, good by its test, or better than a mirror image."""
         most = _sigma0(self.before) * (1.0 if is_mirrored(self.before) else SHARE)
         return _sigma0(found) < min(most, HOPELESS) or not is_rejected(found)
@@ -147,17 +147,17 @@ class Trials(Attempts):
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
         more = _redundancy(self.before) - _redundancy(without)
-        gain = _squares(self.before) - _squares(without)
+        gain = squares(self.before) - squares(without)
         return bool(more > 0 and gain > LOUD**2 * _variance(without) * more)
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change makes observations agree with the rest, and little is left of what they spoil."""
-        left, gain = _squares(changed) - _squares(without), _squares(self.before) - _squares(without)
+        left, gain = squares(changed) - squares(without), squares(self.before) - squares(without)
         return super().explains(changed, without) and bool(left <= (1.0 - EXPLAINED) * gain)
 
     def gains(self, found: BundleSolution) -> float:
         """By how much a change lowers the weighted sum of squares, in the variances of most residuals."""
-        return (_squares(self.before) - _squares(found)) / _variance(found)
+        return (squares(self.before) - squares(found)) / _variance(found)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -187,7 +187,8 @@ def _redundancy(found: BundleSolution) -> int:
     return int(found.result.redundancy)
 
 
-def _squares(found: BundleSolution) -> float:
+def squares(found: BundleSolution) -> float:
+    """The weighted sum of squares of the residuals."""
     return _sigma0(found) ** 2 * _redundancy(found)
 
 
