@@ -28,7 +28,7 @@ class Polygon:
 
     def __init__(self, folder):
         network = Network.read_project(folder / "project.comp")
-        self.adjusted, self.k = network.adjust(), network.frame.refraction_coefficient
+        self.adjusted = network.adjust()
         record, given = self.adjusted.record(), self.adjusted.book.observations
         self.records = [row for row in record.observations if row.active]
         self.constraints = record.constraints
@@ -36,6 +36,8 @@ class Polygon:
         self.types, self.stations = given.types[active], given.stations[active]
         self.ends = given.from_points[active], given.to_points[active]
         self.places, self.frame = self.adjusted.points.coordinates, crs.parse(self.adjusted.frame)
+        sights = [self.places[end] for end in self.ends]
+        self.bent = refraction_correction(self.frame, *sights, network.frame.refraction_coefficient)
         rows = json.loads((folder / "expected.json").read_text(encoding="utf-8"))["observations"]
         self.theirs = self.paired([row for row in rows if row["code"] in THEIRS and row["active"]])
 
@@ -49,21 +51,22 @@ class Polygon:
         ]
         return [found.get(key) for key in keys]
 
-    def computed(self, places, upright):
-        """(n,) azimuths, zenith angles and distances, the plumb lines being those at the places `upright`."""
-        origins, targets = self.ends
-        axes = self.frame.vertical_rotation(upright)[origins]
-        east, north, up = np.einsum("nij,nj->in", axes, places[targets] - places[origins])
+    def computed(self, sights, upright):
+        """(n,) azimuths, zenith angles and distances of sights (2, n, 3), plumb lines at `upright`."""
+        axes = self.frame.vertical_rotation(upright)
+        east, north, up = np.einsum("nij,nj->in", axes, sights[1] - sights[0])
         flat = np.hypot(east, north)
-        bent = refraction_correction(self.frame, self.places[origins], self.places[targets], self.k)
         is_zenith, is_distance = self.types == CODES["Zen"], self.types == CODES["Dist"]
-        azimuths = np.where(is_zenith, np.arctan2(flat, up) - bent, np.arctan2(east, north))
+        azimuths = np.where(is_zenith, np.arctan2(flat, up) - self.bent, np.arctan2(east, north))
         return np.where(is_distance, np.hypot(flat, up), azimuths)
 
     def design(self, turning):
         """(n + 3, 178) derivatives over sigmas, by coordinates and orientations; the known point last."""
-        columns = [self.slope(k, turning) for k in range(self.places.size)]
-        is_read = self.types == CODES["Hz"]
+        slopes = np.zeros((len(self.records), self.places.size))
+        for end, points in enumerate(self.ends):
+            for axis in range(3):
+                slopes[np.arange(len(slopes)), 3 * points + axis] = self.slope(end, axis, turning)
+        columns, is_read = [slopes], self.types == CODES["Hz"]
         for station in np.unique(self.stations[is_read]):
             columns.append(np.where(is_read & (self.stations == station), -1.0, 0.0))
         design = np.column_stack(columns) / np.array([[row.sigma] for row in self.records])
@@ -73,17 +76,18 @@ class Polygon:
             row[3 * names.index(known.point) + "xyz".index(known.coordinate)] = 1.0 / known.sigma
         return np.vstack([design, held])
 
-    def slope(self, k, turning):
-        """(n,) derivatives by coordinate k."""
-        return sum(share * self.difference(k, count * STEP, turning) for count, share in ORDERS.items())
+    def slope(self, end, axis, turning):
+        """(n,) derivatives by a coordinate of the origins (end 0) or of the targets (end 1)."""
+        return sum(
+            share * self.difference(end, axis, count * STEP, turning) for count, share in ORDERS.items()
+        )
 
-    def difference(self, k, step, turning):
-        """(n,) changes over a step of coordinate k to both sides, for one step."""
-        moved = step * np.eye(1, self.places.size, k).reshape(-1, 3)
-        ends = [
-            self.computed(at, at if turning else self.places)
-            for at in (self.places + moved, self.places - moved)
-        ]
+    def difference(self, end, axis, step, turning):
+        """(n,) changes over a step of that coordinate to both sides, for one step."""
+        sights = self.places[np.array(self.ends)]
+        moved = np.zeros_like(sights)
+        moved[end, :, axis] = step
+        ends = [self.computed(at, at[0] if turning else sights[0]) for at in (sights + moved, sights - moved)]
         gap = ends[0] - ends[1]
         return (gap - 2 * math.pi * np.round(gap / (2 * math.pi))) / STEP
 
