@@ -61,34 +61,45 @@ def joint_tests(
         residuals: (k, m) v.
         leverages: (k, m, m) G = U A Q A' U'.
     """
-    for index, numbers, root, residual, leverage in zip(
-        members, groups, roots, residuals, leverages, strict=True
-    ):
-        weighted = root.T @ (root @ residual)
-        for places in _groups(numbers):
-            mine = root[:, places]
-            yield _tested(index[places], mine.T @ mine, mine.T @ leverage @ mine, weighted[places])
+    whole = np.swapaxes(roots, 1, 2) @ roots
+    lost = np.swapaxes(roots, 1, 2) @ leverages @ roots
+    weighted = (whole @ residuals[:, :, None])[:, :, 0]
+    found: dict[int, JointTest] = {}
+    for numbers, which, places in _groups(groups):
+        blocks = which[:, None, None], places[:, :, None], places[:, None, :]
+        each = which[:, None], places
+        tests = _tested(members[each], whole[blocks], lost[blocks], weighted[each])
+        found |= zip(numbers, tests, strict=True)
+    yield from (found[number] for number in sorted(found))
 
 
-def _groups(numbers: IntArray) -> Iterator[IntArray]:
-    """Places (m,) of the members of each group."""
-    order = np.argsort(numbers, kind="stable")
-    order = order[numbers[order] >= 0]
-    ends = np.flatnonzero(np.diff(numbers[order])) + 1
-    yield from np.split(order, ends) if order.size else ()
+def _groups(groups: IntArray) -> Iterator[tuple[list[int], IntArray, IntArray]]:
+    """The groups (g,) of each size m: their order, their clusters (g,), and places (g, m) in these."""
+    clusters, places = np.nonzero(groups >= 0)
+    numbers = groups[clusters, places]
+    order = np.lexsort((numbers, clusters))
+    clusters, places, numbers = clusters[order], places[order], numbers[order]
+    is_first = np.append(True, (np.diff(clusters) != 0) | (np.diff(numbers) != 0))[: len(order)]
+    starts = np.flatnonzero(is_first)
+    sizes = np.diff(starts, append=len(order))
+    for size in np.unique(sizes).tolist():
+        alike = np.flatnonzero(sizes == size)
+        yield alike.tolist(), clusters[starts[alike]], places[starts[alike, None] + np.arange(size)]
 
 
-def _tested(rows: IntArray, whole: FloatArray, lost: FloatArray, weighted: FloatArray) -> JointTest:
-    """One test, from P, P - P Qv P and P v of its rows: along axes in which P is the identity."""
+def _tested(rows: IntArray, whole: FloatArray, lost: FloatArray, weighted: FloatArray) -> Iterator[JointTest]:
+    """Tests (g,) from P, P - P Qv P and P v of their rows (g, m): along axes in which P is the identity."""
     inverse, weight = np.linalg.inv(np.linalg.cholesky(whole)), whole - lost
-    shares, axes = np.linalg.eigh(np.eye(len(rows)) - inverse @ lost @ inverse.T)
+    transposed = np.swapaxes(inverse, 1, 2)
+    shares, axes = np.linalg.eigh(np.eye(rows.shape[1]) - inverse @ lost @ transposed)
     kept = shares > UNCONTROLLED
-    if not kept.any():
-        return JointTest(rows, np.nan, 0, np.zeros(len(rows)), weight)
-    axes = axes[:, kept]
-    along = axes.T @ (inverse @ weighted)
-    blunder = -inverse.T @ (axes @ (along / shares[kept]))
-    return JointTest(rows, float(np.sum(along**2 / shares[kept])), int(kept.sum()), blunder, weight)
+    along = (np.swapaxes(axes, 1, 2) @ inverse @ weighted[:, :, None])[:, :, 0]
+    parts = np.divide(along, shares, where=kept, out=np.zeros_like(along))
+    blunders = -(transposed @ axes @ parts[:, :, None])[:, :, 0]
+    degrees = kept.sum(axis=1)
+    statistics = np.where(degrees > 0, (along * parts).sum(axis=1), np.nan)
+    columns = statistics.tolist(), degrees.tolist()
+    yield from map(JointTest, rows, *columns, blunders, weight)
 
 
 def numbered(groups: Sequence[IntArray], n: int) -> IntArray:

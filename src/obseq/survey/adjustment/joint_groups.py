@@ -13,7 +13,7 @@ from obseq.record_quality import KNOWN, JointTestRecord
 from obseq.survey.kinds.registry import IS_ANGLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch
@@ -55,27 +55,32 @@ class TestedJointly:
 
 def joint_groups(equations: Equations, book: FieldBook) -> dict[Batch, list[IntArray]]:
     """By batch, the rows that are one vector or one position: of a cluster, between the same points."""
-    numbers = np.full(len(book.observations), -1, np.int64)
-    count = 0
-    for cluster in book.clusters:
-        for rows in _vectors(book, cluster.rows[book.observations.active[cluster.rows]]):
-            numbers[rows] = count
-            count += 1
+    numbers = _vectors(book)
     found = {batch: _gathered(numbers[rows]) for rows, batch in equations.batches.values()}
     found |= {batch: _gathered(points) for batch, points in equations.known.together().items()}
     return {batch: groups for batch, groups in found.items() if groups}
 
 
-def _vectors(book: FieldBook, rows: IntArray) -> Iterator[IntArray]:
-    """The lengths of a cluster between the same points that are of different kinds: two of them or three."""
+def _vectors(book: FieldBook) -> IntArray:
+    """(n,) numbers of the vectors: lengths of a cluster of different kinds between two points; or -1."""
     observations = book.observations
-    rows = rows[~IS_ANGLE[observations.types[rows]]]
-    ends = np.stack([observations.from_points[rows], observations.to_points[rows]])
-    _, group = np.unique(ends, axis=1, return_inverse=True)
-    for places in _gathered(group.ravel()):
-        mine = rows[places]
-        if len(set(observations.types[mine].tolist())) == len(mine):
-            yield mine
+    numbers = np.full(len(observations), -1, np.int64)
+    if not book.clusters:
+        return numbers
+    sizes = [len(cluster.rows) for cluster in book.clusters]
+    rows = np.concatenate([cluster.rows for cluster in book.clusters])
+    clusters = np.repeat(np.arange(len(sizes)), sizes)
+    kept = observations.active[rows] & ~IS_ANGLE[observations.types[rows]]
+    rows, clusters = rows[kept], clusters[kept]
+    columns = observations.from_points, observations.to_points, observations.types
+    keys = np.stack([clusters, *(column[rows] for column in columns)])
+    order = np.lexsort(keys[::-1])
+    changes = np.diff(keys[:, order], axis=1) != 0
+    number = np.append(0, np.cumsum(changes[:-1].any(axis=0)))[: len(rows)]
+    twice = number[1:][~changes.any(axis=0)]
+    number[np.isin(number, twice)] = -1
+    numbers[rows[order]] = number
+    return numbers
 
 
 def _gathered(numbers: IntArray) -> list[IntArray]:

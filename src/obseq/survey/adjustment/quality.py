@@ -166,7 +166,11 @@ def examine(
     components = _components(equations, book, solving) if wanted.variance_components else None
     solution = components.result if components else solution
     levels = wanted.level, wanted.power
-    quality = reliability(system, solution, *levels, groups=groups) if wanted.reliability else None
+    quality = None
+    if wanted.reliability:
+        known = snooping.reliability if snooping and not components else None
+        is_known = known is not None and (known.level, known.power) == levels
+        quality = known if is_known else reliability(system, solution, *levels, groups=groups)
     relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
     effects = _effects(equations, quality) if wanted.effects and quality else None
     return Examination(wanted, solution, quality, snooping, change, components, relative, effects)
