@@ -61,7 +61,7 @@ REGISTERED = (
     "tests/codegen/test_operations.py::test_the_report_records_the_operations_of_every_kernel",
     "tests/test_packaging.py::test_every_folder_of_modules_is_a_listed_package",
 )
-ABOUT_ONE = (
+ABOUT_EACH = (
     "test_kernel_computes_the_residual_written_in_the_formula",
     "test_derivatives_are_those_of_the_values",
     "test_hashes_are_current",
@@ -74,15 +74,13 @@ FAMILIES = {
 """Those that the tests of a section need, where the first one is not enough."""
 
 EACH = {
-    "A family of formulas": [
-        f"tests/formulas/test_registry.py::{test}[PolynomialFit_2]" for test in ABOUT_ONE
-    ],
+    "A family of formulas": [f"tests/formulas/test_registry.py::{test}[curves]" for test in ABOUT_EACH],
     "An operator": [
         "tests/codegen/test_c99.py::test_every_operator_has_a_c_text",
         "tests/codegen/test_c99.py::test_the_c_text_of_an_operator_gives_its_value",
     ],
     "A kind of survey observation": [
-        *(f"tests/formulas/test_registry.py::{test}[TopoHDist]" for test in ABOUT_ONE),
+        *(f"tests/formulas/test_registry.py::{test}[topography]" for test in ABOUT_EACH),
         "tests/survey/test_kinds.py",
     ],
     "A kind of unknown": [],
@@ -222,7 +220,7 @@ def test_three_edits_enter_a_formula_in_the_library(copy: Path, lender: subproce
     )
     use = 'import obseq\n\nfit = obseq.calculator("FitCube")\n\n\n'
     (copy / "tests" / "formulas" / "test_curve.py").write_text(use + test, "utf-8")
-    about_it = (f"tests/formulas/test_registry.py::{test}[FitCube]" for test in ABOUT_ONE)
+    about_it = (f"tests/formulas/test_registry.py::{test}[curve]" for test in ABOUT_EACH)
     printed = check(lender, copy, "tests/formulas/test_curve.py", *REGISTERED, *about_it)
     assert "wrote generated/curve/fit_cube.py" in printed and "wrote docs/formulas/curve.md" in printed
     shown = subprocess.run(

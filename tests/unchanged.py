@@ -30,7 +30,12 @@ def digest() -> str:
 def sources() -> set[Path]:
     """The files that generation, and what is tested of it, can depend on."""
     package = ROOT / "src" / "obseq"
-    found = {*package.glob("*.py"), ROOT / "pyproject.toml", Path(__file__)}
+    found = {
+        *package.glob("*.py"),
+        ROOT / "pyproject.toml",
+        Path(__file__),
+        Path(__file__).with_name("families.py"),
+    }
     for folder in (*WHOLE, *BELOW):
         found |= {path for path in (ROOT / folder).rglob("*") if path.suffix in KINDS}
     return found

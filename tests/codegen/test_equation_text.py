@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 import numpy as np
-import pytest
+from families import of_each
 from unchanged import Seen
 
 from obseq.codegen.compiler import derive
@@ -168,7 +168,7 @@ def evaluated(names: dict[str, Any], lines: list[Equation], count: int) -> list[
     return residuals
 
 
-@pytest.mark.parametrize("formula", REGISTRY, ids=lambda formula: formula.name)
+@of_each()
 def test_the_equation_printed_is_the_residual(formula: Formula, seen: Seen) -> None:
     if f"equations/{formula.name}" in seen:
         return

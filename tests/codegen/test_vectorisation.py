@@ -9,6 +9,7 @@ import re
 from typing import Any
 
 import pytest
+from families import of_each
 from llvmlite import binding
 from vectorised import PACKED, SCALAR, Verdicts, is_vectorised
 
@@ -16,7 +17,8 @@ from obseq.compilation import cache, host, numba_compiler
 from obseq.compilation.digests import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL, Signature
-from obseq.kernels import formula_names, load, ondemand
+from obseq.formulas import REGISTRY, Formula
+from obseq.kernels import load, ondemand
 from obseq.kernels.loading import routine
 
 NO_AVX2 = not binding.get_host_cpu_features().get("avx2")
@@ -49,14 +51,18 @@ def _along(name: str) -> Routine:
     return routine(module, "directional")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if k % 8 == 0 else pytest.mark.slow)  # each is compiled afresh
-        for k, name in enumerate(formula_names())
-    ],
-)
-def test_every_kernel_is_vectorised(name: str, verdicts: Verdicts) -> None:
+@of_each(REGISTRY[::8])
+def test_kernels_are_vectorised(formula: Formula, verdicts: Verdicts) -> None:
+    check_kernels(formula.name, verdicts)
+
+
+@pytest.mark.slow  # each is compiled afresh
+@of_each([formula for k, formula in enumerate(REGISTRY) if k % 8])
+def test_all_other_kernels_are_vectorised(formula: Formula, verdicts: Verdicts) -> None:
+    check_kernels(formula.name, verdicts)
+
+
+def check_kernels(name: str, verdicts: Verdicts) -> None:
     module = load(name).module
     for function in KERNELS:
         kernel = routine(module, function)
@@ -82,9 +88,9 @@ def test_kernels_along_a_direction_are_vectorised(name: str, verdicts: Verdicts)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", formula_names()[::4])
-def test_many_kernels_along_a_direction_are_vectorised(name: str, verdicts: Verdicts) -> None:
-    kernel = _along(name)
+@of_each(REGISTRY[::4])
+def test_many_kernels_along_a_direction_are_vectorised(formula: Formula, verdicts: Verdicts) -> None:
+    kernel = _along(formula.name)
     if kernel.symbol not in verdicts:
         assert not SCALAR.findall(str(_module(kernel)))
         verdicts.add(kernel.symbol)

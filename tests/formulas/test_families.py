@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import pytest
+from families import of_each
 
 from obseq.errors import FormulaError
-from obseq.formulas import REGISTRY
 from obseq.formulas.bundles import PointOnFirstBundle
 from obseq.formulas.colinearity import Colinearity
 from obseq.formulas.distortion import Degree
@@ -17,7 +17,7 @@ from obseq.formulas.sensors import CorrectedSensor
 REFUSALS = r"at least [01] |one of (Angle|Stenope)|a Degree|True or False"
 
 
-@pytest.mark.parametrize("registered", REGISTRY, ids=lambda registered: registered.name)
+@of_each()
 def test_names_of_the_registry_give_its_formulas(registered):
     assert formula(registered.name) is registered
 
@@ -34,7 +34,7 @@ def test_unknown_names_get_the_nearest_ones():
         formula("EqDist_Dist_Rad3_Dec1_X1")
 
 
-@pytest.mark.parametrize("registered", REGISTRY, ids=lambda registered: registered.name)
+@of_each()
 def test_one_pattern_gives_the_name_and_the_member(registered):
     found = [member for family in FAMILIES if (member := family.from_name(registered.name)) is not None]
     assert found == ([registered] if type(registered) in FAMILIES else [])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from families import of_each
 from unchanged import Seen
 
 from obseq.codegen.compiler import derive
@@ -21,8 +22,6 @@ VALUE_TOLERANCE = 1e-12
 JACOBIAN_TOLERANCE = 1e-9
 
 EXCERPT = Path(__file__).parents[1] / "data" / "mmvii-check-values" / "check-values.json"
-
-each_formula = pytest.mark.parametrize("formula", REGISTRY, ids=lambda formula: formula.name)
 
 
 @cache
@@ -62,7 +61,7 @@ def test_names_and_order_are_those_of_mmvii(names: dict[str, dict[str, Any]]) ->
         assert len(calc.residuals) == record["outputs"], name
 
 
-@pytest.mark.parametrize("formula", recorded(), ids=lambda formula: formula.name)
+@of_each(recorded())
 def test_values_and_derivatives_are_those_of_mmvii(
     formula: Formula, check_values: dict[str, dict[str, Any]]
 ) -> None:
@@ -82,7 +81,7 @@ def test_values_and_derivatives_are_those_of_mmvii(
             assert (np.abs(jacobian[0] - rows) <= JACOBIAN_TOLERANCE * largest).all(), formula.name
 
 
-@each_formula
+@of_each()
 def test_kernel_computes_the_residual_written_in_the_formula(formula: Formula) -> None:
     calc = calculator(formula.name)
     unknowns, observations = draw(calc, 8)
@@ -93,7 +92,7 @@ def test_kernel_computes_the_residual_written_in_the_formula(formula: Formula) -
     np.testing.assert_allclose(calc.values(unknowns, observations), expected, rtol=1e-12, atol=1e-13 * size)
 
 
-@each_formula
+@of_each()
 def test_derivatives_are_those_of_the_values(formula: Formula) -> None:
     check = derivatives.check_one(calculator(formula.name), samples=10, seed=1)
     assert check.passed, check
@@ -105,7 +104,7 @@ def called(text: str) -> list[str]:
     return names.split(", ") + re.findall(r"^from math import (.*)$", text, re.MULTILINE)
 
 
-@each_formula
+@of_each()
 def test_hashes_are_current(formula: Formula, seen: Seen) -> None:
     if f"hashes/{formula.name}" in seen or "the folder" in seen:  # whose files hold them
         return
@@ -122,7 +121,7 @@ def test_module_names_are_distinct() -> None:
     assert len(set(modules)) == len(modules)
 
 
-@each_formula
+@of_each()
 def test_every_formula_says_what_it_is(formula: Formula) -> None:
     documentation = " ".join((type(formula).__doc__ or "").split())
     assert re.search(r"(Residual|Values?)\b.*: ", documentation), "say the equation"
