@@ -87,9 +87,9 @@ def pytest_sessionfinish() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """A worker says of a test that passes that it has passed, and not also that it was set up and taken down.
+    """A worker says of a test that passes that it has passed, not that it was set up and has ended.
 
-    Half of what thousands of tests send, which is read only where times or a file of results are asked for.
+    Most of what thousands of tests send, which is read only where times or a file of results are asked for.
     """
     asked = ("durations", "xmlpath", "maxfail")
     if not is_worker(item.config) or any(map(item.config.getoption, asked)):
@@ -99,7 +99,6 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     for report in reports:
         if report.when == "call" or not passed:
             item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
     return True
 
 
