@@ -1,12 +1,16 @@
 """The size of things: functions, files, documentation, and names that stay where they are."""
 
 import ast
+import hashlib
 import statistics
+import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 from sources import nodes, tree
+from unchanged import Seen
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("src/obseq", "formulas", "codegen")
@@ -35,6 +39,15 @@ def files(rooms: tuple[str, ...]) -> list[Path]:
     return [path for path in found if not any(path.is_relative_to(link) for link in links)]
 
 
+@cache
+def state() -> str:
+    """Digest of what is measured, and of these rules: taken in a hundredth of the time of measuring."""
+    found = hashlib.sha256(sys.version.encode())
+    for path in (*files((*ROOMS, *OTHERS)), ROOT / "pyproject.toml"):
+        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()
+
+
 def test_files_are_short() -> None:
     sizes = {path.relative_to(ROOT).as_posix(): lines_of(path) for path in files((*ROOMS, *OTHERS))}
     assert {name: size for name, size in sizes.items() if size >= LONGEST_FILE} == {}
@@ -45,7 +58,9 @@ def lines_of(path: Path) -> int:
 
 
 @pytest.mark.parametrize("rooms", USUAL_FUNCTION, ids=" ".join)
-def test_functions_are_short(rooms: tuple[str, ...]) -> None:
+def test_functions_are_short(rooms: tuple[str, ...], seen: Seen) -> None:
+    if seen.has(name := f"measures/functions/{rooms[-1]}", state()):
+        return
     sizes = {
         f"{path.relative_to(ROOT)}:{node.lineno} {node.name}": length_of(node)
         for path in files(rooms)
@@ -55,6 +70,7 @@ def test_functions_are_short(rooms: tuple[str, ...]) -> None:
     assert {name: size for name, size in sizes.items() if size > LONGEST_FUNCTION} == {}
     assert ordered[int(0.9 * len(ordered))] <= LONG_FUNCTION
     assert statistics.median(ordered) <= USUAL_FUNCTION[rooms]
+    seen.add(name, state())
 
 
 def length_of(node: Function) -> int:
@@ -63,7 +79,9 @@ def length_of(node: Function) -> int:
     return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
 
 
-def test_public_things_say_what_they_are() -> None:
+def test_public_things_say_what_they_are(seen: Seen) -> None:
+    if seen.has("measures/words", state()):
+        return
     missing, found = [], 0
     for path in files(ROOMS):
         for node in public(tree(path)):
@@ -72,6 +90,7 @@ def test_public_things_say_what_they_are() -> None:
                 missing.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
     assert found > 2000
     assert 1.0 - len(missing) / found >= LEAST_DOCUMENTED, missing
+    seen.add("measures/words", state())
 
 
 def public(tree: ast.AST) -> Iterator[Function | ast.ClassDef]:
@@ -85,14 +104,19 @@ def public(tree: ast.AST) -> Iterator[Function | ast.ClassDef]:
             yield from public(node)
 
 
-def test_types_are_said() -> None:
+def test_types_are_said(seen: Seen) -> None:
+    if seen.has("measures/types", state()):
+        return
     said = sum(node.id == "Any" for path in files(ROOMS) for node in nodes(path, ast.Name))
     ignored = sum(path.read_text("utf-8").count("type: ignore") for path in files(ROOMS))
     assert (said <= MOST_ANY, ignored <= MOST_IGNORED) == (True, True), (said, ignored)
+    seen.add("measures/types", state())
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_no_private_name_is_used_from_another_file(room: str) -> None:
+def test_no_private_name_is_used_from_another_file(room: str, seen: Seen) -> None:
+    if seen.has(name := f"measures/names/{room}", state()):
+        return
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {name}"
         for path in files(ROOMS)
@@ -100,6 +124,7 @@ def test_no_private_name_is_used_from_another_file(room: str) -> None:
         for line, name in foreign(path)
     ]
     assert wrong == []
+    seen.add(name, state())
 
 
 def foreign(path: Path) -> Iterator[tuple[int, str]]:
