@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.images import BundleAdjustment
 from obseq.images.files.bal import bal_text, read_bal
 from obseq.images.files.opk import opk_text, read_opk
 
@@ -275,10 +276,18 @@ def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
         (["--bal=b.txt"], "say where the block is"),
         (["--obs=a.obs"], "--obs and --cor go together"),
         (["--json=."], "is a folder"),
+        (["--bal-out=b.txt"], "BAL has no place for p1 of a camera, not zero here: give 0"),
+        (
+            ["--colmap-out=sparse", "--freeze=K1"],
+            "COLMAP has no place for K3 of a camera, unknown here: give 0",
+        ),
+        (["--opk-out=p.txt", "--text=p.txt"], "two results cannot be written to the same file"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(tables, capsys, change, message):
-    _, options, _ = tables
+def test_what_cannot_be_done_is_said_in_one_line(tables, capsys, monkeypatch, change, message):
+    folder, options, _ = tables
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(BundleAdjustment, "initialise", None)  # all of it is said before the work
     assert main(["bundle", *options, *change]) == 2
     said = capsys.readouterr()
     assert message in said.err

@@ -153,7 +153,9 @@ def test_bal_is_turned_to_our_axes_and_back(bal, tmp_path):
 
 def test_terms_that_bal_does_not_have_are_named_with_the_way_to_hold_them(tmp_path):
     block, _, _ = scenes.block(n_images=3, n_points=6, n_control=6)
-    with pytest.raises(InputError, match=r"BAL has no p1 of a camera, .* --freeze 'p1'"):
+    with pytest.raises(
+        InputError, match=r"BAL has no place for p1 of a camera, not zero here: .* --freeze 'p1'"
+    ):
         write_bal(block, tmp_path / "b.bal")
     block.cameras["c"] = replace(scenes.CAMERA, distortion={"K1": -0.08, "K2": 0.02})
     write_bal(block, tmp_path / "b.bal")

@@ -8,6 +8,7 @@ from obseq.errors import InputError
 from obseq.survey import Network
 from obseq.survey.conversion import write_sinex
 
+FRAME = "RTL*2.4*48.8*0*EPSG:4326"
 STATIONS = {"ALBY": (4200000.1, 170000.2, 4780000.3), "BASE": (4201000.0, 171000.0, 4779000.0)}
 
 
@@ -97,6 +98,28 @@ def test_the_command_writes_sinex(tmp_path, capsys):
     assert main(["adjust", str(tmp_path / "a.snx"), "--sinex", str(tmp_path / "b.snx")]) == 0
     assert (tmp_path / "b.snx").read_text().startswith("%=SNX 2.02")
     capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "SINEX is for places on the Earth"),
+        ([f"--frame={FRAME}", "--datum=fixed"], "SINEX: point A is held exactly and has no covariance"),
+        (
+            [f"--frame={FRAME}", "--datum=inner", "--datum-points=A"],
+            "point B does not carry the datum of this",
+        ),
+    ],
+)
+def test_what_sinex_cannot_hold_is_refused_before_the_adjustment(
+    tmp_path, capsys, monkeypatch, options, message
+):
+    monkeypatch.setattr(Network, "adjust", None)
+    (tmp_path / "n.obs").write_text("3 A B 100 0.001\n")
+    (tmp_path / "n.cor").write_text("1 A 0 0 0 0.01\n0 B 100 0 0\n")
+    files = [f"--obs={tmp_path / 'n.obs'}", f"--cor={tmp_path / 'n.cor'}", f"--sinex={tmp_path / 'b.snx'}"]
+    assert main(["adjust", *files, *options]) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_solutions_of_one_station_are_different_points(tmp_path):

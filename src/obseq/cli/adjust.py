@@ -142,15 +142,16 @@ def adjust(request: Request) -> int:
     check_writable([*(path for path, _ in request.outputs), *sinex], request.source.files)
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
-        record = _adjusted(request, watch)
+        record, others = _adjusted(request, watch)
         with watch.phase("write"):
-            write(record, request.outputs)
+            write(record, request.outputs, others)
     phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
-    show(replace(record, phases=phases), request.outputs)
+    show(replace(record, phases=phases), request.outputs, list(others))
     return 0 if record.is_complete else INCOMPLETE
 
 
-def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
+def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dict[Path, str]]:
+    """The adjustment, and the files that its record does not make."""
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
@@ -159,10 +160,15 @@ def _adjusted(request: Request, watch: Stopwatch) -> AdjustmentRecord:
         from obseq.survey import estimating
 
         network = replace(network, book=estimating(network.book, request.estimated))
-    adjustment = network.adjust(progress=watch.progress, **request.solving)
     if request.sinex is not None:
-        from obseq.survey.conversion import write_sinex
+        from obseq.survey.conversion import check_sinex
 
-        write_sinex(request.sinex, adjustment)
+        check_sinex(network, request.solving.get("datum"))
+    adjustment = network.adjust(progress=watch.progress, **request.solving)
+    files: dict[Path, str] = {}
+    if request.sinex is not None:
+        from obseq.survey.conversion import sinex_of
+
+        files[request.sinex] = sinex_of(adjustment)
     record = adjustment.record(request.title)
-    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases))
+    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases)), files

@@ -107,7 +107,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     outputs = _outputs(arguments)
-    check_writable(outputs.values(), inputs(arguments))
+    check_writable([*outputs.values(), *_other_places(arguments)], inputs(arguments))
     with Progress("loading") as progress:
         from obseq.images.adjustment.causes import common_cause
         from obseq.images.adjustment.refusals import explained
@@ -116,6 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
+        _check_formats(arguments, block)
         given, options = block.poses, _options(datum, arguments)
         with explained(block, progress, **options):
             solution = _solve(block, options, progress)
@@ -152,6 +153,31 @@ def _writers(solution: BundleSolution, record: BundleRecord) -> Mapping[str, Cal
     }
 
 
+def _other_places(arguments: argparse.Namespace) -> list[Path]:
+    """The files of other programs that are asked for."""
+    files = [path for path in (arguments.opk_out, arguments.bal_out) if path]
+    if arguments.colmap_out:
+        from obseq.images.files.colmap import WRITTEN
+
+        files += [arguments.colmap_out / name for name in WRITTEN]
+    return files
+
+
+def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> None:
+    """Refuses, before the work, a block that a format of another program cannot hold."""
+    from obseq.images.files.bal import RADIAL
+    from obseq.images.files.camera_terms import check_cameras
+    from obseq.images.files.colmap import TERMS
+    from obseq.images.files.opk import check_names
+
+    if arguments.colmap_out:
+        check_cameras(block, "COLMAP", TERMS)
+    if arguments.bal_out:
+        check_cameras(block, "BAL", RADIAL)
+    if arguments.opk_out:
+        check_names(block.camera_of)
+
+
 def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dict[Path, str]:
     """The adjusted block in the formats of other programs, where that is asked for."""
     from obseq.images.files.bal import bal_text
@@ -165,7 +191,6 @@ def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dic
         files[arguments.opk_out] = opk_text(solution.poses)
     if arguments.bal_out:
         files[arguments.bal_out] = bal_text(solution.adjusted_block())
-    check_writable(files, inputs(arguments))
     return files
 
 

@@ -73,8 +73,9 @@ def inputs(arguments: argparse.Namespace) -> list[Path]:
     """The files that no output may replace."""
     single = ("cameras", "images", "opk", "micmac_measures", "micmac_points", *OTHERS)
     several = ("measures", "control", "lengths", "positions", "obs", "cor")
-    found = [getattr(arguments, name) for name in single]
-    return [path for path in found if path] + [p for name in several for p in getattr(arguments, name) or ()]
+    found = [path for name in single if (path := getattr(arguments, name))]
+    found += [file for folder in found if folder.is_dir() for file in folder.iterdir()]
+    return found + [p for name in several for p in getattr(arguments, name) or ()]
 
 
 def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | tuple[str, ...]]:

@@ -1,7 +1,7 @@
 """Where the results of a command go: the options that say so, and the writing."""
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,9 +75,9 @@ def show(record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = ()
     say(summary(record, [str(path) for path in paths]), paths)
 
 
-def write(record: AdjustmentRecord, outputs: Outputs) -> None:
-    """Write all the results, or none."""
-    write_all({path: form.write(record) for path, form in outputs})
+def write(record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str] | None = None) -> None:
+    """Write all the results, other files among them, or none."""
+    write_all({**(others or {}), **{path: form.write(record) for path, form in outputs}})
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

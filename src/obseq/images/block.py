@@ -322,6 +322,15 @@ class Block:
             raise InputError(f"no camera parameter matches {parameters!r} of cameras {cameras!r}")
         self.rules.append(rule)
 
+    def is_frozen(self, camera: str, parameter: str) -> bool:
+        """Whether a parameter of a camera keeps its value."""
+        matching = [
+            rule
+            for rule in self.rules
+            if rule.cameras.fullmatch(camera) and rule.parameters.fullmatch(parameter)
+        ]
+        return bool(matching) and matching[-1].frozen
+
     def share_parameters(self, parameters: str, cameras: str = ".*") -> None:
         """Makes parameters one for all cameras that match; of the same name each."""
         expression(parameters), expression(cameras)

@@ -11,6 +11,7 @@ from obseq import crs
 from obseq.arguments import NOTHING, PATH, TEXT, expecting, instance
 from obseq.errors import InputError
 from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held
 from obseq.survey.files.cor import cor_text
 from obseq.survey.files.dynadjust_stations import ELLIPSOID
 from obseq.survey.files.dynaml_writer import DynamlNetwork, dynaml_text
@@ -19,7 +20,7 @@ from obseq.survey.files.gama_writer import gama_text
 from obseq.survey.files.obs import obs_text
 from obseq.survey.files.sinex import MOST_OF_NORMALS
 from obseq.survey.files.sinex_normals import normals_of
-from obseq.survey.files.sinex_writer import sinex_text
+from obseq.survey.files.sinex_writer import held_exactly, sinex_text
 from obseq.survey.files.table_writer import table_text
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes_where
 from obseq.survey.maps import geojson, geopackage
@@ -157,13 +158,9 @@ def write_sinex(path: str | Path, adjustment: Adjustment) -> None:
 def sinex_of(adjustment: Adjustment) -> str:
     """The text of a SINEX file of adjusted points."""
     solution, points = adjustment.solution, adjustment.points
-    try:
-        rotation, translation = crs.parse(adjustment.frame).geocentric_pose()
-    except crs.CrsError as error:
-        raise InputError(f"SINEX is for places on the Earth: {error}") from error
+    rotation, translation = _geocentric_pose(crs.parse(adjustment.frame))
+    _check_points(points.points)
     n = len(points.names)
-    if n > MOST_STATIONS:
-        raise InputError(f"SINEX: {n} points have a dense covariance; choose at most {MOST_STATIONS}")
     ids = solution.table.find(list(points.names), "Point3")
     blocks = solution.covariance_between(ids, ids, adjustment.precision == "a priori")
     turn = np.kron(np.eye(n), rotation)
@@ -174,23 +171,54 @@ def sinex_of(adjustment: Adjustment) -> str:
         "NUMBER OF DEGREES OF FREEDOM": float(solution.redundancy),
         "VARIANCE FACTOR": float(solution.variance_factor or 1.0),
     }
-    normals = _free_normals(adjustment, whole) if points.points.in_datum.any() else None
+    normals = normals_of(whole) if points.points.in_datum.any() else None
     places = points.coordinates @ rotation.T + translation
     return sinex_text(points.names, places, whole, statistics, normals=normals)
 
 
-def _free_normals(adjustment: Adjustment, covariance: FloatArray) -> FloatArray:
-    """Normal equations of a free network: what is known without its datum."""
-    points = adjustment.points.points
+def check_sinex(network: Network, datum: Datum | None = None) -> None:
+    """Refuses, before its adjustment, a network that no SINEX file can hold.
+
+    Args:
+        network: as it was read.
+        datum: what it is to rest on; None for what its files say.
+
+    Raises:
+        InputError: see `write_sinex`.
+    """
+    points, chosen = network.points, network.datum if datum is None else datum
+    _geocentric_pose(network.frame.system)
+    if chosen.kind is DatumKind.FIXED:
+        points = held(points)
+    elif chosen.kind is DatumKind.INNER:
+        points = freed(points, points.coordinates, chosen)
+    _check_points(points)
+
+
+def _geocentric_pose(frame: crs.CoordinateSystem) -> tuple[FloatArray, FloatArray]:
+    try:
+        return frame.geocentric_pose()
+    except crs.CrsError as error:
+        raise InputError(f"SINEX is for places on the Earth: {error}") from error
+
+
+def _check_points(points: Points) -> None:
+    """Refuses too many points, ones that are held, and a free network of which some carry no datum."""
+    if len(points) > MOST_STATIONS:
+        raise InputError(
+            f"SINEX: {len(points)} points have a dense covariance; choose at most {MOST_STATIONS}"
+        )
+    exact = np.flatnonzero(points.is_held.any(axis=1))
+    if exact.size:
+        raise held_exactly(points.names[exact[0]])
     outside = np.flatnonzero(~points.in_datum.all(axis=1))
-    if outside.size:
+    if outside.size and points.in_datum.any():
         raise InputError(
             f"SINEX: point {points.names[outside[0]]} does not carry the datum of this free network; let all "
             "points do (--datum inner without --datum-points)"
         )
-    if len(points) > MOST_OF_NORMALS:
+    if points.in_datum.any() and len(points) > MOST_OF_NORMALS:
         raise InputError(f"SINEX: normal equations of {len(points)} points; at most {MOST_OF_NORMALS}")
-    return normals_of(covariance)
 
 
 def in_own_system(network: Network) -> Points:

@@ -115,7 +115,7 @@ class Equations:
         together: dict[tuple[tuple[str, ...], tuple[str, ...]], list[int]] = {}
         for name, ids in zip(self.cameras, self.calibrations.tolist(), strict=True):
             names = self.block.cameras[name].parameter_names
-            frozen = tuple(parameter for parameter in names if self._is_frozen(name, parameter))
+            frozen = tuple(parameter for parameter in names if self.block.is_frozen(name, parameter))
             together.setdefault((names, frozen), []).append(ids)
         for (_, frozen), alike in together.items():
             if frozen:
@@ -141,13 +141,6 @@ class Equations:
             self._share(parameters, cameras)
         for parameters, cameras, value, sigma in block.parameter_priors:
             self._observe_parameters(parameters, cameras, value, sigma)
-
-    def _is_frozen(self, camera: str, parameter: str) -> bool:
-        frozen = False
-        for rule in self.block.rules:
-            if rule.cameras.fullmatch(camera) and rule.parameters.fullmatch(parameter):
-                frozen = rule.frozen
-        return frozen
 
     def _matching(self, parameters: str, cameras: str) -> dict[str, list[int]]:
         """Blocks of the cameras that have each parameter, by name of the parameter."""

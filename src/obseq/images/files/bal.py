@@ -18,6 +18,7 @@ from obseq.errors import InputError
 from obseq.geometry import exponential, logarithm
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
+from obseq.images.files.camera_terms import check_camera
 from obseq.images.files.tables import number_in, text_of
 from obseq.images.measures import ImagePoints
 from obseq.images.parts import Origin
@@ -199,19 +200,8 @@ def _camera_numbers(block: Block, images: Sequence[str]) -> FloatArray:
 
 def _interior(camera: Camera) -> list[float]:
     """Focal length and the two radial terms of a camera that has no others."""
-    if not camera.is_mmvii or camera.projection != "Stenope":
-        raise InputError(
-            f"camera {camera.name}: BAL holds pinholes with two radial terms alone; write another form "
-            "(--colmap-out, --opk-out with the table of cameras)"
-        )
+    check_camera(camera, "BAL", RADIAL)
     terms = dict(zip(camera.coefficient_names, camera.coefficients.tolist(), strict=True))
-    others = [name for name, value in terms.items() if name not in RADIAL and value != 0.0]
-    if others:
-        raise InputError(
-            f"camera {camera.name}: BAL has no {', '.join(others)} of a camera, and here they are not zero: "
-            "hold them at zero (in the table of cameras 0, or no such column, and "
-            f"--freeze '{'|'.join(others)}'; freeze_parameters), or write another form (--colmap-out)"
-        )
     return [camera.focal, *(terms.get(name, 0.0) for name in RADIAL)]
 
 

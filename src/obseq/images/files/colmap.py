@@ -16,6 +16,7 @@ from obseq.errors import InputError
 from obseq.geometry import RigidMotion, attitudes, rotations_from
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
+from obseq.images.files.camera_terms import check_camera
 from obseq.images.files.colmap_model import read_model
 from obseq.images.files.fitted import fitted_camera
 from obseq.images.measures import ImagePoints
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.files.colmap_model import ColmapCamera, ColmapImage, ColmapModel
 
+TERMS = ("K1", "K2", "p1", "p2")
+"""Of the distortion, in the order of the camera that is written."""
+WRITTEN = ("cameras.txt", "images.txt", "points3D.txt")
 UNREAD = ("rigs", "frames")
 """Files of rigid blocks, since version 3.12."""
 
@@ -156,32 +160,20 @@ def write_colmap(solution: BundleSolution, folder: str | Path) -> None:
 
 def colmap_files(solution: BundleSolution, folder: str | Path) -> dict[Path, str]:
     """The files that `write_colmap` writes."""
-    place = Path(folder)
     number = {name: k for k, name in enumerate(solution.cameras, 1)}
-    cameras = solution.cameras.values()
-    return {
-        place / "cameras.txt": "".join(_camera_line(number[camera.name], camera) for camera in cameras),
-        place / "images.txt": "".join(_image_lines(solution, number)),
-        place / "points3D.txt": "".join(_point_lines(solution)),
-    }
+    cameras = (_camera_line(number[camera.name], camera) for camera in solution.cameras.values())
+    parts = cameras, _image_lines(solution, number), _point_lines(solution)
+    return {Path(folder) / name: "".join(lines) for name, lines in zip(WRITTEN, parts, strict=True)}
 
 
 def _camera_line(number: int, camera: Camera) -> str:
+    check_camera(camera, "COLMAP", TERMS)
     given = dict(zip(camera.coefficient_names, camera.coefficients, strict=True))
-    others = [name for name, value in given.items() if value and name not in ("K1", "K2", "p1", "p2")]
-    if camera.projection != "Stenope" or not camera.is_mmvii or others:
-        raise InputError(
-            f"camera {camera.name}: COLMAP has no place for {', '.join(others) or _kind(camera)}"
-        )
     x, y = camera.principal_point
-    k1, k2, p1, p2 = (given.get(name, 0.0) for name in ("K1", "K2", "p1", "p2"))
+    k1, k2, p1, p2 = (given.get(name, 0.0) for name in TERMS)
     values = (camera.focal, camera.focal, x, y, k1, k2, p2, p1)
     text = " ".join(f"{value:.17g}" for value in values)
     return f"{number} OPENCV {camera.width} {camera.height} {text}\n"
-
-
-def _kind(camera: Camera) -> str:
-    return camera.projection if camera.is_mmvii else f"the distortion of {camera.formula}"
 
 
 def _image_lines(solution: BundleSolution, number: dict[str, int]) -> Iterator[str]:

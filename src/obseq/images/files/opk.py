@@ -22,7 +22,7 @@ from obseq.images.names import index_of
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from obseq.arrays import FloatArray
@@ -135,10 +135,22 @@ def opk_text(poses: Poses) -> str:
         f"{name} {' '.join(f'{value:.17g}' for value in (*centre, *turn))}\n"
         for name, centre, turn in zip(poses.images, poses.centres.tolist(), angles.tolist(), strict=True)
     ]
-    blank = [name for name in poses.images if len(name.split()) != 1 or "," in name]
-    if blank:
-        raise InputError(f"image {blank[0]!r}: a name with blanks or commas has no place in such a text")
+    check_names(poses.images)
     return "# image X Y Z omega phi kappa (degrees; camera to world, y up, z backwards)\n" + "".join(rows)
+
+
+def check_names(images: Iterable[str]) -> None:
+    """Refuses images whose names such a text cannot hold.
+
+    Raises:
+        InputError: one has blanks or commas.
+    """
+    blank = [name for name in images if len(name.split()) != 1 or "," in name]
+    if blank:
+        raise InputError(
+            f"image {blank[0]!r}: a name with blanks or commas has no place in a text of omega, phi, kappa; "
+            "write the table of images (--poses)"
+        )
 
 
 def check_convention(

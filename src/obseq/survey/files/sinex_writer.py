@@ -35,6 +35,14 @@ def codes_of(names: Sequence[str]) -> list[str]:
     return codes
 
 
+def held_exactly(name: str) -> InputError:
+    """The error of a point that has no covariance."""
+    return InputError(
+        f"SINEX: point {name} is held exactly and has no covariance; give it a sigma, or take inner "
+        "constraints (--datum inner)"
+    )
+
+
 def sinex_text(
     names: Sequence[str],
     geocentric: FloatArray,
@@ -59,10 +67,7 @@ def sinex_text(
     """
     if (np.diag(covariance) <= 0.0).any():
         row = int(np.flatnonzero(np.diag(covariance) <= 0.0)[0])
-        raise InputError(
-            f"SINEX: point {names[row // 3]} is held exactly and has no covariance; give it a sigma, or take "
-            "inner constraints (--datum inner)"
-        )
+        raise held_exactly(names[row // 3])
     stamp = epoch or datetime.now(UTC)
     codes, time = codes_of(names), _time(stamp)
     lines = [
