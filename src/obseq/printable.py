@@ -1,6 +1,12 @@
 """Text that can be shown anywhere: what a terminal would obey, or nobody would see, becomes an escape."""
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 KEPT = frozenset("\n\t")
 
@@ -35,6 +41,16 @@ def composed(text: str) -> str:
     from unicodedata import normalize
 
     return normalize("NFC", text)
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Names with commas between them, the first few of many.
+
+    Example:
+        >>> listed(["A", "B", "C"], 2)
+        'A, B and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\n]")

@@ -263,7 +263,7 @@ class AdjustmentRecord:
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
-        joint: Tests of vectors and positions that have a covariance, each as one observation.
+        joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
     n_observations: int

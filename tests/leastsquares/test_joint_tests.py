@@ -63,6 +63,21 @@ def test_leaving_a_vector_out_lowers_the_sum_of_squares_by_its_test():
     assert tests[4].degrees == 3 and tests[4].blunder == pytest.approx(-left, rel=1e-9)
 
 
+def test_vectors_without_covariance_are_tested_as_with_a_diagonal_one():
+    bare, joined, sigmas = Vectors(), Vectors(), np.array([0.003, 0.002, 0.004])
+    bare.batch.clusters, bare.batch.sigmas = None, np.tile(sigmas, len(PAIRS))[:, None]
+    joined.batch.correlate_all([np.diag(np.square(sigmas))] * len(PAIRS))
+    found, expected = (network.tests(errors(8, 2, (0.01, 0.02, 0.0)))[0] for network in (bare, joined))
+    assert len(found) == len(PAIRS)
+    for one, other in zip(found, expected, strict=True):
+        assert one.rows.tolist() == other.rows.tolist() and one.degrees == other.degrees
+        assert one.statistic == pytest.approx(other.statistic, rel=1e-9)
+        assert one.blunder == pytest.approx(other.blunder, rel=1e-9)
+    bare.groups = {bare.batch: [np.array([2, 3])]}
+    with pytest.raises(InputError, match="of the same unknowns"):
+        bare.tests(errors(8))
+
+
 def test_the_test_is_the_same_along_other_axes():
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     plain, turned = (Vectors(axes).tests(errors(2, 0, (0.01, 0, 0.02)))[0] for axes in (None, turn))

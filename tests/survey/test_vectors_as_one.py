@@ -36,30 +36,34 @@ def tmp_path(tmp_path_factory):
     return tmp_path_factory.mktemp("vectors")
 
 
+def write(folder, lift=0.0, *pairs, seed=3, along="mean", is_bare=False):
+    """Local vectors of which some are off along one direction; covariances are those of the axes."""
+    direction = {"mean": UP, "up": np.array([0.0, 0.0, 1.0]), "east": np.array([1.0, 0.0, 0.0])}[along]
+    chance, covariance = np.random.default_rng(seed), axes().T @ np.diag(np.square(SIGMAS)) @ axes()
+    lines = ["type,from,to,value,sigma,cluster,covariances"]
+    for number, ends in enumerate(PAIRS):
+        a, b = ends.split()
+        value = np.subtract(PLACES[b], PLACES[a]) + chance.multivariate_normal(np.zeros(3), covariance)
+        value = value + (lift * direction if ends in (pairs or ["K2 A"]) else 0.0)
+        for k, name in enumerate(("LX", "LY", "LZ")):
+            others = " ".join(f"{covariance[k, j]:.9e}" for j in range(k))
+            sigma = covariance[k, k] ** 0.5
+            lines.append(f"{name},{a},{b},{value[k]:.5f},{sigma:.7f},{number},{others}")
+    lines = [line.rsplit(",", 2)[0] for line in lines] if is_bare else lines
+    (folder / "v.csv").write_text("\n".join(lines))
+    rows = [f"{n},{x},{y},{z},{'0.003,0.003,0.005' if 'K' in n else ',,'}" for n, (x, y, z) in PLACES.items()]
+    (folder / "p.csv").write_text("\n".join(["name,x,y,z,sx,sy,sz", *rows]))
+    return folder / "p.csv", folder / "v.csv"
+
+
 @pytest.fixture(scope="module")
 def adjusted(tmp_path):
-    """Adjusts local vectors of which one is off along the vertical; covariances are those of the axes."""
+    """Adjusts what `write` writes; what was adjusted is kept."""
 
     @cache
-    def run(lift=0.0, *pairs, seed=3, is_upright=False, **options):
-        along = np.array([0.0, 0.0, 1.0]) if is_upright else UP
-        chance, covariance = np.random.default_rng(seed), axes().T @ np.diag(np.square(SIGMAS)) @ axes()
-        lines = ["type,from,to,value,sigma,cluster,covariances"]
-        for number, ends in enumerate(PAIRS):
-            a, b = ends.split()
-            value = np.subtract(PLACES[b], PLACES[a]) + chance.multivariate_normal(np.zeros(3), covariance)
-            value = value + (lift * along if ends in (pairs or ["K2 A"]) else 0.0)
-            for k, name in enumerate(("LX", "LY", "LZ")):
-                others = " ".join(f"{covariance[k, j]:.9e}" for j in range(k))
-                sigma = covariance[k, k] ** 0.5
-                lines.append(f"{name},{a},{b},{value[k]:.5f},{sigma:.7f},{number},{others}")
-        (tmp_path / "v.csv").write_text("\n".join(lines))
-        rows = [
-            f"{n},{x},{y},{z},{'0.003,0.003,0.005' if 'K' in n else ',,'}" for n, (x, y, z) in PLACES.items()
-        ]
-        (tmp_path / "p.csv").write_text("\n".join(["name,x,y,z,sx,sy,sz", *rows]))
-        network = Network.read_project([tmp_path / "p.csv", tmp_path / "v.csv"])
-        return network.adjust(quality=Quality(**options))
+    def run(*lifted, seed=3, along="mean", is_bare=False, **options):
+        files = write(tmp_path, *lifted, seed=seed, along=along, is_bare=is_bare)
+        return Network.read_project(files).adjust(quality=Quality(**options))
 
     return run
 
@@ -112,9 +116,8 @@ def test_snooping_tests_and_leaves_out_the_vector(adjusted):
     assert "T of its vector" in summary(record) and record.suspicion is None
 
 
-def test_two_known_heights_that_explain_as_much_are_both_named(adjusted, tmp_path):
-    adjusted(seed=2)
-    path = tmp_path / "p.csv"
+def test_two_known_heights_that_explain_as_much_are_both_named(tmp_path):
+    path, _ = write(tmp_path, seed=2)
     path.write_text(path.read_text().replace("K1,0,0,0,", "K1,0,0,0.09,"))
     names = Network.read_project([path, tmp_path / "v.csv"]).adjust().suspicion.observations
     assert {name.split(" (")[0] for name in names} == {"known z of K1", "known z of K2"}
@@ -128,18 +131,46 @@ def test_a_vector_that_is_wrong_by_much_is_no_wrong_digit_of_components(adjusted
 
 
 def test_several_vectors_of_one_station_share_the_height_of_its_antenna(adjusted):
-    adjustment = adjusted(-0.1, "K1 A", "K1 C", is_upright=True)
+    adjustment = adjusted(-0.1, "K1 A", "K1 C", along="up")
     (error,) = adjustment.gross_errors
     assert error.what == "height of the antenna at K1, in 2 of the 4 vectors there"
     assert error.text.startswith("they put K1 ") and "too high" in error.text and error.points == ("K1",)
-    single = adjusted(0.08, is_upright=True).record().suspicion
-    assert single.cause == "along the vertical: likely the height of the antenna at K2 or at A"
     assert "K1 -> A" in error.text and "K1 -> C" in error.text
 
 
-def test_where_the_sigmas_are_too_small_no_vector_is_blamed(adjusted, tmp_path):
-    adjusted(seed=5)
-    path, lines = tmp_path / "v.csv", (tmp_path / "v.csv").read_text().splitlines()
+def test_a_vector_without_covariance_is_one_observation_too(adjusted):
+    record = adjusted(0.1, is_bare=True).record()
+    assert [item.rows for item in record.joint] == [(k, k + 1, k + 2) for k in range(0, 24, 3)]
+    assert record.suspicion.observations[0].startswith("vector K2 -> A") and not Verdict(record).types_beyond
+    assert np.array(record.suspicion.blunders) == pytest.approx(0.1 * UP, abs=0.03)
+    assert [row.name for row in record.types] == ["LX", "LY", "LZ"]
+
+
+def test_several_vectors_of_one_station_share_the_place_of_its_antenna(adjusted):
+    (error,) = adjusted(-0.1, "K1 A", "K1 C", along="east", is_bare=True).gross_errors
+    assert error.what == "position of the antenna at K1, in 2 of the 4 vectors there"
+    assert error.cause == "eccentric set-up" and error.points == ("K1",)
+    east = float(re.match(r"they put K1 ([0-9.]+) m east, ", error.text)[1])
+    assert east == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_known_point_beside_all_its_vectors_is_named_as_that(tmp_path):
+    files = write(tmp_path, is_bare=True)
+    files[0].write_text(files[0].read_text().replace("K1,0,0,0,", "K1,0.07,0.07,0,"))
+    (error,) = Network.read_project(files).adjust().gross_errors
+    assert re.match(r"known point K1 \(.*p\.csv:2\)", error.what) and "K2" in error.text
+    assert re.match(r"all 4 vectors there put it [0-9.]+ m west, [0-9.]+ m south", error.text)
+
+
+def test_all_other_vectors_at_a_point_explain_as_much_as_one(adjusted):
+    cause = adjusted(0.1, "K1 C", along="up").suspicion.cause
+    assert cause.startswith("along the vertical: likely the height of the antenna at K1 or at C (or, ")
+    assert cause.endswith("all the 2 other vectors at C together: nothing tells these apart)")
+
+
+def test_where_the_sigmas_are_too_small_no_vector_is_blamed(tmp_path):
+    _, path = write(tmp_path, seed=5)
+    lines = path.read_text().splitlines()
     scaled = [lines[0]]
     for line in lines[1:]:
         *start, sigma, cluster, others = line.split(",")

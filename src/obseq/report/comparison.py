@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
-from obseq.printable import printable
+from obseq.printable import listed, printable
 from obseq.report import units
 from obseq.report.result_file import text_of
 from obseq.report.rows import Table
@@ -122,8 +122,7 @@ def _rest(record: ComparisonRecord, most: int | None) -> Iterator[str]:
         yield f"and {more} more points; the files of --out have them"
     for which, names in (("first", record.only_first), ("second", record.only_second)):
         if names:
-            others = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            yield f"only in the {which} epoch: {', '.join(names[:MOST_NAMES])}{others}"
+            yield f"only in the {which} epoch: {listed(names, MOST_NAMES)}"
 
 
 def _sigma0(record: ComparisonRecord) -> Iterator[str]:

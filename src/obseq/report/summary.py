@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
-from obseq.printable import printable
+from obseq.printable import listed, printable
 from obseq.record import AdjustmentRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
@@ -74,8 +74,7 @@ def run_line(record: AdjustmentRecord) -> str:
 def basis(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
     """What it was made from, in words: files, versions, systems, refraction, operations, precisions."""
     names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
-    more = f" and {len(names) - MOST_FILES} more" if len(names) > MOST_FILES else ""
-    yield "files", ", ".join(names[:MOST_FILES]) + more
+    yield "files", listed(names, MOST_FILES)
     yield "run", run_line(record)
     yield "frame", record.frame
     if record.points_crs != record.frame:
@@ -113,15 +112,9 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
         why = "because nothing determines them"
         if record.gross_errors:
             why += " (which the gross errors may cause: correct these first)"
-        yield f"  LEFT OUT, {why}: {_first(names, MOST_POINTS)}"
+        yield f"  LEFT OUT, {why}: {listed(names, MOST_POINTS)}"
     for item in record.unused:
-        yield f"  LEFT OUT, because {item.reason}: {_first(item.observations, MOST_UNUSED)}"
-
-
-def _first(names: Sequence[str], most: int) -> str:
-    """Some of these, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+        yield f"  LEFT OUT, because {item.reason}: {listed(item.observations, MOST_UNUSED)}"
 
 
 def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from obseq.dataclass import dataclass
+from obseq.printable import listed
 from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,
@@ -168,9 +169,7 @@ def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
 
 def _one_of(names: tuple[str, ...]) -> str:
     """The names, if they are many the first."""
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    listed = f"{', '.join(names[:_MOST_NAMED])}{more}"
-    return listed if len(names) == 1 else f"one of {listed}"
+    return names[0] if len(names) == 1 else f"one of {listed(names, _MOST_NAMED)}"
 
 
 def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:

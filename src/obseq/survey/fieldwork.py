@@ -214,14 +214,18 @@ class Fieldwork:
         """
         from obseq.survey.adjustment.sequence import one_after_the_other
         from obseq.survey.screening.antennas import antenna_cause, concern_vectors, is_one_vector
+        from obseq.survey.screening.contradictions import contradiction
         from obseq.survey.screening.known_heights import heights_cause
 
-        if heights := heights_cause(equations, adjustment, self.model().units):
+        found, units = contradiction(equations, adjustment), self.model().units
+        if found and (heights := heights_cause(found, units)):
             return heights, ()
         if errors and not concern_vectors(errors, adjustment):
             return errors, ()
-        if antenna := antenna_cause(equations, adjustment, self.model().units):
+        if found and (antenna := antenna_cause(found, units)):
             return antenna, ()
+        if any(error.points for error in errors):
+            return errors, ()
         told = one_after_the_other(computation, given, adjustment)
         return () if told or is_one_vector(adjustment) else errors, told
 

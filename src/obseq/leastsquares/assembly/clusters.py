@@ -40,7 +40,7 @@ def whitened_rows(
     Args:
         table: the unknowns.
         free: their numbering.
-        batch: observations with clusters.
+        batch: observations, of clusters or not correlated.
         raw: (n_residuals + n_residuals n_unknowns, n) residuals, then derivatives, as they are.
 
     Returns:
@@ -56,8 +56,19 @@ def whitened_rows(
     value = raw[m:].reshape(m, u, batch.n).transpose(2, 0, 1).reshape(-1, u)[kept]
     ends = np.append(0, kept.sum(axis=1).cumsum())
     plain = csr_array((value, columns[kept], ends), shape=(m * batch.n, len(free.scalars)))
-    whitening = batch.whitening_matrix()
+    whitening = whitening_of(batch)
     return whitening @ plain, whitening @ raw[:m].T.ravel()
+
+
+def whitening_of(batch: Batch) -> csr_array:
+    """(n m, n m) what whitens residuals, observation by observation: of clusters, or the weights alone."""
+    from scipy.sparse import csr_array
+
+    if batch.clusters is not None:
+        return batch.whitening_matrix()
+    weights = batch.weights[:, : batch.n].T.ravel()
+    each = np.arange(len(weights) + 1)
+    return csr_array((weights, each[:-1], each), shape=(len(weights), len(weights)))
 
 
 def are_few(rows: csr_array) -> bool:

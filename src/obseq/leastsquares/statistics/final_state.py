@@ -99,7 +99,7 @@ class FinalState:
         return SparseInverse(self.equations.free.number, self.cofactors.values, pattern.indptr, indices)
 
     def cluster_rows(self, batch: Batch) -> csr_array:
-        """(n n_residuals, n_free) whitened rows of observations that are correlated with one another."""
+        """(n n_residuals, n_free) whitened rows of observations of clusters, or not correlated at all."""
         raw = self._raw_rows(batch, slice(0, batch.n))
         return whitened_rows(self.equations.table, self.equations.free, batch, raw)[0]
 
@@ -111,7 +111,10 @@ class FinalState:
         return np.asarray(products).reshape(batch.n, -1)
 
     def cluster_cofactors(self, rows: csr_array, members: IntArray) -> FloatArray:
-        """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size."""
+        """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size.
+
+        The unknowns of one cluster are all joined in the pattern.
+        """
         pattern, count = self.equations.pattern, members.shape[1]
         if are_few(rows):
             dense = rows.toarray()[members]

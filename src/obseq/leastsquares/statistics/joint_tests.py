@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
 from obseq.leastsquares.statistics.observation_statistics import UNCONTROLLED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.statistics.final_state import FinalState
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,35 @@ def joint_tests(
         tests = _tested(members[each], whole[blocks], lost[blocks], weighted[each])
         found |= zip(numbers, tests, strict=True)
     yield from (found[number] for number in sorted(found))
+
+
+def tests_of_groups(
+    state: FinalState, batch: Batch, residuals: FloatArray, groups: Sequence[IntArray]
+) -> Iterator[JointTest]:
+    """The tests of groups of observations that are not correlated, of one residual each.
+
+    Args:
+        state: the solved system.
+        batch: the observations.
+        residuals: (n, 1) theirs.
+        groups: rows of each group; those that are not active do not count.
+
+    Raises:
+        InputError: the observations of a group are not of the same unknowns, or have several residuals.
+    """
+    present = [rows[batch.active[rows]] for rows in groups]
+    matrix, weights = state.cluster_rows(batch), batch.weights[0, : batch.n]
+    for size in sorted({len(rows) for rows in present} - {0}):
+        members = np.array([rows for rows in present if len(rows) == size])
+        blocks = batch.blocks[:, members]
+        if batch.shape.n_residuals > 1 or (blocks != blocks[:, :, :1]).any():
+            raise InputError(
+                f"{batch.name}: without a covariance of the whole batch, only groups are tested whose "
+                "observations have one residual each, of the same unknowns"
+            )
+        roots = weights[members][:, :, None] * np.eye(size)
+        leverages = state.cluster_cofactors(matrix, members)
+        yield from joint_tests(members, np.zeros_like(members), roots, residuals[members, 0], leverages)
 
 
 def _groups(groups: IntArray) -> Iterator[tuple[list[int], IntArray, IntArray]]:

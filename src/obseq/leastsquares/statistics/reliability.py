@@ -24,7 +24,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import (
     tau_critical,
     tau_p_values,
 )
-from obseq.leastsquares.statistics.joint_tests import JointTest, joint_tests, numbered
+from obseq.leastsquares.statistics.joint_tests import JointTest, joint_tests, numbered, tests_of_groups
 from obseq.leastsquares.statistics.observation_statistics import (
     UNCONTROLLED,
     Numbers,
@@ -292,8 +292,8 @@ def reliability(
         result: its solution, with covariances asked for.
         level: level of the single test behind the detectable biases.
         power: its power.
-        groups: by batch, rows that are tested as one observation too, such as the components of a vector; of
-            observations of one residual each that a covariance of the whole batch is given for.
+        groups: by batch, rows that are tested as one observation too, such as the components of a vector: of
+            observations of one residual each, that have the same unknowns or a covariance of the whole batch.
 
     Raises:
         InputError: covariances were not asked for, or the system changed since.
@@ -323,6 +323,7 @@ def _of_batch(
     else:
         sigmas = np.asarray(batch.sigmas)
         numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
+        joint = tuple(tests_of_groups(state, batch, residuals, groups)) if groups else ()
     active = np.broadcast_to(batch.active[:, None], residuals.shape)
     return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0, joint)
 

@@ -15,7 +15,7 @@ from obseq.survey.adjustment.datum import (
     moves_freely,
     normal_rows_turn,
 )
-from obseq.survey.adjustment.families import Family, family_of, rows_by_family
+from obseq.survey.adjustment.families import Family, family_of, present, rows_by_family
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
@@ -313,22 +313,23 @@ class Equations:
                 residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
         return residuals, sigmas
 
-    def rises(self, coordinates: FloatArray) -> FloatArray:
-        """(n,) what a metre of height adds to components of vectors and to coordinates; NaN of others.
+    def local_axes(self, coordinates: FloatArray) -> FloatArray:
+        """(n, 3) what a metre east, north and up adds to components of vectors and positions.
 
-        Along the vertical of the first point of each, where the frame has one.
+        NaN of others. At the first point of each, where the frame has a vertical.
         """
-        rises, observations = np.full(len(self._book.observations), np.nan), self._book.observations
-        for rows, batch in self.batches.values() if self._frame.has_vertical else ():
-            if batch.clusters is None:
+        observations = self._book.observations
+        found = np.full((len(observations), 3), np.nan)
+        for rows, _ in self.batches.values() if self._frame.has_vertical else ():
+            if not any(BY_CODE[code].is_component for code in present(observations.types[rows])):
                 continue
             origins = observations.from_points[rows].astype(np.int64)
-            up = self._plumb.axes(origins, coordinates)[:, 2]
+            local = self._plumb.axes(origins, coordinates)
             for kind, chosen in family_of(observations, rows).kinds:
                 if kind.is_component:
                     axis = kind.context(self._site, rows[chosen], coordinates)[:, -3:]
-                    rises[rows[chosen]] = np.einsum("ij,ij->i", axis, up[chosen])
-        return rises
+                    found[rows[chosen]] = np.einsum("ikj,ij->ik", local[chosen], axis)
+        return found
 
     def shares(self, solution: LeastSquaresResult) -> FloatArray:
         """(n,) what correlated observations add to the weighted sum of squares, v (P v); NaN for others."""

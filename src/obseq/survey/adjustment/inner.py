@@ -16,6 +16,7 @@ import numpy as np
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
+from obseq.printable import listed
 from obseq.survey.adjustment.undetermined import free_motions
 from obseq.survey.kinds.registry import codes_where
 
@@ -93,9 +94,7 @@ def require_whole(motions: Sequence[MotionRecord]) -> None:
     beyond = [motion for motion in motions if motion.text == SHAPE or counts[motion.text] > 1]
     if beyond:
         names = list(dict.fromkeys(name for motion in beyond for name in motion.points))
-        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         raise SingularSystemError(
-            f"{NONE}the observations do not determine the shape of the network at "
-            f"{', '.join(names[:LISTED])}{more}",
+            f"{NONE}the observations do not determine the shape of the network at {listed(names, LISTED)}",
             tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
         )

@@ -1,4 +1,4 @@
-"""Observations that are one: the components of a vector or of a position, which have a common covariance."""
+"""Observations that are one: the components of a vector or of a position, correlated or not."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
 from obseq.record_quality import KNOWN, JointTestRecord
-from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.kinds.registry import AXIS_OF_VECTOR, IS_ANGLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,11 +54,36 @@ class TestedJointly:
 
 
 def joint_groups(equations: Equations, book: FieldBook) -> dict[Batch, list[IntArray]]:
-    """By batch, the rows that are one vector or one position: of a cluster, between the same points."""
-    numbers = _vectors(book)
+    """By batch, the rows that are one vector or one position.
+
+    Those of a cluster between the same points; of what no covariance joins, what a file gives as one vector.
+    """
+    numbers, alone = _vectors(book), vector_numbers(book)
+    alone[~book.observations.active] = -1
+    alone[np.concatenate([np.zeros(0, np.int64), *(cluster.rows for cluster in book.clusters)])] = -1
+    numbers = np.where(alone < 0, numbers, alone + numbers.max(initial=-1) + 1)
     found = {batch: _gathered(numbers[rows]) for rows, batch in equations.batches.values()}
     found |= {batch: _gathered(points) for batch, points in equations.known.together().items()}
     return {batch: groups for batch, groups in found.items() if groups}
+
+
+def vector_numbers(book: FieldBook) -> IntArray:
+    """(n,) the vector that each row is a component of, counted as files give them; -1 for what is none.
+
+    They give X, Y and Z one after the other: a vector ends where an axis comes again, or other points.
+    """
+    observations = book.observations
+    codes, axes = observations.types, AXIS_OF_VECTOR[observations.types]
+    numbers = np.full(len(codes), -1, np.int64)
+    rows = np.flatnonzero(axes >= 0)
+    if rows.size:
+        same = (
+            (np.diff(rows) == 1) & (np.diff(axes[rows]) == np.diff(codes[rows])) & (np.diff(axes[rows]) > 0)
+        )
+        for column in (observations.from_points, observations.to_points, observations.file_indices):
+            same &= np.diff(column[rows]) == 0
+        numbers[rows] = np.cumsum(np.append(True, ~same)) - 1
+    return numbers
 
 
 def _vectors(book: FieldBook) -> IntArray:
@@ -99,7 +124,7 @@ def tested_jointly(equations: Equations, quality: Reliability, n: int) -> tuple[
     if not tests:
         return ()
     known = np.full(sum(map(len, equations.known.places().values())), np.nan)
-    rises = np.append(equations.rises(quality.state.result.values(equations.points)), known)
+    rises = np.append(equations.local_axes(quality.state.result.values(equations.points))[:, 2], known)
     return tuple(
         TestedJointly(rows, test.statistic, test.degrees, test.blunder, *test.along(rises[rows]))
         for rows, test in tests

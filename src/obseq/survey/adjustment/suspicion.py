@@ -14,7 +14,7 @@ from obseq.leastsquares.statistics.joint_levels import (
     shared_level,
 )
 from obseq.record_quality import KNOWN, SuspicionRecord
-from obseq.survey.adjustment.joint_groups import joint_record, upright_cause
+from obseq.survey.adjustment.joint_groups import joint_record, upright_cause, vector_numbers
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -99,18 +99,54 @@ def suspicion(
     )
     names, first, vector = tuple(dict.fromkeys(named)), rows[0], joint[0]
     statistic = float(standardised[first])
+    instead = "" if len(names) > 1 else _instead(vector, first, book, points, known)
     if vector is not None:
-        return _of_vector(vector, names, statistic, int(degrees[first]), book)
+        return _of_vector(vector, names, statistic, int(degrees[first]), book, instead)
     blunder = float(np.concatenate([part.blunder for part in judged])[first])
-    return SuspicionRecord(names, statistic, blunder, _unit(first, book))
+    return SuspicionRecord(names, statistic, blunder, _unit(first, book), cause=instead)
+
+
+def _instead(
+    test: TestedJointly | None, row: int, book: FieldBook, points: Points, known: CoordinateResiduals
+) -> str:
+    """What explains as much as a vector at a free point, or a known coordinate: all others there together.
+
+    Where nothing else is observed there, a point moves with them.
+    """
+    n, own = len(book.observations), -1
+    ends = [int(known.points[row - n])] if test is None and row >= n else []
+    if test is not None and int(test.rows[0]) < n:
+        own = int(test.rows[0])
+        both = (int(end[own]) for end in (book.observations.from_points, book.observations.to_points))
+        ends = [end for end in dict.fromkeys(both) if points.is_free[end].all()]
+    told = [
+        f"all the {count} {'other ' if own >= 0 else ''}vectors at {book.point_names[end]} together"
+        for end in ends
+        if (count := _of_one_occupation(book, end, own))
+    ]
+    return f"(or, as much the other way, {' or '.join(told)}: nothing tells these apart)" if told else ""
+
+
+def _of_one_occupation(book: FieldBook, point: int, own: int) -> int:
+    """How many vectors but that of a row are at a point; 0 where they are apart in the files, or alone."""
+    observations, named = book.observations, np.zeros(len(book.point_names), np.bool_)
+    named[point] = True
+    rows = np.flatnonzero(book.naming(named) & observations.active)
+    numbers = vector_numbers(book)
+    is_vector = (numbers[rows] >= 0) & (observations.from_points[rows] != observations.to_points[rows])
+    found = np.unique(numbers[rows])
+    found = found[found != numbers[own]] if own >= 0 else found
+    is_one = bool(is_vector.all()) and len(found) > 1 and int(np.ptp(found)) == len(found) - 1
+    return len(found) if is_one else 0
 
 
 def _of_vector(
-    test: TestedJointly, names: tuple[str, ...], statistic: float, degrees: int, book: FieldBook
+    test: TestedJointly, names: tuple[str, ...], statistic: float, degrees: int, book: FieldBook, instead: str
 ) -> SuspicionRecord:
     """A vector, or a position, that is suspected as a whole or for its height."""
-    cause = upright_cause(test, book)
-    size = test.rise if cause else float(np.linalg.norm(test.blunder))
+    upright = upright_cause(test, book)
+    size = test.rise if upright else float(np.linalg.norm(test.blunder))
+    cause = " ".join(filter(None, (upright, instead)))
     return SuspicionRecord(names, statistic, size, "m", degrees, tuple(test.blunder.tolist()), cause)
 
 

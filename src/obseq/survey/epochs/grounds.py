@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from obseq.printable import listed
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
@@ -39,15 +40,15 @@ def at_odds(known: Sequence[str]) -> tuple[str, ...]:
     """Why there is no verdict where known points have moved, and nothing says which."""
     return (
         f"known points have moved against each other, by what the observations alone say: one or more of "
-        f"{_listed(known)}, and nothing tells which; name points that have stayed (--reference)",
+        f"{listed(known, MOST)}, and nothing tells which; name points that have stayed (--reference)",
     )
 
 
 def taken_for_granted(known: Sequence[str]) -> tuple[str, ...]:
     """What weakens a verdict where the observations alone do not form the network."""
     return (
-        f"what seems to have moved, or one of the known points ({_listed(known)}): the observations alone do "
-        "not form the network, and cannot say whether these have stayed",
+        f"what seems to have moved, or one of the known points ({listed(known, MOST)}): the observations "
+        "alone do not form the network, and cannot say whether these have stayed",
     )
 
 
@@ -55,11 +56,6 @@ def fits(epoch: Adjustment) -> bool:
     """Whether its residuals are no larger than their sigmas explain."""
     test = global_test_record(epoch.solution)
     return test is None or test.sigma0 <= test.upper
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{', '.join(names[:MOST])}{more}"
 
 
 def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str]:
@@ -71,7 +67,7 @@ def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str
     """
     for number, epoch in enumerate(epochs, 1):
         if epoch.left_out:
-            names = _listed([item.what for item in epoch.left_out])
+            names = listed([item.what for item in epoch.left_out], MOST)
             yield f"epoch {number} leaves out {names}: the verdict is about the rest"
         yield from _about_sigma0(number, epoch, trusted=trusted)
 

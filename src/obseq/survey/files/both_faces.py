@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.printable import listed
 from obseq.survey.kinds.directions import HZ, ZEN
 
 if TYPE_CHECKING:
@@ -71,11 +72,11 @@ def _joined(rows: IntArray, first: IntArray, chosen: BoolArray) -> IntArray:
 def _sentence(book: FieldBook, pairs: IntArray) -> str:
     rows = book.observations
     targets = list(dict.fromkeys(book.point_names[row] for row in rows.to_points[pairs[:, 0]]))
-    shown = ", ".join(targets[:MOST]) + (f" and {len(targets) - MOST} more" if len(targets) > MOST else "")
     examples = {int(rows.types[pair[0]]): pair for pair in reversed(pairs.tolist())}.values()
     where = ", ".join(f"{book.label(first)} and {book.place(second)}" for first, second in examples)
+    origin = book.point_names[rows.from_points[pairs[0, 0]]]
     return (
-        f"{book.point_names[rows.from_points[pairs[0, 0]]]} sights {shown} in both faces of the telescope: "
+        f"{origin} sights {listed(targets, MOST)} in both faces of the telescope: "
         f"{where}. Observations have no face here: write zenith angles of the second one as a full turn "
         "(400 gon) minus the reading, and its directions half a turn (200 gon) from the reading or, in an "
         "OBS file, in a set-up of their own (code 7)"

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.printable import listed
 from obseq.record import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.kind import Start
@@ -54,9 +55,7 @@ class LeftOut(LeftOutRecord):
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""
-        shown = ", ".join(self.observations[:_MOST_LABELS])
-        more = len(self.observations) - _MOST_LABELS
-        shown += f" and {more} more" if more > 0 else ""
+        shown = listed(self.observations, _MOST_LABELS)
         return f"{self.what} is left out, with its observations ({shown or 'none'}): {self.reason}"
 
 

@@ -57,7 +57,10 @@ FAMILIES = {kind.group: tuple(other for other in KINDS if other.group == kind.gr
 IS_ANGLE: npt.NDArray[np.bool_] = np.zeros(256, np.bool_)
 """Of each code, whether it is an angle."""
 IS_ANGLE[[kind.code for kind in KINDS if kind.is_angle]] = True
-
+AXIS_OF_VECTOR: npt.NDArray[np.int8] = np.full(256, -1, np.int8)
+"""Of each code, which component of a vector, or of a geocentric position, it is: 0 to 2; -1 for none."""
+_TRIPLES = ((VECTOR, VECTOR_Y, VECTOR_Z), (LOCAL_X, LOCAL_Y, LOCAL_Z), (GEO_X, GEO_Y, GEO_Z))
+AXIS_OF_VECTOR[[kind.code for triple in _TRIPLES for kind in triple]] = np.tile(np.arange(3), len(_TRIPLES))
 
 WITH_UNKNOWNS = {
     (kind.plain.code, frozenset(kind.with_unknowns)): kind for kind in KINDS if kind.plain is not None

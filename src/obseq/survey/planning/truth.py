@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError, ObseqError
+from obseq.printable import listed
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.initial.steps import GIVEN
@@ -80,8 +81,7 @@ def _lacking(network: Network) -> str:
     """What is wrong with a network some of whose points have no coordinates."""
     points = network.points
     lacking = [name for name, has in zip(points.names, points.has_coordinates, strict=True) if not has]
-    more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
     return (
-        f"planning needs approximate coordinates of all points; {', '.join(lacking[:MOST_NAMED])}{more} have "
+        f"planning needs approximate coordinates of all points; {listed(lacking, MOST_NAMED)} have "
         "none: add them to the point file"
     )

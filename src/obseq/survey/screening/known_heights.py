@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
 from obseq.leastsquares.statistics.distributions import chi_square_tails
-from obseq.leastsquares.statistics.final_state import final_state
-from obseq.survey.screening.antennas import is_rejected
+from obseq.printable import listed
 from obseq.survey.screening.findings import Cause, GrossError
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.report.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.screening.contradictions import Contradiction
 
+_NAMED = 6
+"""Known points that are listed."""
 _LEAST, _PLANE = 2, 3
 """Known heights that may be wrong together, and those that define a plane."""
 _LEVEL = 1e-4
@@ -40,26 +40,21 @@ _LOWEST, _HIGHEST = 5.0, 150.0
 """Geoid heights (m) from which they show without a slope, and beyond which there are none."""
 
 
-def heights_cause(equations: Equations, adjustment: Adjustment, units: Units) -> tuple[GrossError, ...]:
+def heights_cause(found: Contradiction, units: Units) -> tuple[GrossError, ...]:
     """The known heights together, where a slope of theirs explains what vectors contradict; none else.
 
     Args:
-        equations: of the network, as they were solved.
-        adjustment: what came out.
+        found: what contradicts.
         units: in which values are told.
     """
-    solution, known = adjustment.solution, adjustment.known
+    adjustment, known = found.adjustment, found.adjustment.known
     mine = np.flatnonzero(known.components == 2)
-    has_vectors = any(np.isfinite(test.rise) for test in adjustment.quality.joint)
-    if not has_vectors or len(mine) < _LEAST or not is_rejected(solution.cost, solution.redundancy):
+    if len(mine) < _LEAST:
         return ()
-    statistic, degrees, off = _tested(equations, adjustment, mine)
-    other = 0.0 if adjustment.suspicion is None else adjustment.suspicion.statistic**2
-    if degrees < _LEAST or statistic < other + _BETTER:
+    statistic, degrees, off = _tested(found, mine)
+    if degrees < _LEAST or statistic < found.suspected + _BETTER:
         return ()
-    if chi_square_tails(statistic, degrees)[1] > _LEVEL:
-        return ()
-    if is_rejected(solution.cost - statistic, solution.redundancy - degrees):
+    if chi_square_tails(statistic, degrees)[1] > _LEVEL or not found.is_explained(statistic, degrees):
         return ()
     slope, left = _plane(adjustment.points.coordinates[known.points[mine]], off)
     spread = float(np.std(off))
@@ -75,19 +70,14 @@ def heights_cause(equations: Equations, adjustment: Adjustment, units: Units) ->
     return (_described(adjustment, mine, slope, off, statistic, units),)
 
 
-def _tested(equations: Equations, adjustment: Adjustment, mine: IntArray) -> tuple[float, int, FloatArray]:
+def _tested(found: Contradiction, mine: IntArray) -> tuple[float, int, FloatArray]:
     """The test of known heights as one, its degrees of freedom, and what they are off by (m)."""
-    none = 0.0, 0, np.zeros(len(mine))
-    try:
-        state = final_state(equations.system, adjustment.solution)
-    except InputError:
-        return none  # parts of the network were left out, or its sigmas changed
-    places = equations.known.places()
+    state, places = found.state, found.equations.known.places()
     batch = next((one for one, own in places.items() if one.clusters is None), None)
     if batch is None or not np.isin(mine, places[batch]).all():
-        return none
+        return 0.0, 0, np.zeros(len(mine))
     rows = state.rows(batch, np.searchsorted(places[batch], mine))[:, 0]
-    sigmas = adjustment.known.sigmas[mine]
+    sigmas = found.adjustment.known.sigmas[mine]
     weight = np.eye(len(mine)) - rows @ state.solve(np.ascontiguousarray(rows.T))
     shares, axes = np.linalg.eigh(weight)
     kept = shares > _UNSEEN
@@ -110,7 +100,6 @@ def _described(
 ) -> GrossError:
     points = adjustment.points.points
     names = tuple(points.names[row] for row in adjustment.known.points[mine].tolist())
-    listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = (
         "without them the adjustment is accepted; against the heights that the vectors give they change by "
         f"{units.length.text(float(np.ptp(off)))}, along a slope of {1e6 * slope:.3g} mm/km"
@@ -120,7 +109,7 @@ def _described(
     )
     if len(names) < _PLANE:
         text += "; or the coordinates of one of the two are wrong, and nothing tells these apart"
-    what = f"the heights of the {len(names)} known points together ({listed})"
+    what = f"the heights of the {len(names)} known points together ({listed(names, _NAMED)})"
     return GrossError(what, Cause.COORDINATE_SYSTEM, text, statistic**0.5, (), names)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import ObseqError
+from obseq.printable import listed
 from obseq.survey.screening.robust import GROSS, QUICK, estimate
 from obseq.survey.screening.substitutes import End, substitutes
 
@@ -130,10 +131,9 @@ def mistyped_names(
 
 
 def _nothing_sees(names: list[str]) -> str:
-    listed = ", ".join(names[:_MOST]) + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
     one = len(names) == 1
     subject, verb = ("known point is", "controls") if one else ("known points are", "control")
-    return f"{len(names)} {subject} in no observation, and {verb} nothing: {listed}"
+    return f"{len(names)} {subject} in no observation, and {verb} nothing: {listed(names, _MOST)}"
 
 
 def _of_unused(
