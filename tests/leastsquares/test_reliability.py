@@ -160,19 +160,32 @@ def test_detectable_bias_is_found_with_the_stated_power():
     network = system, _, distances, *_ = trilateration()
     part = reliability(system, system.solve(covariance=True), level, power).of(distances)
     row = int(np.argmin(part.redundancy[:, 0]))
-    bias, found, plain = part.detectable[row, 0], 0, 0
-    for seed in range(400):
-        w = _w_of(network, seed, row, bias)
-        found += abs(w) > normal_critical(level)
-        plain += abs(_w_of(network, seed + 1000, row, 0.0)) > normal_critical(level)
-    assert abs(found / 400 - power) < 3 * np.sqrt(power * (1 - power) / 400)
-    assert plain / 400 < level + 3 * np.sqrt(level / 400)
+    response = _response(network, row)
+    assert np.linalg.norm(response) == pytest.approx(1.0, abs=1e-3)  # of a standard normal w
+    plain = np.random.default_rng(0).standard_normal((4000, len(response))) @ response
+    biased = plain + response[row] * part.detectable[row, 0] / part.sigmas[row, 0]
+    for w, share in ((plain, level), (biased, power)):
+        rejected = np.mean(np.abs(w) > normal_critical(level))
+        assert abs(rejected - share) < 3 * np.sqrt(share * (1 - share) / len(w))
 
 
-def _w_of(network, seed, row, bias):
-    system, _, distances, *_ = network
-    draw(network, seed, blunder=(row, bias))
-    return reliability(system, system.solve(covariance=True)).of(distances).w[row, 0]
+def _response(network, row):
+    """(48,) what errors of one sigma of distances, vectors and priors do to w of a distance: it is linear."""
+    system, _, distances, vectors, prior = network
+    draw(network, 1, sigma=0.0)
+    prior.values = CORNERS[:3].ravel()
+    batches = [(part, part.observations.copy(), part.sigmas) for part in (distances, vectors)]
+    exact = [*batches, (prior, prior.values.copy(), 1.0 / prior.weights)]
+    columns = []
+    for part, values, sigmas in exact:
+        name = "values" if part is prior else "observations"
+        for place in np.ndindex(values.shape):
+            changed = values.copy()
+            changed[place] += sigmas[place]
+            setattr(part, name, changed)
+            columns.append(reliability(system, system.solve(covariance=True)).of(distances).w[row, 0])
+        setattr(part, name, values)
+    return np.array(columns)
 
 
 def test_effect_of_a_bias_is_that_of_a_changed_observation():

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
-from xml.sax import SAXException, SAXParseException
-from xml.sax.handler import ContentHandler, feature_external_ges
+from typing import TYPE_CHECKING, NoReturn
+from xml.parsers import expat
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
@@ -13,9 +12,8 @@ from obseq.printable import composed
 from obseq.survey.files.text import TextFile, encoding_of, parse_number, quoted, read_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
-    from xml.sax.xmlreader import AttributesImpl
 
 DEEPEST = 40
 """Levels of elements: surveys need a dozen."""
@@ -129,41 +127,42 @@ def xml_of(data: bytes, name: str) -> Element:
         InputError: It is broken, nested too deeply, or refers to something outside.
     """
     from defusedxml.common import DefusedXmlException
-    from defusedxml.sax import make_parser
 
     lines = data.decode(encoding_of(data), "replace").splitlines()
     file = TextFile(name, lines or [""], True, "UTF-8")
-    parser = make_parser()
-    parser.forbid_external = False  # a document type is named in old files: it is not loaded
-    parser.setFeature(feature_external_ges, False)
-    builder = _Builder(file, parser.getLineNumber)
-    parser.setContentHandler(builder)
+    parser = expat.ParserCreate()
+    builder = _Builder(file, parser)
     try:
-        parser.feed(data)
-        parser.close()
+        parser.Parse(data, False)
+        parser.Parse(b"", True)
     except DefusedXmlException as error:
         raise InputError(f"{name}: refused: XML with entities or external references ({error})") from None
-    except SAXParseException as error:
-        line = min(max(error.getLineNumber() or 1, 1), len(file.lines))
-        raise file.error(line - 1, f"the XML is broken: {error.getMessage()}") from None
-    except (SAXException, ValueError, LookupError) as error:
+    except expat.ExpatError as error:
+        line = min(max(error.lineno, 1), len(file.lines))
+        raise file.error(line - 1, f"the XML is broken: {expat.ErrorString(error.code)}") from None
+    except (ValueError, LookupError) as error:
         raise InputError(f"{name}: the XML is broken: {error}") from None
     return builder.finished()
 
 
-class _Builder(ContentHandler):
+class _Builder:
     """Makes elements of the events of a parser."""
 
-    def __init__(self, file: TextFile, line: Callable[[], int | None]) -> None:
-        super().__init__()
-        self._file, self._line = file, line
+    def __init__(self, file: TextFile, parser: expat.XMLParserType) -> None:
+        self._file, self._parser = file, parser
         self._open: list[tuple[Element, list[str]]] = []
         self._root: Element | None = None
+        parser.buffer_text = True
+        parser.StartElementHandler, parser.EndElementHandler = self._begin, self._end
+        parser.CharacterDataHandler = self._hold
+        parser.EntityDeclHandler = parser.UnparsedEntityDeclHandler = _refuse_entity
+        parser.ExternalEntityRefHandler = _pass_over  # a document type is named in old files
+        parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_UNLESS_STANDALONE)
 
-    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802  (name of the interface)
+    def _begin(self, name: str, given: dict[str, str]) -> None:
         """An element begins."""
-        line = min(self._line() or 1, len(self._file.lines))
-        attributes = {key: composed(value) for key, value in attrs.items()}
+        line = min(self._parser.CurrentLineNumber or 1, len(self._file.lines))
+        attributes = {key: composed(value) for key, value in given.items()}
         element = Element(self._file, name.rpartition(":")[2], attributes, line)
         if len(self._open) == DEEPEST:
             raise element.error(f"the elements are nested deeper than {DEEPEST} levels")
@@ -173,18 +172,32 @@ class _Builder(ContentHandler):
             self._root = element
         self._open.append((element, []))
 
-    def endElement(self, name: str) -> None:  # noqa: N802  (name of the interface)
+    def _end(self, _: str) -> None:
         """It ends."""
         element, parts = self._open.pop()
         element.text = composed("".join(parts))
 
-    def characters(self, content: str) -> None:
+    def _hold(self, content: str) -> None:
         """Text stands in it."""
         if self._open:
             self._open[-1][1].append(content)
 
     def finished(self) -> Element:
-        """The root, once everything is read."""
-        if self._root is None:
+        """The root, once everything is read; not kept here."""
+        root, self._root = self._root, None
+        if root is None:
             raise InputError(f"{self._file.name}: the XML holds no element")
-        return self._root
+        return root
+
+
+def _refuse_entity(name: str, *declared: object) -> NoReturn:
+    """An entity is declared: what it stands for can fill the memory."""
+    from defusedxml.common import EntitiesForbidden
+
+    value, base, system, public, notation = (None, *declared)[-5:]
+    raise EntitiesForbidden(name, value, base, system, public, notation)
+
+
+def _pass_over(*_: object) -> int:
+    """What is outside of the file is not loaded."""
+    return 1
