@@ -305,10 +305,10 @@ def test_a_file_that_ends_in_a_cluster(tmp_path):
 
 def test_an_unknown_motion_between_epochs_is_refused(tmp_path):
     stn, msr = dna(Site())
-    dynamic = [text.replace("      GDA2020", "     ITRF2014") for text in (stn, msr)]
+    dynamic = [text.replace("      GDA2020", "     ITRF2008") for text in (stn, msr)]
     line = next(line for line in dynamic[1].splitlines() if line.startswith("G "))
-    dynamic[1] = dynamic[1].replace(line, line.ljust(102) + f"{'ITRF2014':>20}{'01.01.2010':>20}")
-    with pytest.raises(InputError, match=r"n\.msr:21: ITRF2014 at 2010.000 to ITRF2014 at 2020.000"):
+    dynamic[1] = dynamic[1].replace(line, line.ljust(102) + f"{'ITRF2008':>20}{'01.01.2010':>20}")
+    with pytest.raises(InputError, match=r"n\.msr:21: ITRF2008 at 2010.000 to ITRF2008 at 2020.000"):
         Network.read_project(written(tmp_path, dynamic))
     assert Network.read_project(written(tmp_path, dynamic), ignore=["frames"]).book.clusters
 
