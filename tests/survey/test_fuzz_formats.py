@@ -32,12 +32,10 @@ def outcome(bench, folder, name, seed, adjusts):
             if network.frame.is_plane and chance.random() < 0.1:
                 write_gama(folder / "again.gkf", network)
             return "read"
-        record = network.adjust().record()
     except ObseqError as error:
         bench.check_message(str(error))
         return "refused"
-    bench.check_result(record)
-    return "adjusted"
+    return bench.adjusted(network)
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -101,14 +101,10 @@ def outcome(seed: Seed, chance: random.Random, adjusts: float) -> str:
         network = Network.read_project(
             seed.paths, encoding="latin-1", sigmas=seed.sigmas, points_crs=seed.points_crs
         )
-        if chance.random() >= adjusts:
-            return "read"
-        record = network.adjust().record()
     except ObseqError as error:
         readers.check_message(str(error))
         return "refused"
-    readers.check_result(record)
-    return "adjusted"
+    return "read" if chance.random() >= adjusts else readers.adjusted(network)
 
 
 def failure(found: list[Seed], number: int, adjusts: float, counts: Counter[str]) -> str | None:
