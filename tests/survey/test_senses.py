@@ -88,3 +88,30 @@ def test_one_bad_approximation_is_no_mirror_image(network):
     coordinates[[2, 3, 4]] += (500.0, 300.0, 0.0), (-400.0, 100.0, 0.0), (0.0, -600.0, 0.0)
     adjustment = replace(network, points=replace(network.points, coordinates=coordinates)).adjust()
     assert len(adjustment.replaced) == 3 and not any("mirror" in text for text in adjustment.warnings)
+
+
+def shifted(network, off, **ends):
+    """The network with an angle (gon) added to the zenith angles from, or to, a point."""
+    rows, names = network.book.observations, network.book.point_names
+    chosen = rows.types == ZEN.code
+    for end, name in ends.items():
+        chosen &= getattr(rows, f"{end}_points") == names.index(name)
+    values = np.where(chosen, rows.values + off * math.pi / 200.0, rows.values)
+    return replace(network, book=replace(network.book, observations=replace(rows, values=values)))
+
+
+@pytest.mark.parametrize(("off", "is_occupied"), [(40.0, False), (-1.0, True)])
+def test_zenith_angles_to_one_target_that_are_off_are_one_finding(network, off, is_occupied):
+    """Also where they decide where the target is, which has no sights of its own then."""
+    from_target = network.book.observations.from_points == network.book.point_names.index("E")
+    good = network if is_occupied else replace(network, book=network.book.without(from_target))
+    (error,) = shifted(good, off, to="E").gross_errors()
+    assert error.what.startswith("the 4 zenith angles to E (the first: Zen A -> E ")
+    added = float(error.text.split(" ")[0])
+    assert abs(added + off) < 0.01 and "likely another mark was aimed at" in error.text
+
+
+def test_an_index_of_forty_gon_is_one_finding(network):
+    (error,) = shifted(network, 40.0, **{"from": "D"}).gross_errors()
+    assert error.cause is Cause.INDEX and error.what.startswith("the 4 zenith angles from D (the first: ")
+    assert abs(float(error.text.split(" ")[0]) + 40.0) < 0.01

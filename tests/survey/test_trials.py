@@ -1,5 +1,7 @@
 """How much of a network is unexplained, before causes are tried and with them, and what is not tried."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -34,15 +36,25 @@ def test_contradictions_and_what_is_lost_make_the_disagreement(planted, tmp_path
     assert found.disagreement(10.0) == pytest.approx(found.contradictions(10.0).sum() + 1.0)
 
 
+def replace_lost(estimate, lost):
+    """The same estimate, if fewer observations of it were lost."""
+    return SimpleNamespace(lost=lost, disagreement=estimate.disagreement)
+
+
 def test_noise_is_what_an_honest_network_contradicts(planted, tmp_path):
     """So that causes of few observations explain them among thousands of good ones."""
     site = planted.made_site(np.random.default_rng(4), planted.LARGE)
     trials = of_network(site.read(tmp_path))
     assert trials.before == pytest.approx(trials.found.noise, rel=0.2)
     trials.before += 8.0
-    assert trials.explains(trials.found.noise + 0.2 * 8.0) and not trials.explains(
-        trials.found.noise + 0.5 * 8.0
-    )
+    left = {share: trials.found.noise + share * 8.0 for share in (0.2, 0.5)}
+    few, many = (SimpleNamespace(lost=0, disagreement=lambda _, one=one: one) for one in left.values())
+    assert trials.explains(few) and not trials.explains(many)
+    trials.found.misfits[:20] = np.nan
+    trials.before += 20.0
+    lost = SimpleNamespace(lost=20, disagreement=lambda _: left[0.2] + 20.0)
+    assert trials.explains(lost), "what is lost before and after says nothing"
+    assert not trials.explains(replace_lost(lost, 0))
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ def coordinate_system_cause(trials: Trials, system: PointSystem) -> GrossError |
     if len(known) < _LEAST_KNOWN or not _are_wrong_together(found, known):
         return None
     alone = estimated(trials.model, _on_two(found.points, known), found.book, QUICK)
-    if alone is None or not trials.explains(alone.disagreement(GROSS)):
+    if alone is None or not trials.explains(alone):
         return None
     places = found.points.coordinates[known]
     change = _change(places, alone.coordinates[known], _map_scale(system, places))

@@ -47,12 +47,15 @@ _GAIN = 0.65
 """Contradictions, for each suspect of a group, that its offset must remove."""
 
 
-_LARGEST = {What.CONSTANT: LARGEST_CONSTANT, What.SCALE: 3e-3, What.INDEX: 0.5 * math.pi}
+LARGEST = {What.CONSTANT: LARGEST_CONSTANT, What.SCALE: 3e-3, What.INDEX: 0.5 * math.pi}
 """Constants (m), scales less 1 and indices (rad) beyond which something else is wrong: a unit, the face."""
 
 
+_INDEX = "an error of the index"
+
+
 @dataclass(frozen=True, eq=False)
-class _Offset:
+class Offset:
     """An offset of a group.
 
     Attributes:
@@ -75,30 +78,36 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     offsets = sorted(_offsets(trials.found), key=lambda one: -len(one.suspects))
     offsets = _once(found for one in offsets for found in _with_equals(trials.found, one))
     offsets = [one for one in offsets if _is_possible(trials.found, one)]
-    explaining: list[tuple[float, _Offset, Estimate]] = []
+    explaining: list[tuple[float, Offset, Estimate]] = []
     for number, one in enumerate(offsets):
         if number == trials.most:
             trials.untried.append("heights and constants of more set-ups")
             break
-        corrected = trials.tried(trials.found.points, _corrected(trials.found.book, one))
-        if corrected is None:
-            continue
-        left = corrected.disagreement(GROSS)
-        if trials.before - left < _GAIN * len(one.suspects):
-            continue
-        explaining.append((left, one, corrected))
+        corrected = _explaining(trials, one)
+        if corrected is not None:
+            explaining.append((corrected.disagreement(GROSS), one, corrected))
     if not explaining:
         return None
     least = min(left for left, _, _ in explaining)
     equal = [(one, corrected) for left, one, corrected in explaining if left <= least + _EQUAL]
-    return any_of([_described(trials.found, one) for one, _ in equal]), equal[0][1]
+    return any_of([described(trials.found, one) for one, _ in equal]), equal[0][1]
 
 
-def _once(offsets: Iterator[_Offset]) -> list[_Offset]:
+def _explaining(trials: Trials, one: Offset) -> Estimate | None:
+    """The network without an offset, where that explains its suspects: from where it was found, else anew."""
+    found, book = trials.found, corrected_by(trials.found.book, one)
+    for start in (replace(found.end, book=corrected_by(found.end.book, one)), None):
+        corrected = trials.tried(found.points, book, start)
+        if corrected and trials.before - corrected.disagreement(GROSS) >= _GAIN * len(one.suspects):
+            return corrected
+    return None
+
+
+def _once(offsets: Iterator[Offset]) -> list[Offset]:
     return list({(one.what, one.rows.tobytes()): one for one in offsets}.values())
 
 
-def _is_possible(found: Estimate, one: _Offset) -> bool:
+def _is_possible(found: Estimate, one: Offset) -> bool:
     """Whether heights would be such as others of the network are, or upright and some metres at most."""
     if not one.what.is_height:
         return True
@@ -113,7 +122,7 @@ def _heights(found: Estimate, what: What) -> FloatArray:
     return observations.from_heights if what is What.INSTRUMENT else observations.to_heights
 
 
-def _offsets(found: Estimate) -> Iterator[_Offset]:
+def _offsets(found: Estimate) -> Iterator[Offset]:
     """Offsets that would explain all suspects of a group, and fit the rest of it."""
     sights = Sights.of(found)
     seen: set[bytes] = set()
@@ -124,14 +133,14 @@ def _offsets(found: Estimate) -> Iterator[_Offset]:
             yield offset
 
 
-def _with_equals(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+def _with_equals(found: Estimate, one: Offset) -> Iterator[Offset]:
     """An offset, and those that would do the same: of the other end, and of the sights the other way."""
     for same in (one, *_mirrored(found, one)):
         yield same
         yield from _of_the_other_end(found, same)
 
 
-def _of_the_other_end(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+def _of_the_other_end(found: Estimate, one: Offset) -> Iterator[Offset]:
     """The height at the other end of sights that have both ends in common, and that no other sights share."""
     observations = found.book.observations
     if not one.what.is_height or not _has_one_way(found, one.rows):
@@ -159,7 +168,7 @@ def _height_seeing(found: Estimate) -> BoolArray:
     return np.asarray(is_used & np.isin(observations.types, [*zenith_angles(), *slopes()]))
 
 
-def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
+def _mirrored(found: Estimate, one: Offset) -> Iterator[Offset]:
     """The height of the sights the other way at a point, whose own height would take up the rest."""
     observations = found.book.observations
     ends = observations.from_points, observations.to_points
@@ -173,7 +182,7 @@ def _mirrored(found: Estimate, one: _Offset) -> Iterator[_Offset]:
         yield replace(one, what=what, rows=rows, size=-one.size)
 
 
-def _fitted(found: Estimate, what: What, rows: Rows, sights: Sights) -> _Offset | None:
+def _fitted(found: Estimate, what: What, rows: Rows, sights: Sights) -> Offset | None:
     """The offset that fits a group; None where it explains nothing, or not the whole group."""
     rows = sights.seeing(what, rows)
     suspects = rows[found.ratios[rows] > found.limit]
@@ -182,14 +191,14 @@ def _fitted(found: Estimate, what: What, rows: Rows, sights: Sights) -> _Offset 
     sigmas = np.array([sigma_of(found, row) for row in rows.tolist()])
     changed = sights.change(what, rows)
     size, sigma = _size(found.misfits[rows], sigmas, changed)
-    if abs(size) > _LARGEST.get(what, math.inf):
+    if abs(size) > LARGEST.get(what, math.inf):
         return None
     change = changed(size)
     fits = np.abs(found.misfits[rows] + change) / sigmas <= found.limit
     shown = np.abs(change) / sigmas > found.limit
     if not fits[np.isin(rows, suspects)].all() or fits.mean() < _SHARE or shown.sum() < _LEAST_SHOWN:
         return None
-    return _Offset(what, rows, size, sigma * found.scale, suspects)
+    return Offset(what, rows, size, sigma * found.scale, suspects)
 
 
 def _size(misfits: FloatArray, sigmas: FloatArray, changed: Change) -> tuple[float, float]:
@@ -228,6 +237,7 @@ def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
         mine = is_used & (ends[1] == target)
         yield What.TARGET, _rows(mine)
         yield What.CONSTANT, _rows(mine)
+        yield What.INDEX, _rows(mine)
         for origin in np.unique(ends[0][mine]).tolist():
             yield What.TARGET, _rows(mine & (ends[0] == origin))
 
@@ -236,7 +246,7 @@ def _rows(mask: BoolArray) -> Rows:
     return np.flatnonzero(mask).astype(np.intp)
 
 
-def _corrected(book: FieldBook, one: _Offset) -> FieldBook:
+def corrected_by(book: FieldBook, one: Offset) -> FieldBook:
     """The observations with an offset added."""
     name = {What.INSTRUMENT: "from_heights", What.TARGET: "to_heights"}.get(one.what, "values")
     column = getattr(book.observations, name).copy()
@@ -244,7 +254,8 @@ def _corrected(book: FieldBook, one: _Offset) -> FieldBook:
     return replace(book, observations=replace(book.observations, **{name: column}))
 
 
-def _described(found: Estimate, one: _Offset) -> GrossError:
+def described(found: Estimate, one: Offset) -> GrossError:
+    """What is off, and by how much."""
     rows = one.rows
     label = found.book.label(int(rows[0]))
     size = float(found.ratios[one.suspects].max())
@@ -260,13 +271,15 @@ def _described(found: Estimate, one: _Offset) -> GrossError:
     return GrossError(what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what.is_height)
 
 
-def _of_index(found: Estimate, one: _Offset) -> str:
+def _of_index(found: Estimate, one: Offset) -> str:
     """What is to be added to zenith angles, in words."""
-    added = found.units.angle.number(one.size)
-    return f"{added} {found.units.angle.name} added to each of them fits: likely an error of the index"
+    added, targets = found.units.angle.number(one.size), found.book.observations.to_points[one.rows]
+    is_of_target = bool((targets == targets[0]).all())
+    likely = "another mark was aimed at, or its readings are of another kind" if is_of_target else _INDEX
+    return f"{added} {found.units.angle.name} added to each of them fits: likely {likely}"
 
 
-def _of_distances(found: Estimate, one: _Offset) -> str:
+def _of_distances(found: Estimate, one: Offset) -> str:
     """What constant or scale distances want, in words."""
     if one.what is What.SCALE:
         return (
@@ -283,7 +296,7 @@ def _between(found: Estimate, rows: Rows) -> str:
     return " ".join(f"{word} {names[point]}" for word, point in common)
 
 
-def _of_height(found: Estimate, one: _Offset) -> tuple[Cause, str]:
+def _of_height(found: Estimate, one: Offset) -> tuple[Cause, str]:
     """What the height should have been, and what slip makes the one that is written of it."""
     written = np.unique(_heights(found, one.what)[one.rows])
     if len(written) > 1:

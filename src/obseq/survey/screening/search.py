@@ -9,6 +9,7 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.screening.aims import aim_cause
 from obseq.survey.screening.ambiguous import Ambiguity
 from obseq.survey.screening.beyond_nadir import beyond_nadir, put_right, with_signs
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
@@ -19,13 +20,13 @@ from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.mirrored import mirrored_cause
 from obseq.survey.screening.offsets import offset_cause
-from obseq.survey.screening.robust import GROSS, Estimate, Model, estimate
+from obseq.survey.screening.robust import GROSS, WHOLE, Estimate, Model, estimate
 from obseq.survey.screening.setups import setup_cause
 from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 from obseq.survey.screening.standpoints import standpoint_cause
-from obseq.survey.screening.trials import Trials
+from obseq.survey.screening.trials import Trials, estimated
 from obseq.survey.screening.vector_systems import vector_system_cause
 
 if TYPE_CHECKING:
@@ -79,12 +80,19 @@ def _errors(model: Model, system: PointSystem, found: Estimate, *, are_right: bo
         if step is None:
             break
         errors.append(step[0])
-        found = step[1]
+        found = _settled(model, step[1])
         untried.clear()
     exchanged, suspects = exchanged_readings(found, found.suspects.tolist())
     ambiguous, suspects = _ambiguous(model, system, found, suspects)
     singles = _left_over(found, suspects, untried)
     return [*errors, *exchanged, *ambiguous, *singles]
+
+
+def _settled(model: Model, found: Estimate) -> Estimate:
+    """A network of a trial, which takes few iterations, estimated to the end where something contradicts."""
+    if not found.suspects.size:
+        return found
+    return estimated(model, found.points, found.book, WHOLE, found.end) or found
 
 
 def _cause_of_all(trials: Trials, system: PointSystem) -> GrossError | None:
@@ -145,7 +153,7 @@ def _cause_of_many(
     if best is None and Ambiguity(system, found).levelling(model):
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
-        best = standpoint_cause(trials, system) or sight_cause(trials)
+        best = aim_cause(trials) or standpoint_cause(trials, system) or sight_cause(trials)
     return best or sigmas_cause(trials)
 
 

@@ -121,9 +121,9 @@ class Trials:
 
     def explaining(self, points: Points, book: FieldBook, start: Determined | None = None) -> Estimate | None:
         """The network with points or observations put right, where that explains it; None else."""
-        corrected = self.tried(points, book, start, most_lost=self._most_left)
-        explains = corrected is not None and self.explains(corrected.disagreement(GROSS))
-        return corrected if explains else None
+        most_lost = self._most_left + (1.0 - REMAINS) * self.found.lost
+        corrected = self.tried(points, book, start, most_lost=most_lost)
+        return corrected if corrected is not None and self.explains(corrected) else None
 
     @property
     def is_mostly_right(self) -> bool:
@@ -167,10 +167,12 @@ class Trials:
         left = corrected.disagreement(GROSS) - min(corrected.lost, self.found.lost)
         return left - corrected.noise <= max(0.5, 0.03 * self.before)
 
-    def explains(self, left: float) -> bool:
-        """Whether a cause that leaves so many contradictions explains the network."""
-        beyond_noise = self.before - self.found.noise
-        return left <= self._most_left and self.before - left >= min(1.5, 0.65 * beyond_noise)
+    def explains(self, corrected: Estimate) -> bool:
+        """Whether a cause explains the network; what is lost before and after counts on neither side."""
+        lost = min(corrected.lost, self.found.lost)
+        left, most = corrected.disagreement(GROSS), self._most_left + (1.0 - REMAINS) * lost
+        beyond_noise = self.before - lost - self.found.noise
+        return left <= most and self.before - left >= min(1.5, 0.65 * beyond_noise)
 
     def is_more_than_scaled(self, corrected: Estimate, factor: float) -> bool:
         """Whether misfits became smaller by more than a factor makes everything smaller: a loop's as well.
