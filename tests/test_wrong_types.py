@@ -44,6 +44,7 @@ class Site:
     """A folder with the demo, and everything that can be made of it."""
 
     network: survey.Network
+    adjusted: survey.Adjustment
     record: AdjustmentRecord
     points: survey.Points
     book: survey.FieldBook
@@ -55,10 +56,11 @@ def site(tmp_path_factory) -> Site:
     for name in ("demo.obs", "demo.cor"):
         (folder / name).write_bytes((files("obseq.survey") / "data" / name).read_bytes())
     network = survey.Network.read(folder / "demo.obs", folder / "demo.cor", frame=FRAME, points_crs=LAMBERT)
-    record = network.adjust().record()
+    adjusted = network.adjust()
+    record = adjusted.record()
     (folder / "a.json").write_text(report.to_json(record), encoding="utf-8")
     points, book = survey.join(survey.read_cor(folder / "demo.cor"), survey.read_obs(folder / "demo.obs"))
-    return Site(network, record, points, book)
+    return Site(network, adjusted, record, points, book)
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +131,7 @@ def survey_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (survey.make_points, {"names": ["A", "B"], "coordinates": PLACES, "sigmas": LOCAL}),
         (survey.merge_points, {"parts": [site.points]}),
         (survey.join, {"points": site.points, "book": site.book}),
+        (survey.compare, {"first": site.adjusted, "second": site.adjusted}),
         (survey.automatic_fix, {"book": site.book}),
         (
             survey.initial_values,

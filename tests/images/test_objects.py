@@ -70,6 +70,48 @@ def test_wrong_control_points_are_refused():
         ControlPoints.correlated(["A"], np.zeros((1, 3)), -np.eye(3)[None])
 
 
+def of_three(**given):
+    return ImagePoints.of(**{"images": "aaa", "points": ["1", "2", "3"], "xy": np.ones((3, 2))} | given)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: of_three(images=["a"] * 3, xy=np.ones((2, 3))), r"pixels have shape \(2, 3\).*: transpose"),
+        (lambda: of_three(images=["a"] * 3, xy=np.ones((3, 3))), r"pixels have shape \(3, 3\), not \(3, 2\)"),
+        (lambda: of_three(images=["a"] * 3, sigmas=[0.1, 0.2]), r"sigmas have shape \(2,\)"),
+        (lambda: of_three(images=["a"] * 3, xy="no pixels"), "real numbers are wanted"),
+        (of_three, "image: a list of names is wanted, not 'aaa'"),
+        (lambda: of_three(images=["a", "", "a"]), r"image: '' \(row 2\) is no name"),
+        (lambda: of_three(images=["a"] * 3, points=[1, 2, 3.5]), r"point: 3.5 \(row 3\) is no name"),
+        (lambda: ControlPoints.of(["A", "B"], np.ones((3, 2))), r"coordinates have .*: transpose them"),
+        (lambda: ControlPoints.of(["A"], np.ones((1, 3)), [1.0, 2.0]), r"sigmas have shape \(2,\)"),
+        (lambda: Poses.of(["A", "B"], np.ones((3, 2)), np.ones((2, 3)), "opk"), "centres have .*: transpose"),
+        (lambda: Poses.of(["A"], np.zeros((1, 3)), [np.diag([1.0, 1.0, -1.0])]), "A matrix mirrors"),
+        (
+            lambda: Camera("c", "4000", 3000, focal=3000.0),
+            "camera c: width must be a finite number, not '4000'",
+        ),
+    ],
+)
+def test_what_has_another_shape_or_kind_is_refused_and_never_reshaped(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_numbers_are_names_as_in_tables_of_a_survey():
+    measures = ImagePoints.of([7, 7], [np.int64(1), "2"], [[1.0, 2], [3, 4]])
+    assert (measures.image_names, measures.point_names) == (("7",), ("1", "2"))
+    assert ControlPoints.of([1, 2], np.zeros((2, 3))).select([2]).names == ("2",)
+    block = BundleAdjustment()
+    block.add_cameras(Camera(1, 10, 10, focal=10.0))
+    block.add_images([7], "1")
+    block.add_measures(measures)
+    block.add_approximations([1], [[0.0, 0, 0]])
+    assert block.approximations["1"].tolist() == [0.0, 0.0, 0.0]
+    assert Poses.of([7], [[0.0, 0, 0]], [[0.0, 0, 0]], "opk", [1])[7].centre.tolist() == [0.0, 0.0, 0.0]
+
+
 def test_the_last_approximation_of_a_point_counts():
     given = Approximations()
     given.add(["a", "b"], np.array([[1.0, 2, 3], [4, 5, 6]]))

@@ -99,6 +99,8 @@ def test_names_are_given_once(system):
         system.add_points(["D", "B"], np.zeros((2, 3)))
     with pytest.raises(InputError, match="the Point3 'E' is there twice"):
         system.add_points(["E", "E"], np.zeros((2, 3)))
+    with pytest.raises(InputError, match="add_points: row 1 has an empty name"):
+        system.add_points(["E", ""], np.zeros((2, 3)))
     assert system.add_scalars(["B"], [0.0]).tolist() == [4]
 
 

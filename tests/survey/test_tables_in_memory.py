@@ -85,12 +85,20 @@ def test_setups_and_switched_off_rows_are_told_apart() -> None:
         ({"observations": {"valeur": [1.0] * 12}}, "has valeur, which nothing uses"),
         ({"observations": {"orientation": ["UP"] * 12}}, "unknown orientation 'UP'"),
         ({"sx": [-1.0, None, None, 0.001]}, "row 1 .PtA.: a sigma is negative"),
-        ({"x": [1.0]}, "different lengths"),
+        ({"x": [1.0]}, "different lengths: name 4, x 1"),
+        ({"observations": {"sigma": "x"}}, "row 1: sigma is 'x', not a number"),
     ],
 )
 def test_what_is_wrong_in_a_table_is_named(changes, message) -> None:
     with pytest.raises(InputError, match=message):
         made(**changes)
+
+
+def test_a_column_of_one_value_has_it_in_all_rows() -> None:
+    single, listed = (made(observations={"sigma": sigma}) for sigma in (0.002, [0.002] * 12))
+    assert single.book.observations.sigmas.tolist() == listed.book.observations.sigmas.tolist()
+    with pytest.raises(InputError, match="at least one must be a list"):
+        network_from_tables({"name": "A"}, {"type": "Dist"})
 
 
 def test_a_notebook_shows_the_network_and_its_adjustment(adjusted) -> None:

@@ -116,11 +116,17 @@ def closest_rotation(matrix: npt.ArrayLike) -> FloatArray:
     """The rotation matrix (..., 3, 3) closest to a matrix, by the sum of squares of the differences.
 
     Raises:
-        DegenerateGeometryError: if several rotations are as close.
+        DegenerateGeometryError: several rotations are as close; a matrix that mirrors is told as that.
     """
     left, values, right = np.linalg.svd(np.asarray(matrix, dtype=np.float64))
     sign = np.where(np.linalg.det(left @ right) < 0.0, -1.0, 1.0)
-    if np.any(values[..., 1] + sign * values[..., 2] <= RANK_TOLERANCE * values[..., 0]):
+    unclear = values[..., 1] + sign * values[..., 2] <= RANK_TOLERANCE * values[..., 0]
+    if np.any(unclear & (values[..., 2] > RANK_TOLERANCE * values[..., 0])):
+        raise DegenerateGeometryError(
+            "A matrix mirrors (its determinant is negative), and several rotations are equally close to it: "
+            "one of its axes, or all three, point the wrong way."
+        )
+    if np.any(unclear):
         raise DegenerateGeometryError(
             "Several rotations are equally close to this matrix; its rank is too low."
         )

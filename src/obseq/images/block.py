@@ -12,9 +12,10 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
+from obseq.images.given import rows_of, sigmas_of
 from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
-from obseq.images.names import are_among, index_of
+from obseq.images.names import are_among, as_names, index_of
 from obseq.images.parts import (
     Approximations,
     Instruments,
@@ -85,7 +86,7 @@ class Block:
 
     def add_images(self, images: Iterable[str], camera: str) -> None:
         """Says which camera took images, whose poses come later or are to be found."""
-        for image in images:
+        for image in as_names(images, "images"):
             if image in self.camera_of:
                 raise InputError(f"image {image!r} is given twice")
             self._require_camera(image, camera)
@@ -174,8 +175,9 @@ class Block:
 
     def add_approximations(self, names: Sequence[str], coordinates: ArrayLike) -> None:
         """Gives free points a start; without one, they start where their rays meet."""
-        array = np.array(coordinates, dtype=np.float64)
-        if array.shape != (len(names), 3) or not np.isfinite(array).all():
+        names = as_names(names, "approximations: point")
+        array = rows_of(coordinates, len(names), 3, "approximations: coordinates")
+        if not np.isfinite(array).all():
             raise InputError(f"approximations of {len(names)} points are a finite ({len(names)}, 3) array")
         self.approximations.add(names, array)
 
@@ -217,6 +219,7 @@ class Block:
 
     def add_length(self, first: str, second: str, length: float, sigma: float) -> None:
         """Adds a distance between two points of the block, a scale bar for instance."""
+        first, second = as_names((first, second), "length: point")
         if not (length > 0.0 and sigma > 0.0 and np.isfinite([length, sigma]).all()) or first == second:
             raise InputError(
                 f"length {first} - {second}: {length} +- {sigma} between two points is no length"
@@ -296,7 +299,9 @@ class Block:
         The observation stays what it is during the adjustment (MMVII's `RefOri`).
         """
         index_of(list(self.camera_of), poses.images, "observed poses: image")
-        sigmas = np.array(np.broadcast_to(np.asarray(centre_sigmas, dtype=np.float64), (len(poses), 3)))
+        per_axis = np.shape(centre_sigmas) == (3,)
+        given = np.broadcast_to(centre_sigmas, (len(poses), 3)) if per_axis else centre_sigmas
+        sigmas = sigmas_of(given, len(poses), 3, "observed poses: sigmas of centres")
         wrong = np.flatnonzero(~(sigmas > 0.0).all(axis=1))
         if wrong.size:
             image = poses.images[wrong[0]]

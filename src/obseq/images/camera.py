@@ -22,8 +22,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import NUMBER, require
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
+from obseq.images.names import as_names
 from obseq.kernels import calculator
 
 if TYPE_CHECKING:
@@ -87,6 +89,9 @@ class Camera:
     model: CameraModel | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "name", as_names([self.name], "camera")[0])
+        for argument in ("width", "height", "focal"):
+            require(f"camera {self.name}", argument, getattr(self, argument), NUMBER)
         point = np.array(self.principal_point, dtype=np.float64).reshape(-1)
         if point.shape != (2,):
             raise InputError(f"camera {self.name}: the principal point is two numbers, not {point.size}")
@@ -213,7 +218,8 @@ class Camera:
     def project(self, points: ArrayLike) -> FloatArray:
         """Pixels (n, 2) of points of the camera frame (n, 3), of any distance; not finite where undefined.
 
-        Nothing tells a point in front from one behind: see `sees`.
+        It is the formula alone: a point behind a pinhole gets the pixel where the line through the centre
+        meets the image plane, though no camera sees it there (`sees`, `is_in_front`).
         """
         rays = np.asarray(points, dtype=np.float64)
         return self.principal_point + self.focal * self.distorted(self._plane(rays))

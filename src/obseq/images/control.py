@@ -8,7 +8,9 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
-from obseq.images.names import index_of, unique_names
+from obseq.images.given import rows_of, sigmas_of
+from obseq.images.names import as_names, index_of, unique_names
+from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -72,19 +74,17 @@ class ControlPoints(GivenComponents):
         Raises:
             InputError: a name comes twice, a coordinate is not finite, a sigma is negative or not a number.
         """
-        spread = np.asarray(sigmas, dtype=np.float64)
-        spread = spread[:, None] if spread.ndim == 1 else spread
-        variances = np.square(np.broadcast_to(spread, (len(names), 3)))
-        signs = np.broadcast_to(spread, (len(names), 3))
-        wrong = np.flatnonzero(~(signs >= 0.0).all(axis=1))
+        names = unique_names(names, "control point")
+        spread = sigmas_of(sigmas, len(names), 3, "control points: sigmas")
+        wrong = np.flatnonzero(~(spread >= 0.0).all(axis=1))
         if wrong.size:
             raise RowError(
                 f"control point {names[wrong[0]]}: a sigma is above zero, 0 (held) or infinite (free), "
-                f"not {signs[wrong[0]]}",
+                f"not {spread[wrong[0]]}",
                 int(wrong[0]),
             )
         covariances = np.zeros((len(names), 3, 3))
-        covariances[:, range(3), range(3)] = variances
+        covariances[:, range(3), range(3)] = np.square(spread)
         return cls._checked(names, coordinates, covariances)
 
     @classmethod
@@ -92,7 +92,8 @@ class ControlPoints(GivenComponents):
         cls, names: Sequence[str], coordinates: ArrayLike, covariances: ArrayLike
     ) -> ControlPoints:
         """Control points with full covariances (n, 3, 3), each symmetric and positive definite."""
-        given = np.array(covariances, dtype=np.float64)
+        names = unique_names(names, "control point")
+        given = real(covariances, "control points: covariances")
         if given.shape != (len(names), 3, 3):
             raise InputError(
                 f"control points: covariances have shape {given.shape}, not ({len(names)}, 3, 3)"
@@ -109,18 +110,17 @@ class ControlPoints(GivenComponents):
         return cls._checked(names, coordinates, given)
 
     @classmethod
-    def _checked(cls, names: Sequence[str], coordinates: ArrayLike, covariances: FloatArray) -> ControlPoints:
-        checked = unique_names(names, "control point")
-        array = np.array(coordinates, dtype=np.float64)
-        if array.shape != (len(names), 3):
-            raise InputError(f"control points: coordinates have shape {array.shape}, not ({len(names)}, 3)")
+    def _checked(
+        cls, names: tuple[str, ...], coordinates: ArrayLike, covariances: FloatArray
+    ) -> ControlPoints:
+        array = rows_of(coordinates, len(names), 3, "control points: coordinates")
         wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if wrong.size:
             raise RowError(
                 f"control point {names[wrong[0]]}: coordinates {array[wrong[0]]} are not finite",
                 int(wrong[0]),
             )
-        return cls(checked, array, covariances)
+        return cls(names, array, covariances)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -133,11 +133,13 @@ class ControlPoints(GivenComponents):
     def select(self, names: Sequence[str]) -> ControlPoints:
         """Some of them, in that order."""
         rows = index_of(self.names, names, "control point")
-        return ControlPoints(tuple(names), self.coordinates[rows], self.covariances[rows])
+        chosen = tuple(self.names[row] for row in rows)
+        return ControlPoints(chosen, self.coordinates[rows], self.covariances[rows])
 
     def without(self, names: Collection[str]) -> ControlPoints:
         """All but some of them."""
-        return self.select([name for name in self.names if name not in names])
+        left_out = set(as_names(names, "control point"))
+        return self.select([name for name in self.names if name not in left_out])
 
     def held(self) -> ControlPoints:
         """The same points, known exactly."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
-from obseq.images.names import are_among, index_of, numbered
+from obseq.images.given import rows_of, sigmas_of
+from obseq.images.names import are_among, as_names, index_of, numbered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,10 +55,11 @@ class ImagePoints:
         """Measures from names: (n,) images, (n,) points, (n, 2) pixels; one sigma, (n,) or (n, 2).
 
         Raises:
-            InputError: a point is measured twice in an image, a number is not finite, a sigma not positive.
+            InputError: a point is measured twice in an image, a number is not finite, a sigma not positive,
+                or an array has another shape.
         """
-        image_names, image = numbered(images)
-        point_names, point = numbered(points)
+        image_names, image = numbered(as_names(images, "image points: image"))
+        point_names, point = numbered(as_names(points, "image points: point"))
         return cls.packed(image_names, point_names, image, point, xy, sigmas)
 
     @classmethod
@@ -72,20 +74,15 @@ class ImagePoints:
     ) -> ImagePoints:
         """The same from numbers, for those who have them: nothing is looked up by name."""
         image, point = np.asarray(image, dtype=np.int64), np.asarray(point, dtype=np.int64)
-        pixels = np.array(xy, dtype=np.float64).reshape(-1, 2)
-        if not (len(image) == len(point) == len(pixels)):
-            raise InputError(
-                f"image points: {len(image)} images, {len(point)} points and {len(pixels)} pairs of pixels"
-            )
-        spread = np.asarray(sigmas, dtype=np.float64)
-        spread = spread[:, None] if spread.ndim == 1 else spread
+        if len(image) != len(point):
+            raise InputError(f"image points: {len(image)} images and {len(point)} points")
         made = cls(
-            tuple(image_names),
-            tuple(point_names),
+            as_names(image_names, "image points: image"),
+            as_names(point_names, "image points: point"),
             image,
             point,
-            pixels,
-            np.array(np.broadcast_to(spread, pixels.shape)),
+            rows_of(xy, len(image), 2, "image points: pixels"),
+            sigmas_of(sigmas, len(image), 2, "image points: sigmas"),
         )
         made._check()
         return made

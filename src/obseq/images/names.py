@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING
+import numbers
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from obseq.errors import RowError
+from obseq.errors import InputError, RowError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -19,18 +20,42 @@ LONGEST_ENDING = 4
 """Letters of `tiff` and `jpeg`."""
 
 
-def unique_names(names: Sequence[str], what: str) -> tuple[str, ...]:
-    """The names, checked to be different.
+def as_names(given: Iterable[object], what: str) -> tuple[str, ...]:
+    """Names as texts; a whole number becomes its digits, as in tables of a survey.
+
+    Raises:
+        InputError: it is one text, or no list; the message begins with `what`.
+        RowError: one is empty, or no name.
+    """
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        raise InputError(f"{what}: a list of names is wanted, not {given!r}")
+    names = tuple(given)
+    if set(map(type, names)) <= {str} and "" not in names:  # the quickest look at many
+        return cast("tuple[str, ...]", names)
+    return tuple(_as_name(name, what, row) for row, name in enumerate(names))
+
+
+def _as_name(given: object, what: str, row: int) -> str:
+    is_number = isinstance(given, numbers.Integral) and not isinstance(given, bool)
+    name = str(given) if is_number or isinstance(given, str) else ""
+    if not name:
+        raise RowError(f"{what}: {given!r} (row {row + 1}) is no name", row)
+    return name
+
+
+def unique_names(given: Iterable[object], what: str) -> tuple[str, ...]:
+    """The names as texts (`as_names`), checked to be different.
 
     Raises:
         RowError: one comes twice; the message begins with `what`.
     """
+    names = as_names(given, what)
     seen: set[str] = set()
     for row, name in enumerate(names):
         if name in seen:
             raise RowError(f"{what} {name!r} is given twice", row)
         seen.add(name)
-    return tuple(names)
+    return names
 
 
 def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray:
@@ -42,11 +67,12 @@ def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray
     place = {name: number for number, name in enumerate(known)}
     try:
         return np.array([place[name] for name in wanted], dtype=np.int64)
-    except KeyError as error:
-        name = error.args[0]
-        raise RowError(
-            f"{what} {name!r} is not known ({_alike(name, known)})", list(wanted).index(name)
-        ) from None
+    except (KeyError, TypeError):
+        names = as_names(wanted, what)
+    row = next((row for row, name in enumerate(names) if name not in place), None)
+    if row is not None:
+        raise RowError(f"{what} {names[row]!r} is not known ({_alike(names[row], known)})", row)
+    return np.array([place[name] for name in names], dtype=np.int64)
 
 
 def _alike(name: str, known: Sequence[str]) -> str:

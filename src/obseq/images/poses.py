@@ -9,6 +9,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, attitudes, rotations_from
+from obseq.images.given import rows_of
 from obseq.images.names import index_of, unique_names
 
 if TYPE_CHECKING:
@@ -64,17 +65,16 @@ class Poses:
             InputError: an array does not fit, a name comes twice, or a matrix is no rotation.
         """
         names = unique_names(images, "poses: image")
-        where = np.array(centres, dtype=np.float64).reshape(-1, 3) if len(names) else np.zeros((0, 3))
-        if where.shape != (len(names), 3) or not np.isfinite(where).all():
-            raise InputError(
-                f"poses: the centres of {len(names)} images are a finite ({len(names)}, 3) array"
-            )
+        where = rows_of(centres, len(names), 3, "poses: centres")
+        wrong = np.flatnonzero(~np.isfinite(where).all(axis=1))
+        if wrong.size:
+            raise InputError(f"poses: image {names[wrong[0]]}: the centre {where[wrong[0]]} is not finite")
         matrices = rotations_from(rotations, form) if len(names) else np.zeros((0, 3, 3))
         if matrices.shape != (len(names), 3, 3):
             raise InputError(
                 f"poses: {np.shape(rotations)} is not the shape of {len(names)} rotations as {form}"
             )
-        chosen = (cameras,) * len(names) if isinstance(cameras, str) else tuple(cameras)
+        chosen = (cameras,) * len(names) if isinstance(cameras, str) else tuple(map(str, cameras))
         if len(chosen) != len(names):
             raise InputError(f"poses: {len(chosen)} cameras for {len(names)} images")
         return cls(names, where, matrices, chosen)
@@ -105,4 +105,5 @@ class Poses:
         """The poses of some images, in that order."""
         rows = index_of(self.images, images, "poses: image")
         cameras = tuple(self.cameras[row] for row in rows)
-        return Poses(tuple(images), self.centres[rows], self.rotations[rows], cameras)
+        chosen = tuple(self.images[row] for row in rows)
+        return Poses(chosen, self.centres[rows], self.rotations[rows], cameras)

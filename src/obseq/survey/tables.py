@@ -1,6 +1,7 @@
 """Networks from tables in memory, and results as tables: dictionaries of columns, or data frames.
 
-A table is anything that gives its columns by name: a dictionary of lists or arrays, a pandas data frame.
+A table is anything that gives its columns by name: a dictionary of lists or arrays, a pandas data frame. A
+column that is a single value has it in all rows.
 """
 
 from __future__ import annotations
@@ -236,11 +237,22 @@ def _columns(what: str, table: Table, known: Sequence[str], wanted: Sequence[str
     if missing or unknown:
         said = f"lacks {', '.join(missing)}" if missing else f"has {', '.join(unknown)}, which nothing uses"
         raise InputError(f"{what}: the table {said}; its columns may be {', '.join(known)}")
-    columns = {name: list(table[name]) for name in names}
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) > 1:
-        raise InputError(f"{what}: the columns have different lengths: {sorted(lengths)}")
-    return columns
+    columns = {name: table[name] for name in names}
+    single = {name for name, cells in columns.items() if _is_single(cells)}
+    listed = {name: list(cells) for name, cells in columns.items() if name not in single}
+    if not listed:
+        raise InputError(f"{what}: every column is a single value; at least one must be a list")
+    lengths = {name: len(cells) for name, cells in listed.items()}
+    n = min(lengths.values())
+    if n != max(lengths.values()):
+        said = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise InputError(f"{what}: the columns have different lengths: {said}")
+    return {name: [cells] * n if name in single else listed[name] for name, cells in columns.items()}
+
+
+def _is_single(cells: object) -> bool:
+    """Whether a column is one value, that of all its rows."""
+    return isinstance(cells, str) or not hasattr(cells, "__iter__") or getattr(cells, "ndim", 1) == 0
 
 
 def _numbers(

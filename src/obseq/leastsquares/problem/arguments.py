@@ -97,6 +97,14 @@ def texts(given: object, what: str) -> tuple[str, ...]:
     return names
 
 
+def block_names(given: object, what: str) -> tuple[str, ...]:
+    """Names of blocks of unknowns: texts, none of them empty."""
+    names = texts(given, what)
+    if "" in names:
+        raise InputError(f"{what}: row {names.index('')} has an empty name")
+    return names
+
+
 def listed(given: object, what: str) -> list[Any]:
     """The items of a list.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import finite, table_of_rows, texts
+from obseq.leastsquares.problem.arguments import block_names, finite, table_of_rows, texts
 from obseq.leastsquares.problem.manifolds import (
     DIRECTION,
     POINT2,
@@ -39,7 +39,7 @@ class UnknownBlocks:
 
     def add_points(self, names: Sequence[str], coordinates: ArrayLike) -> IntArray:
         """Adds points of (n, 3) or (n, 2) coordinates, in metres; returns their ids."""
-        names = texts(names, "add_points")
+        names = block_names(names, "add_points")
         array = table_of_rows(coordinates, len(names), "add_points")
         if array.shape[1] not in (2, 3):
             raise InputError(f"add_points: coordinates have {array.shape[1]} columns; expected 2 or 3")
@@ -57,7 +57,7 @@ class UnknownBlocks:
         self, names: Sequence[str], values: ArrayLike, component_names: Sequence[str] | None = None
     ) -> IntArray:
         """Adds vectors of unknowns, (n, k); `component_names` (k,) are for messages; returns their ids."""
-        names = texts(names, "add_vectors")
+        names = block_names(names, "add_vectors")
         array = table_of_rows(values, len(names), "add_vectors")
         size = array.shape[1]
         numbers = [str(number) for number in range(size)]
@@ -68,7 +68,7 @@ class UnknownBlocks:
 
     def add_scalars(self, names: Sequence[str], values: ArrayLike) -> IntArray:
         """Adds single unknowns, values (n,); returns their ids."""
-        names = texts(names, "add_scalars")
+        names = block_names(names, "add_scalars")
         array = finite(values, (len(names),), "add_scalars")
         return self._table.add(SCALAR, names, array[:, None])
 
@@ -87,7 +87,7 @@ class UnknownBlocks:
         return self._add_shaped(manifold, names, values, "add_blocks")
 
     def _add_shaped(self, manifold: Manifold, names: Sequence[str], values: ArrayLike, what: str) -> IntArray:
-        names = texts(names, what)
+        names = block_names(names, what)
         shape = manifold.shape(len(manifold.components))
         return self._table.add(manifold, names, finite(values, (len(names), *shape), what), what=what)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
-from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting
+from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting, instance
 from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
@@ -17,6 +17,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.printable import composed
 from obseq.record import EllipseRecord
 from obseq.shown_units import METRIC
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
 from obseq.survey.epochs.displacements import Displacements, displacements
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from obseq.arrays import BoolArray
-    from obseq.survey.adjustment.adjusted import Adjustment
 
     Epochs = tuple[Adjustment, Adjustment]
 
 LEVEL = 0.05
 LEAST_KNOWN = 2
 """Known points that can move against each other."""
+EPOCH = instance(Adjustment, what="an adjusted network (what Network.adjust gives)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,14 @@ class Comparison:
             )
 
 
-@expecting(level=NUMBER, points=WORDS | NOTHING, reference=WORDS | NOTHING, a_priori=TRUTH)
+@expecting(
+    first=EPOCH,
+    second=EPOCH,
+    level=NUMBER,
+    points=WORDS | NOTHING,
+    reference=WORDS | NOTHING,
+    a_priori=TRUTH,
+)
 def compare(
     first: Adjustment,
     second: Adjustment,
