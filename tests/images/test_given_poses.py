@@ -10,6 +10,7 @@ from obseq.errors import InputError, ObseqError
 from obseq.images import Poses
 from obseq.images.adjustment import exchanges, trials
 from obseq.images.adjustment.causes import common_cause
+from obseq.images.adjustment.given_poses import in_words
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.refusals import explained
 from obseq.images.initial import growth
@@ -150,6 +151,26 @@ def test_a_turn_that_all_observed_rotations_share_is_named(turn, said):
     _turn(block, turn)
     block.observe_poses(block.poses, 0.05, 0.001)
     assert said in _said(block)
+
+
+@pytest.mark.parametrize("pull", [1.0, 40.0])
+def test_two_observed_poses_that_are_wrong_are_named_together(pull):
+    """Whether the block is bad, or has no more than gross errors."""
+    block, far = _block(), np.zeros((6, 3))
+    far[[1, 4]] = [[3.0, 0.0, 0.0], [0.0, -3.0, 0.0]]
+    wrong = replace(block.poses, centres=block.poses.centres + far)
+    block.observe_poses(wrong, 0.1 / pull, 0.01)
+    cause = _cause(block)
+    assert cause.startswith("2 gross errors: the observed pose of image i")
+    assert "image i1, off by (+2.86" in cause and "image i4, off by (" in cause
+
+
+def test_given_poses_of_another_scale_by_chance_are_not_said_to_be_in_feet():
+    found = scenes.ring(12)[0]
+    centres = found.centres.copy()
+    centres[0] *= 9.0
+    assert "feet" not in in_words(found, replace(found, centres=centres), False)
+    assert "in feet" in in_words(found, replace(found, centres=found.centres / 0.3048), False)
 
 
 def test_good_poses_and_rough_ones_are_not_accused():

@@ -38,18 +38,27 @@ EASTINGS = (1e5, 1e6)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
-    """A change of axes that makes a block fit.
+class Axes:
+    """Axes that explain a block.
 
     Attributes:
-        said: it in words.
-        found: the solution of the changed block.
-        shift: pixels by which a principal point moved, at most: a wrong change needs it to.
-        moved: by how much the poses moved from those that were given, in radians and shares of their extent.
+        said: what is exchanged, in words; or all that explains it as well.
+        found: the solution of the block that is changed so.
     """
 
     said: str
     found: BundleSolution
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit(Axes):
+    """A change of axes that makes a block fit.
+
+    Attributes:
+        shift: pixels by which a principal point moved, at most: a wrong change needs it to.
+        moved: by how much the poses moved from those that were given, in radians and shares of their extent.
+    """
+
     shift: float
     moved: float
 
@@ -59,17 +68,22 @@ class _Fit:
         return float(self.found.sigma0 or 0.0)
 
 
-def exchanged_axes(attempts: Attempts) -> str:
-    """The axes that explain a block, or those that do alike, in words; empty where none do."""
+def exchanged_axes(attempts: Attempts) -> Axes | None:
+    """The axes that explain a block, or those that do alike; None where none do."""
     fits = []
     for trial, said, block in _changed(attempts):
         found = attempts.fitting(block, trial)
         if found is not None:
             fits.append(_Fit(said, found, _principal_shift(found), moved(found.poses, attempts.given)))
     if not fits:
-        return ""
+        return None
     good = _alike(fits)
-    return f"{', or '.join(dict.fromkeys(fit.said for fit in good))}: {attempts.becomes(good[0].found)}"
+    return Axes(", or ".join(dict.fromkeys(fit.said for fit in good)), good[0].found)
+
+
+def axes_in_words(attempts: Attempts, axes: Axes | None) -> str:
+    """Axes that explain a block, with what becomes of it; empty for none."""
+    return "" if axes is None else f"{axes.said}: {attempts.becomes(axes.found)}"
 
 
 def _alike(fits: list[_Fit]) -> list[_Fit]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.images.adjustment.axes import common, exchanged_axes
+from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
-from obseq.images.adjustment.gross_errors import gross_errors
+from obseq.images.adjustment.gross_errors import gross_errors, worst_pose
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
 from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
@@ -66,13 +66,15 @@ def common_cause(
     if not cause and is_bad and may_search:
         cause = gross_errors(trials)
     if not cause and may_be_misplaced:
-        cause = exchanged_axes(trials) or misplaced(trials)
+        cause = _axes_or_poses(trials)
     if not cause and is_bad:
         cause = _interior(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
         cause = odd_image(trials, may_be_misplaced) or (odd_control(trials) if may_be_misplaced else "")
+    if not (cause or is_bad) and may_search:
+        cause = gross_errors(trials, 2)
     if not (cause or is_bad):
         cause = exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
@@ -80,7 +82,7 @@ def common_cause(
 
 def _has_gross(solution: BundleSolution) -> bool:
     found = solution.residuals
-    return bool((np.abs(found.residuals) > GROSS * found.sigmas).any())
+    return bool((np.abs(found.residuals) > GROSS * found.sigmas).any()) or bool(worst_pose(solution))
 
 
 def _is_in_shape(solution: BundleSolution) -> bool:
@@ -94,6 +96,15 @@ def _is_in_shape(solution: BundleSolution) -> bool:
         np.sqrt(np.mean(np.square(found.norms / focals))) < SMALL
         and (np.linalg.norm(off, axis=1) < NEAR * extent).all()
     )
+
+
+def _axes_or_poses(trials: Trials) -> str:
+    """Axes, or given poses, that are wrong, in words: poses before axes with which much is left."""
+    axes = exchanged_axes(trials)
+    said = axes_in_words(trials, axes)
+    if axes is not None and (axes.found.sigma0 or 0.0) < BAD:
+        return said
+    return misplaced(trials) or said
 
 
 def _interior(trials: Trials) -> str:

@@ -31,7 +31,7 @@ OFF = 0.5
 FAR = 0.5
 """Share of the distance to the nearest other image, beyond which a centre is off."""
 SCALE = 0.1
-"""Share by which the scale of centres that are given roughly may be off a unit."""
+"""Share by which centres that are given roughly may be off a unit with their scale, and off a similarity."""
 SHOWN = 4
 MOST = 500
 """Images of a block whose places are compared with each other."""
@@ -63,15 +63,14 @@ def misplaced(attempts: Attempts) -> str:
     if found is None or (found.sigma0 or 0.0) > BAD:
         return ""
     said = next(
-        filter(
-            None, (_in_words(found.poses, poses, bool(observed)) for poses in (attempts.given, *observed))
-        ),
+        filter(None, (in_words(found.poses, poses, bool(observed)) for poses in (attempts.given, *observed))),
         "",
     )
     return f"{said}; with poses from the measures alone, {attempts.falls(found)}" if said else ""
 
 
-def _in_words(found: Poses, given: Poses, are_observed: bool) -> str:
+def in_words(found: Poses, given: Poses, are_observed: bool) -> str:
+    """What is wrong with given poses of images that are found at others; empty where nothing is."""
     new, old = common(found, given)
     return (
         exchanged_images(new, old) or _turned(new, old) or _scaled(new, old) or _off(new, old, are_observed)
@@ -118,8 +117,11 @@ def _turned(found: Poses, given: Poses) -> str:
 def _scaled(found: Poses, given: Poses) -> str:
     """The unit that centres are in, where the control points are in another one, in words."""
     try:
-        scale, _ = similarity(given.centres, found.centres)
+        scale, motion = similarity(given.centres, found.centres)
     except InputError:
+        return ""
+    off = motion.centre + scale * given.centres @ motion.rotation.T - found.centres
+    if np.median(np.linalg.norm(off, axis=1)) > SCALE * np.linalg.norm(np.ptp(found.centres, axis=0)):
         return ""
     for factor, units in UNITS:
         if abs(scale / factor - 1.0) < SCALE:

@@ -6,23 +6,28 @@ while that takes away much of what is left. The block must fit without them, and
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.images.adjustment.axes import common, turns
 from obseq.images.adjustment.exchanges import rows_of
+from obseq.images.adjustment.given_poses import exchanged_images
 from obseq.images.adjustment.odd_control import LEAST, contradicted, off_by
-from obseq.images.adjustment.trials import BAD, squares
+from obseq.images.adjustment.trials import BAD, LOUD, squares
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Trials
     from obseq.images.measures import ImagePoints
+    from obseq.images.parts import PoseObservations
+    from obseq.images.poses import Poses
 
 MOST = 3
 """Observations that are left out together."""
@@ -30,6 +35,8 @@ GAIN = 0.2
 """Share of the sum of squares that each of them takes away, at least."""
 RAYS, OF_KNOWN = 4, 3
 """Rays of a free point, and of a control point, that tell which one of them is wrong."""
+OF_IMAGES = 3
+"""One of so many images at most has a wrong observed pose."""
 SHARED = 0.2
 """Share of its worst residual that most rays of a control point have when its coordinates are wrong."""
 
@@ -41,19 +48,22 @@ class _Left:
     Attributes:
         measures: image and point of each.
         control: the control point that is taken for unknown, if there is one.
+        poses: images whose observed poses are.
     """
 
     measures: tuple[tuple[str, str], ...] = ()
     control: tuple[str, ...] = ()
+    poses: tuple[str, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.measures) + len(self.control)
+        return len(self.measures) + len(self.control) + len(self.poses)
 
     def of(self, trials: Trials) -> AdjustableBlock | None:
         """The block without it."""
         made = trials.measured(self._kept)
         if made is not None:
             made.control = made.control.without(self.control)
+            made.pose_observations = [part.without(self.poses) for part in made.pose_observations]
         return made
 
     def _kept(self, measures: ImagePoints) -> ImagePoints:
@@ -61,19 +71,25 @@ class _Left:
         return measures.rows(np.delete(np.arange(len(measures)), gone))
 
 
-def gross_errors(trials: Trials) -> str:
-    """Single observations that contradict all the others, in words; empty where something else is wrong."""
+def gross_errors(trials: Trials, least: int = 1) -> str:
+    """Single observations that contradict all the others, in words; empty where something else is wrong.
+
+    Args:
+        trials: of the block.
+        least: how many there are, or nothing is said.
+    """
     left, solution = _Left(), trials.before
     while len(left) < MOST:
         tried = [(more, _without(trials, more)) for more in _with_the_worst(trials, left, solution)]
         good = [(squares(found), more, found) for more, found in tried if found is not None]
         if not good:
             return ""
-        least, left, found = min(good, key=lambda item: item[0])
-        if least > (1.0 - GAIN) * squares(solution):
+        rest, left, found = min(good, key=lambda item: item[0])
+        if rest > (1.0 - GAIN) * squares(solution):
             return ""
         if trials.fits(found) and (found.sigma0 or 0.0) < BAD:
-            return _words(trials, left, found) if _are_wrong(trials, found) else ""
+            is_so = len(left) >= least and _are_wrong(trials, found)
+            return _words(trials, left, found) if is_so else ""
         solution = found
     return ""
 
@@ -83,11 +99,14 @@ def _without(trials: Trials, left: _Left) -> BundleSolution | None:
 
 
 def _with_the_worst(trials: Trials, left: _Left, solution: BundleSolution) -> Iterator[_Left]:
-    """What is left out, and the worst control point, or image point, beside it."""
+    """What is left out, and the worst observed pose, control point, or image point, beside it."""
     found = solution.residuals
     norms = np.linalg.norm(found.residuals / found.sigmas, axis=1) * np.sqrt(found.weights)
     worst = int(np.argmax(norms))
     image, point = solution.poses.images[found.image[worst]], solution.points[found.point[worst]]
+    pose = worst_pose(solution)
+    if pose and OF_IMAGES * (1 + len(left.poses)) <= len(solution.poses):
+        yield replace(left, poses=(*left.poses, pose))
     control = _worst_control(solution, norms[worst]) or point
     rays = norms[found.point == solution.points.index(control)]
     known = trials.block.control.names
@@ -98,8 +117,21 @@ def _with_the_worst(trials: Trials, left: _Left, solution: BundleSolution) -> It
         and len(rays) >= OF_KNOWN
         and np.median(rays) > SHARED * rays.max()
     ):
-        yield _Left(left.measures, (control,))
-    yield _Left((*left.measures, (image, point)), left.control)
+        yield replace(left, control=(control,))
+    yield replace(left, measures=(*left.measures, (image, point)))
+
+
+def worst_pose(solution: BundleSolution) -> str:
+    """The image that is off its observed pose by most of its sigmas, if these are many; else empty."""
+    worst = LOUD, ""
+    for part in solution.block.pose_observations:
+        new, old = common(solution.poses, part.poses)
+        if len(new):
+            times = np.abs((new.centres - old.centres) / part.centre_sigmas).max(axis=1)
+            if part.rotation_sigma is not None:
+                times = np.maximum(times, turns(old, new) / part.rotation_sigma)
+            worst = max(worst, (float(times.max()), new.images[int(np.argmax(times))]))
+    return worst[1]
 
 
 def _worst_control(solution: BundleSolution, least: float) -> str:
@@ -120,12 +152,31 @@ def _are_wrong(trials: Trials, found: BundleSolution) -> bool:
 
 
 def _words(trials: Trials, left: _Left, found: BundleSolution) -> str:
-    if not left.measures:
+    if len(left) == len(left.control):
         return contradicted(trials, left.control, found)
     said = [f"control point {place}" for place in off_by(trials, left.control, found)]
     said += [_measure(trials, image, point, found) for image, point in left.measures]
+    poses = [_pose(image, part.poses, found) for image, part in _observed(trials, left.poses)]
+    exchanged = [
+        exchanged_images(*common(found.poses, part.poses)) for _, part in _observed(trials, left.poses)
+    ]
+    said += list(dict.fromkeys(filter(None, exchanged))) or poses
     what, without = ("a gross error", "it") if len(said) == 1 else (f"{len(said)} gross errors", "them")
     return f"{what}: {'; '.join(said)}. Without {without}, {trials.falls(found)}"
+
+
+def _observed(trials: Trials, images: Sequence[str]) -> list[tuple[str, PoseObservations]]:
+    parts = trials.block.pose_observations
+    return [(image, part) for image in images for part in parts if image in part.poses]
+
+
+def _pose(image: str, observed: Poses, found: BundleSolution) -> str:
+    new, old = found.poses.select([image]), observed.select([image])
+    x, y, z = (old.centres - new.centres)[0]
+    degrees = float(np.degrees(turns(old, new)[0]))
+    return (
+        f"the observed pose of image {image}, off by ({x:+.3g}, {y:+.3g}, {z:+.3g}) and {degrees:.0f} degrees"
+    )
 
 
 def _measure(trials: Trials, image: str, point: str, found: BundleSolution) -> str:

@@ -91,10 +91,10 @@ def _axes(block: AdjustableBlock, growth: Growth) -> str:
     if len(growth.measures) > MOST_PLACED:
         return ""
     attempts = Attempts(block, block.poses, silent, {})
-    said = exchanged_axes(attempts).partition(": so changed")[0]
-    if not said or attempts.fitting(attempts.copy(), "the block as it is") is not None:
+    axes = exchanged_axes(attempts)
+    if axes is None or attempts.fitting(attempts.copy(), "the block as it is") is not None:
         return ""
-    return f"{said}: so changed, all images can be placed"
+    return f"{axes.said}: so changed, all images can be placed"
 
 
 def _of_some(block: AdjustableBlock, growth: Growth) -> str:

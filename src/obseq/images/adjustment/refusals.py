@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from obseq.errors import ObseqError, SingularSystemError
-from obseq.images.adjustment.axes import exchanged_axes
+from obseq.images.adjustment.axes import axes_in_words, exchanged_axes
 from obseq.images.adjustment.causes import common_cause, silent
 from obseq.images.adjustment.given_poses import misplaced
 from obseq.images.adjustment.odd_control import odd_control
@@ -44,7 +44,10 @@ def explained(
 def _cause(attempts: Attempts) -> str:
     """What makes the block fit when it is changed, in words; empty where nothing does."""
     return (
-        exchanged_axes(attempts) or misplaced(attempts) or odd_control(attempts) or _of_calibrated(attempts)
+        axes_in_words(attempts, exchanged_axes(attempts))
+        or misplaced(attempts)
+        or odd_control(attempts)
+        or _of_calibrated(attempts)
     )
 
 
