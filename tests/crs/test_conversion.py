@@ -260,11 +260,11 @@ def test_inverse_is_exact_at_any_height() -> None:
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_points_at_once() -> None:
-    points = np.random.default_rng(6).uniform(-5000.0, 5000.0, (100_000, 3))
+def test_many_points_at_once() -> None:
+    points = np.random.default_rng(6).uniform(-5000.0, 5000.0, (20_000, 3))
     there = Transformer(parse(PARIS), parse("L93"))
     np.testing.assert_allclose(there.inverse(there.forward(points)), points, rtol=0.0, atol=1e-7)
-    assert crs.parse(PARIS).vertical_rotation(points).shape == (100_000, 3, 3)
+    assert crs.parse(PARIS).vertical_rotation(points).shape == (20_000, 3, 3)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])

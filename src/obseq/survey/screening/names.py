@@ -20,7 +20,7 @@ from obseq.survey.screening.substitutes import End, substitutes
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.report.units import Scale
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.initial.left_out import LeftOut
@@ -174,29 +174,31 @@ def _precisions(adjusted: AdjustedPoints) -> FloatArray:
     return np.asarray(np.maximum(np.nan_to_num(adjusted.precisions).max(axis=1), _LEAST_PRECISION))
 
 
-def _pairs_within(places: FloatArray, radius: float) -> list[tuple[int, int]]:
-    """Pairs of points no farther apart, in order; for few points SciPy's tree takes longer to load."""
+def _pairs_within(places: FloatArray, radius: float) -> IntArray:
+    """(k, 2) pairs of points no farther apart, in order; for few points SciPy's tree takes longer to load."""
     if len(places) > _TREE:
         from scipy.spatial import cKDTree
 
-        return sorted(cKDTree(places).query_pairs(radius))
+        pairs = cKDTree(places).query_pairs(radius, output_type="ndarray")
+        return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
     squares = np.square(places[:, None] - places[None]).sum(axis=2)
-    first, second = np.nonzero(np.triu(squares <= radius**2, 1))
-    return list(zip(first.tolist(), second.tolist(), strict=True))
+    return np.argwhere(np.triu(squares <= radius**2, 1))
 
 
 def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterator[str]:
     """Points of nearly one name at one place, at least one of them unknown."""
     precisions = _precisions(adjusted)
-    free = np.asarray(adjusted.points.is_free.all(axis=1), np.bool_).tolist()
+    free = np.asarray(adjusted.points.is_free.all(axis=1), np.bool_)
     radius = min(_SAME * 2.0 * float(precisions.max(initial=0.0)), _FARTHEST)
     places = np.where(np.isfinite(adjusted.coordinates), adjusted.coordinates, 0.0)
-    for a, b in _pairs_within(places, radius):
-        names = adjusted.names[a], adjusted.names[b]
-        distance = float(np.linalg.norm(places[a] - places[b]))
-        is_one = distance <= _SAME * float(np.hypot(precisions[a], precisions[b]))
-        if is_one and (free[a] or free[b]) and not unused & {*names} and are_alike(*names):
-            first, second = names if free[a] else names[::-1]
+    one, other = _pairs_within(places, radius).T
+    distances = np.linalg.norm(places[one] - places[other], axis=1)
+    is_one = distances <= _SAME * np.hypot(precisions[one], precisions[other])
+    all_names = adjusted.names
+    for pair in np.flatnonzero(is_one & (free[one] | free[other])).tolist():
+        names, distance = (all_names[one[pair]], all_names[other[pair]]), float(distances[pair])
+        if not unused & {*names} and are_alike(*names):
+            first, second = names if free[one[pair]] else names[::-1]
             yield (
                 f"{first} and {second} are adjusted as two points {small.text(distance)} apart: likely "
                 "one point under two names"
