@@ -1,5 +1,6 @@
 """Shared fixtures: where the outside values lie, the same random examples in every run, no waste of time."""
 
+import atexit
 import gc
 import os
 import shutil
@@ -47,6 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Where tests run, random examples are the same in every run."""
     if hands_out(config):
         return
+    if is_worker(config):
+        atexit.register(os._exit, 0)  # the last to be called: what is there need not be taken down one by one
     from hypothesis import settings
 
     settings.register_profile("fixed", derandomize=True, deadline=None)
