@@ -1,8 +1,9 @@
 """Vectors are tested as one observation: at the level announced, along any axes, as leaving out says."""
 
+import importlib
+
 import numpy as np
 import pytest
-from scipy import stats
 
 import obseq
 from obseq.errors import InputError
@@ -19,6 +20,12 @@ from obseq.leastsquares.statistics.joint_levels import (
 
 PAIRS = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3), (3, 4), (2, 4)])
 FACTOR = np.array([[3.0, 0, 0], [1.0, 2.0, 0], [6.0, 3.0, 4.0]]) * 1e-3
+
+
+@pytest.fixture(scope="module")
+def stats():
+    """SciPy's distributions: they take longer to load than these tests, which is for who runs them."""
+    return importlib.import_module("scipy.stats")
 
 
 class Vectors:
@@ -97,7 +104,7 @@ def test_without_errors_the_test_is_chi_square():
     assert test.statistic == pytest.approx(test.blunder @ np.linalg.solve(spread, test.blunder), rel=1e-9)
 
 
-def test_limits_find_one_error_with_one_power():
+def test_limits_find_one_error_with_one_power(stats):
     shift = non_centrality(0.001, 0.80) ** 2
     for degrees in (1, 2, 3, 6):
         assert stats.ncx2.sf(joint_critical(0.001, 0.80, degrees), degrees, shift) == pytest.approx(0.80)
@@ -111,7 +118,7 @@ def test_levels_of_all_tests_add_up():
     assert none == pytest.approx(0.99, abs=1e-9)
 
 
-def test_limits_by_the_variance_factor_of_all_or_of_the_others():
+def test_limits_by_the_variance_factor_of_all_or_of_the_others(stats):
     level = joint_level(0.001, 0.80, 3)
     assert joint_ratio_critical(0.001, 0.80, 1, 12) == pytest.approx(tau_critical(0.001, 12) ** 2)
     assert joint_limit_by_others(30.0, 3, 60.0, 15, 0.001, 0.80) == pytest.approx(
@@ -124,13 +131,13 @@ def test_limits_by_the_variance_factor_of_all_or_of_the_others():
 @pytest.mark.parametrize(
     "x, degrees, shift", [(12.0, 3, 17.0), (0.5, 2, 3.0), (250.0, 3, 200.0), (4.0, 5, 0.0)]
 )
-def test_non_central_chi_square(x, degrees, shift):
+def test_non_central_chi_square(stats, x, degrees, shift):
     expected = stats.ncx2.sf(x, degrees, shift) if shift else stats.chi2.sf(x, degrees)
     assert non_central_above(x, degrees, shift) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("y, a, b", [(0.3, 1.5, 6.0), (0.01, 1.5, 5000.0), (0.9, 0.5, 3.0), (0.0, 1, 1)])
-def test_beta(y, a, b):
+def test_beta(stats, y, a, b):
     assert beta_above(y, a, b) == pytest.approx(stats.beta.sf(y, a, b), rel=1e-9)
 
 
