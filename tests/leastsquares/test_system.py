@@ -355,11 +355,11 @@ def test_a_thousand_unknowns_added_one_by_one():
 @pytest.mark.slow
 def test_sigma0_and_precisions_over_many_seeds():
     squares, scaled = [], []
+    system, ids, _, points, *_ = trilateration(seed=3, n=7)
+    i, j = np.triu_indices(7, 1)
+    exact = np.linalg.norm(points[i] - points[j], axis=1)
     for seed in range(200):
-        system, ids, _, points, *_ = trilateration(seed=3, n=7)
         rng = np.random.default_rng(1000 + seed)
-        i, j = np.triu_indices(7, 1)
-        exact = np.linalg.norm(points[i] - points[j], axis=1)
         system.batches[0].observations = exact + rng.normal(0.0, 1e-3, len(i))
         result = system.solve(covariance="all")
         squares.append(result.cost)
