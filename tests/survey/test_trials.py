@@ -101,5 +101,5 @@ def test_a_search_begins_with_the_initial_values_of_the_adjustment(planted, tmp_
 
     monkeypatch.setattr(fieldwork, "values_by", computed)
     work.initial_values()
-    assert work.gross_errors()
+    assert work.search().errors
     assert began.count(True) == 1

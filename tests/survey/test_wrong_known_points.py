@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obseq.survey import Network, network_from_tables
+from obseq.survey import Network, Quality, network_from_tables
 from obseq.survey.screening.findings import Cause
 
 RISES = [("A", "P", 1.5004), ("P", "Q", 1.6993), ("Q", "B", -1.2002), ("B", "R", -2.7003), ("R", "A", 0.7003)]
@@ -113,3 +113,24 @@ def test_the_scale_of_all_distances_may_be_one_of_two_known_points(shared_data):
     (error,) = displaced(network, places).gross_errors()
     assert error.cause is Cause.DISTANCES
     assert re.search(r"nothing tells apart, the coordinates of 1 \(.*\) or 2 \(.*\)$", error.text)
+
+
+def test_a_known_point_that_is_right_is_not_accused_where_initial_values_follow_a_wrong_direction():
+    """From there iterations ended far off, and A, taken as unknown, came back to where it is; nor does
+    snooping leave out a good direction there."""
+    places = {"A": (1000, 2000, 50), "B": (1180, 2030, 58), "C": (1090, 2190, 45), "Q": (1140, 2110, 49)}
+    xyz = np.array([*list(places.values())[:3], (0, 0, 0)], np.float64).T  # of Q, a placeholder
+    points = {"name": list(places), **dict(zip("xyz", xyz, strict=True))}
+    points |= {f"s{axis}": [0.001] * 3 + [None] for axis in "xyz"}
+    rows = []
+    for station, target in ((s, t) for s in "AB" for t in places if s != t):
+        dx, dy, dz = np.subtract(places[target], places[station])
+        azimuth, flat = np.arctan2(dx, dy) * 200.0 / np.pi, np.hypot(dx, dy)
+        wrong = 40.0 if (station, target) == ("A", "Q") else 0.0
+        rows.append(("Hz", station, target, (azimuth - wrong) % 400.0, 0.001))
+        rows.append(("Zen", station, target, np.arctan2(flat, dz) * 200.0 / np.pi, 0.001))
+        rows.append(("Dist", station, target, np.hypot(flat, dz), 0.002))
+    columns = dict(zip(("type", "from", "to", "value", "sigma"), zip(*rows, strict=True), strict=True))
+    adjustment = network_from_tables(points, columns, angles="gon").adjust(quality=Quality(snooping="w"))
+    assert [error.what for error in adjustment.gross_errors] == ["Hz A -> Q (observations:7)"]
+    assert [item.row for item in adjustment.record().rejections] == [6]

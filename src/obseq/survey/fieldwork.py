@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.findings import GrossError
     from obseq.survey.screening.robust import Model
+    from obseq.survey.screening.search import Search
 
 _LOG = logging.getLogger(__name__)
 
@@ -97,12 +98,12 @@ class Fieldwork:
 
         return Model(self._started, self._equations, Units(self.shown or METRIC))
 
-    def gross_errors(self, progress: Progress | None = None) -> tuple[GrossError, ...]:
-        """What contradicts the rest grossly, with likely causes, the worst first; progress is told to one."""
-        from obseq.survey.screening.search import gross_errors
+    def search(self, progress: Progress | None = None) -> Search:
+        """What contradicts the rest grossly, with likely causes; progress is told to one."""
+        from obseq.survey.screening.search import search
 
         model = replace(self.model(), progress=progress)
-        return gross_errors(model, self.point_system, self.points, self.book)
+        return search(model, self.point_system, self.points, self.book)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
@@ -186,11 +187,14 @@ class Fieldwork:
             equations = self._equations(given)
         check_scales(given, equations, self._equations, computation.whole)
         announced = self._announced(given, equations, computation, strict=strict)
+        if announced is not None and announced.errors and announced.places is not None:
+            given = announced.places.places_in(given)
+            equations = self._equations(given)
         try:
             adjustment = computation.determined(given, equations, strict=strict)
         except ObseqError as error:
             blame(error, self._looked_for(announced, given, computation))
-        errors = announced or ()
+        errors = announced.errors if announced else ()
         if not errors:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
@@ -247,22 +251,23 @@ class Fieldwork:
 
     def _errors_among_determined(
         self, start: Determined, computation: Computation, equations: Equations | None = None
-    ) -> tuple[GrossError, ...]:
+    ) -> Search:
         """The gross errors without what nothing determines, which therefore contradicts nothing."""
         kept = computation.whole(start, equations).book.observations.active
         lost = start.book.observations.active & ~kept
         work = replace(self, book=self.book.without(lost)) if lost.any() else self
-        return work.gross_errors(computation.watch.progress)
+        return work.search(computation.watch.progress)
 
     def _looked_for(
-        self, announced: tuple[GrossError, ...] | None, start: Determined, computation: Computation
+        self, announced: Search | None, start: Determined, computation: Computation
     ) -> tuple[GrossError, ...]:
         """The gross errors, looked for unless that was done, be it in vain, for the announcement."""
-        return self._errors_among_determined(start, computation) if announced is None else announced
+        found = self._errors_among_determined(start, computation) if announced is None else announced
+        return found.errors
 
     def _announced(
         self, start: Determined, equations: Equations, computation: Computation, *, strict: bool
-    ) -> tuple[GrossError, ...] | None:
+    ) -> Search | None:
         """The gross errors, looked for where some observation does not fit the initial values; else None."""
         from obseq.survey.screening.search import is_doubtful, refuse
 
@@ -270,12 +275,13 @@ class Fieldwork:
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
         with computation.watch.phase("gross errors"):
             doubtful = is_doubtful(start, equations)
-            errors = self._errors_among_determined(start, computation, equations) if doubtful else None
-        for error in errors or ():
+            found = self._errors_among_determined(start, computation, equations) if doubtful else None
+        errors = found.errors if found else ()
+        for error in errors:
             _LOG.info("%s", error.sentence())
         if strict and errors:
             refuse(errors)
-        return errors
+        return found
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)

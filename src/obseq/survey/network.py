@@ -358,4 +358,4 @@ class Network:
 
     def gross_errors(self) -> tuple[GrossError, ...]:
         """What contradicts the rest grossly, with likely causes, the worst first."""
-        return self.fieldwork.gross_errors()
+        return self.fieldwork.search().errors

@@ -114,6 +114,23 @@ class Estimate:
     control: float = 1.0
     units: Units = METRIC
 
+    def places_in(self, start: Determined) -> Determined:
+        """A network of these points and stations, where they were found; what was not stays where it starts.
+
+        Args:
+            start: the network, of the same points and observations or of part of them.
+        """
+        rows, initial = [self.points.index[name] for name in start.points.names], start.initial
+        found = self.coordinates[rows]
+        moved = np.asarray(start.points.is_free.any(axis=1) & np.isfinite(found).all(axis=1))
+        rotations = initial.rotations.copy()
+        if len(rotations):
+            turned = self.rotations[_kept_stations(self.book, start.book)]
+            is_known = np.isfinite(turned).all(axis=(1, 2))
+            rotations[is_known] = turned[is_known]
+        coordinates = np.where(moved[:, None], found, initial.coordinates)
+        return replace(start, initial=replace(initial, coordinates=coordinates, rotations=rotations))
+
     @property
     def computed(self) -> FloatArray:
         """(k,) what each observation should have been."""

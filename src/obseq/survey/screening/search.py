@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
@@ -47,10 +48,21 @@ _EQUAL = 0.1
 """Contradictions by which two causes may differ that explain a network equally well."""
 
 
-def gross_errors(
-    model: Model, system: PointSystem, points: Points, book: FieldBook
-) -> tuple[GrossError, ...]:
-    """The gross errors of a network with their likely causes, the worst first; none for an honest network.
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found.
+
+    Attributes:
+        errors: the gross errors with their likely causes, the worst first; none for an honest network.
+        places: the network as it is, where it contradicts itself least; None where it was not looked for.
+    """
+
+    errors: tuple[GrossError, ...] = ()
+    places: Estimate | None = None
+
+
+def search(model: Model, system: PointSystem, points: Points, book: FieldBook) -> Search:
+    """The gross errors of a network.
 
     Args:
         model: how initial values and equations are made.
@@ -62,30 +74,42 @@ def gross_errors(
     try:
         found = estimate(model, points, put_right(book, beyond) if len(beyond) else book)
     except ObseqError:
-        return ()
-    errors = with_signs(book, beyond, found, _errors(model, system, found, are_right=not len(beyond)))
-    return tuple(sorted(errors, key=lambda error: -error.size))
+        return Search()
+    told, places = _errors(model, system, found, are_right=not len(beyond))
+    errors = with_signs(book, beyond, found, told)
+    return Search(tuple(sorted(errors, key=lambda error: -error.size)), places)
 
 
-def _errors(model: Model, system: PointSystem, found: Estimate, *, are_right: bool) -> list[GrossError]:
-    """The gross errors of an estimated network whose zenith angles are right, or have been put right."""
+def _errors(
+    model: Model, system: PointSystem, found: Estimate, *, are_right: bool
+) -> tuple[list[GrossError], Estimate]:
+    """The gross errors of an estimated network whose zenith angles are right, or have been put right.
+
+    With them the network as it is where it contradicts itself least, which may be far from where its initial
+    values lead.
+    """
     if found.suspects.size and (together := _cause_of_all(Trials(model, found), system)):
-        return [together]
+        return [together], found
     errors: list[GrossError] = []
     untried: list[str] = []
+    places = found
     if (found.suspects.size or not are_right) and (mirrored := mirrored_cause(Trials(model, found))):
         errors, found = [mirrored[0]], mirrored[1]
-    for _ in range(_MOST_CAUSES):
+    most = len(errors) + _MOST_CAUSES
+    while len(errors) < most:
         step = _cause_of_many(model, system, found, untried)
         if step is None:
             break
-        errors.append(step[0])
-        found = _settled(model, step[1])
+        error, found = step[0], _settled(model, step[1])
         untried.clear()
+        if error is None:
+            places = found
+        else:
+            errors.append(error)
     exchanged, suspects = exchanged_readings(found, found.suspects.tolist())
     ambiguous, suspects = _ambiguous(model, system, found, suspects)
     singles = _left_over(found, suspects, untried)
-    return [*errors, *exchanged, *ambiguous, *singles]
+    return [*errors, *exchanged, *ambiguous, *singles], places
 
 
 def _settled(model: Model, found: Estimate) -> Estimate:
@@ -140,8 +164,11 @@ def _together(found: Estimate, rows: list[int], text: str) -> GrossError:
 
 def _cause_of_many(
     model: Model, system: PointSystem, found: Estimate, untried: list[str]
-) -> tuple[GrossError, Estimate] | None:
-    """The one mistake that removes most contradictions; of equal ones the first, which estimates nothing."""
+) -> tuple[GrossError | None, Estimate] | None:
+    """The one mistake that removes most contradictions; of equal ones the first, which estimates nothing.
+
+    No mistake, and the network found anew, where it is the places that it gives which remove them.
+    """
     if not len(found.suspects):
         return None
     trials = Trials(model, found, untried)
@@ -154,7 +181,20 @@ def _cause_of_many(
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
         best = aim_cause(trials) or standpoint_cause(trials, system) or sight_cause(trials)
-    return best or sigmas_cause(trials)
+    if best is None:
+        return sigmas_cause(trials)
+    elsewhere = _from_places(trials, best[1])
+    return best if elsewhere is None else (None, elsewhere)
+
+
+def _from_places(trials: Trials, corrected: Estimate) -> Estimate | None:
+    """The network as it is, from the places that it has without a mistake; None where that explains nothing.
+
+    Where initial values follow an observation that is wrong, iterations may end far off, and good
+    observations contradict it there: any trial that starts elsewhere then looks as if it were right.
+    """
+    found = trials.found
+    return trials.explaining(found.points, found.book, corrected.places_in(found.start))
 
 
 def _best(steps: list[tuple[GrossError, Estimate]]) -> tuple[GrossError, Estimate] | None:
