@@ -5,6 +5,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.survey import Network, read_cor, read_obs
+from obseq.survey.files.once import repetitions
 
 POINTS = "1 A 0 0 10 0.001\n1 B 100 0 12 0.001\n0 P 40 60 11\n"
 SIGHTS = (
@@ -88,6 +89,31 @@ def test_coarse_levelling_may_repeat_itself(folder):
     (folder / "l.obs").write_text(text.replace("0.001", "0.0003") + "\n")
     (folder / "m.obs").write_text("* again\n" + text.replace("0.001", "0.0003") + "\n")
     assert warned(folder, "l.obs", "m.obs") == []
+
+
+def test_single_lines_that_are_doubled_are_told_with_both_places(folder):
+    fine = SIGHTS.replace("72.1180", "72.11801").replace("362.5666", "362.56662")
+    lines = fine.splitlines()
+    (folder / "a.obs").write_text("\n".join([*lines[:3], lines[2], *lines[3:]]))
+    (text,) = warned_of(folder, "a.obs")
+    file = folder / "a.obs"
+    assert f"repeat an earlier one to the last digit: 1 ({file}:4 as {file}:3). Two measurements" in text
+    (folder / "a.obs").write_text("\n".join(line for line in lines[1:] for _ in range(2)))
+    (text,) = warned_of(folder, "a.obs")
+    assert f"to the last digit: 4 ({file}:2 as {file}:1, " in text
+    assert " and 1 more)" in text
+
+
+def test_a_distance_that_is_measured_often_may_come_out_equal(folder):
+    """Twenty lengths to the tenth of a millimetre, with sigmas of 1 mm: four of them are equal to others."""
+    lengths = np.random.default_rng(3).normal(72.118, 0.001, 20).round(4)
+    (folder / "l.obs").write_text("\n".join(f"3 A P {length} 0.001" for length in lengths))
+    assert len(set(lengths)) == 16
+    assert warned_of(folder, "l.obs") == []
+
+
+def warned_of(folder, name):
+    return list(repetitions(read_obs(folder / name)))
 
 
 PLACES, LENGTHS = "1 A 0 0 0 0.001\n0 B 10 0 0\n", "3 A B 10 0.002\n3 A B 10.001 0.002\n"

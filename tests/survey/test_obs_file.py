@@ -100,6 +100,7 @@ def test_numbers_after_the_sigma_are_relative_sigma_and_heights(tmp_path):
     assert observations.to_heights.tolist() == [0.0, -0.3, 0.0]
     assert book.warnings == ()
     assert book_of(tmp_path, "3 A B 10 0.1 seen at noon 3").observations.relative_sigmas.tolist() == [0.0]
+    assert book_of(tmp_path, "3 A B 10 0.1 0 1.5 1.6 wet 3").observations.to_heights.tolist() == [1.6]
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ from obseq.survey.files.exchanged import told_if_exchanged
 from obseq.survey.files.geoid import read_geoid
 from obseq.survey.files.implausible_sigmas import implausible_sigmas
 from obseq.survey.files.obs import read_obs
-from obseq.survey.files.once import repeated_runs, require_distinct
+from obseq.survey.files.once import repetitions, require_distinct
 from obseq.survey.files.point import PointFileOptions, read_points
 from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
@@ -277,7 +277,7 @@ class Network:
             book = replace(book, warnings=(*book.warnings, warning))
         points, book = join(
             replace(points, coordinates=coordinates),
-            book.warned(*repeated_runs(book), *implausible_sigmas(points, book)),
+            book.warned(*repetitions(book), *implausible_sigmas(points, book)),
         )
         return cls(points, book, Frame(computation, refraction), given, watch.seconds)
 

@@ -1,8 +1,8 @@
 """What follows the sigma of an OBS line: relative sigma, heights of instrument and target, or a remark.
 
 The grammar is Comp3D's: no number, one (the relative sigma) or three (relative sigma, height of the
-instrument, height of the target). MMVII ignores all of it. Here a number that is read is used, unless the
-user has said that such numbers are to be ignored.
+instrument, height of the target); a remark may follow none or three. MMVII ignores all of it. Here a number
+that is read is used, unless the user has said that such numbers are to be ignored.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class AfterSigma:
             return NOTHING
         if not any(numbers):
             return NOTHING
-        if len(numbers) not in (1, 3) or len(numbers) < len(fields):
+        if len(numbers) != 3 and (len(numbers) != 1 or len(fields) > 1):
             raise self.file.error(index, _unclear(len(numbers), len(fields)))
         relative, origin, target = numbers if len(numbers) == 3 else (numbers[0], 0.0, 0.0)
         self._check(index, is_length, relative, max(abs(origin), abs(target)))
@@ -125,6 +125,6 @@ def _unclear(count: int, length: int) -> str:
     found = f"{count} number{'s' if count > 1 else ''}{' and a remark' if count < length else ''}"
     return (
         f"{found} after the sigma, where one (relative sigma) or three (relative sigma, height of "
-        "instrument, height of target) may stand; write names without blanks, put a * before a remark, or "
-        "leave them out with --ignore after-sigma"
+        "instrument, height of target) may stand, and a remark after none or three of them; write names "
+        "without blanks, put a * before a remark, or leave them out with --ignore after-sigma"
     )

@@ -71,6 +71,7 @@ _KEYWORDS = {orientation.keyword: orientation for orientation in Orientation}
 _NEW = "#NEW"
 _INSTRUMENT = "#INSTRUMENT"
 """What names the instrument of the lines that follow, for unknowns of its own; alone it ends that."""
+_ALL_KEYWORDS = ", ".join([*_KEYWORDS, _NEW, _INSTRUMENT])
 _KNOWN = ", ".join(
     [f"{kind.code} {kind.name}" for kind in KINDS if kind.is_line]
     + [f"{_SLOPE} as 3", f"{_OPENS_STATION} Hz of a new station", f"{_CENTRING} centring"]
@@ -143,11 +144,8 @@ class _Reader:
             self.instrument = self.columns.instrument(" ".join(name))
             return
         if word not in _KEYWORDS and word != _NEW:
-            known = f"{', '.join([*_KEYWORDS, _NEW, _INSTRUMENT])} (comments begin with *)"
-            raise file.error(
-                index,
-                f"unknown keyword {quoted(word)!r}; alone on a line: {known}",
-            )
+            known = f"{_ALL_KEYWORDS} (comments begin with *)"
+            raise file.error(index, f"unknown keyword {quoted(word)!r}; alone on a line: {known}")
         self.open_stations = {}
         self.orientation = _KEYWORDS.get(word, self.orientation)
 
@@ -208,7 +206,7 @@ def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
         code = None
     if code is None:
         raise file.error(
-            index, f"{quoted(text)!r} is neither a code ({_KNOWN}) nor a keyword (#FIX, #VERT, #BASC, #NEW)"
+            index, f"{quoted(text)!r} is neither a code ({_KNOWN}) nor a keyword ({_ALL_KEYWORDS})"
         )
     if abs(code) not in _LINES:
         hint = _HINTS.get(abs(code), "")

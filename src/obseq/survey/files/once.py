@@ -24,8 +24,10 @@ TWICE = "what it holds would count twice; name it once"
 
 SHORTEST_RUN = 3
 """Equal observations in a row of which something is said."""
-LEAST_CHANCE = 1e-3
-"""Chance that as many honest repetitions come out equal, from which they are taken for such."""
+LEAST_CHANCE, LEAST_SINGLE_CHANCE = 1e-3, 0.02
+"""Chance that as many honest repetitions come out equal, from which they are such: in a row, single ones."""
+SHOWN = 3
+"""Single ones that are named."""
 _UNITS = {True: (math.pi / 200.0, math.pi / 180.0, math.pi / 648000.0), False: (1.0,)}
 """In which values are written, by whether they are angles (rad, m)."""
 _DECIMALS = 7
@@ -66,27 +68,71 @@ def _of_equal_size(files: Sequence[Path]) -> list[Path]:
     return [file for file, size in zip(files, sizes, strict=True) if size > 0 and sizes.count(size) > 1]
 
 
-def repeated_runs(book: FieldBook) -> tuple[str, ...]:
-    """A sentence about observations that repeat earlier ones in a row, to the last digit.
+def repetitions(book: FieldBook) -> tuple[str, ...]:
+    """Sentences about observations that repeat earlier ones to the last digit: in a row, and single ones.
 
-    Single repeated readings may be equal, in particular where values are rounded coarsely: nothing is said
-    of runs that honest readings would show with a chance of more than `LEAST_CHANCE`.
+    Honest repeated readings may be equal, in particular where values are rounded coarsely: nothing is said
+    of runs that such readings would show with a chance of more than `LEAST_CHANCE`, nor of as many single
+    ones as they would show with a chance of more than `LEAST_SINGLE_CHANCE`.
     """
     rows = np.flatnonzero(book.observations.active & ~book.in_groups(GroupKind.UNKNOWNS))
-    runs = list(_runs(_labels(book, rows)))
-    if runs:
-        chances = _log_chances(book, rows)
-        runs = [run for run in runs if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
-    if not runs:
+    back = _back(_labels(book, rows))
+    if not back.any():
         return ()
+    chances = _log_chances(book, rows)
+    runs = [run for run in _runs(back) if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
+    for again, _ in runs:
+        back[again] = 0
+    return (*_of_runs(book, rows, runs), *_of_single_ones(book, rows, back, np.exp(chances)))
+
+
+def _of_runs(book: FieldBook, rows: IntArray, runs: list[tuple[IntArray, IntArray]]) -> Iterator[str]:
+    """What is said of runs, at most one sentence."""
+    if not runs:
+        return
     count = sum(len(again) for again, _ in runs)
     again, before = (rows[places] for places in max(runs, key=lambda run: len(run[0])))
-    return (
+    yield (
         f"{count} observations repeat earlier ones in the same order and to the last digit, and count twice: "
         f"{book.place(int(again[0]))} to {book.place(int(again[-1]))} those from "
         f"{book.place(int(before[0]))} to {book.place(int(before[-1]))}. If they are the same readings, take "
-        "them out: the precisions are too good by a factor of up to 1.4",
+        "them out: the precisions are too good by a factor of up to 1.4"
     )
+
+
+def _of_single_ones(book: FieldBook, rows: IntArray, back: IntArray, chances: FloatArray) -> Iterator[str]:
+    """What is said of single observations that repeat earlier ones, at most one sentence."""
+    again = np.flatnonzero(back)
+    if not again.size or _chance_of(again.size, _expected(book, rows, chances)) > LEAST_SINGLE_CHANCE:
+        return
+    pairs = zip(rows[again[:SHOWN]].tolist(), rows[(again - back[again])[:SHOWN]].tolist(), strict=True)
+    told = ", ".join(f"{book.place(row)} as {book.place(before)}" for row, before in pairs)
+    more = f" and {again.size - SHOWN} more" if again.size > SHOWN else ""
+    yield (
+        f"observations that repeat an earlier one to the last digit: {again.size} ({told}{more}). Two "
+        "measurements seldom agree so well: one that was typed or copied again counts twice; take it out"
+    )
+
+
+def _expected(book: FieldBook, rows: IntArray, chances: FloatArray) -> float:
+    """How many observations honest repetitions would make equal to an earlier one."""
+    found = book.observations
+    between = np.column_stack(
+        [part[rows] for part in (found.types, found.from_points, found.to_points, found.backsights)]
+    )
+    _, group = np.unique(between, axis=0, return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    earlier = np.arange(len(rows)) - np.repeat(starts, np.diff(np.append(starts, len(rows))))
+    return float(np.minimum(earlier * chances[order], 1.0).sum())
+
+
+def _chance_of(count: int, expected: float) -> float:
+    """The chance of as many or more where so many are expected (Poisson), or a bound above it."""
+    if count > expected > 0.0 and count > SHOWN:
+        return math.exp(min(count - expected + count * math.log(expected / count), 0.0))
+    fewer = sum(expected**k / math.factorial(k) for k in range(min(count, SHOWN)))
+    return 1.0 - math.exp(-expected) * fewer
 
 
 def _labels(book: FieldBook, rows: IntArray) -> IntArray:
@@ -108,12 +154,17 @@ def _labels(book: FieldBook, rows: IntArray) -> IntArray:
     return np.array([seen.setdefault(row.tobytes(), len(seen)) for row in table], np.int64)
 
 
-def _runs(labels: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Places in a row that repeat earlier places in a row; and these."""
+def _back(labels: IntArray) -> IntArray:
+    """(n,) how many places before each the last equal one is; 0 for none."""
     order = np.argsort(labels, kind="stable")
     same = labels[order[1:]] == labels[order[:-1]]
     back = np.zeros(len(labels), np.int64)
     back[order[1:][same]] = (order[1:] - order[:-1])[same]
+    return back
+
+
+def _runs(back: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Places in a row that repeat earlier places in a row; and these."""
     again = np.flatnonzero(back)
     breaks = np.flatnonzero((np.diff(again) != 1) | (np.diff(back[again]) != 0)) + 1
     for run in np.split(again, breaks):
