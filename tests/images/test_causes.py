@@ -95,6 +95,9 @@ def test_measures_that_are_in_their_images_when_exchanged_are_told_so():
         block.add_measures(ImagePoints.of(["a"] * 3, names, xy))
     with pytest.raises(InputError, match="counted from the upper left corner here"):
         block.add_measures(ImagePoints.of(["a"] * 3, names, [*xy[:2], [1900.0, 1700.0]]))
+    many, millimetres = [str(k) for k in range(12)], np.linspace([1.0, 2.0], [24.0, 17.0], 12)
+    with pytest.raises(InputError, match="within 24 by 17 of the corner of images of 2000 by 1500 pixels"):
+        block.add_measures(ImagePoints.of(["a"] * 12, many, millimetres))
 
 
 def test_a_focal_length_of_another_unit_is_named_with_the_one_that_fits():

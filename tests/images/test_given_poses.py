@@ -90,6 +90,12 @@ def test_heights_that_count_downwards_are_told_by_the_poses_that_are_given():
     assert _cause(block).startswith("the heights of the control points count downwards (z goes up here): so")
 
 
+def test_heights_at_the_place_of_a_coordinate_are_told_by_the_poses_that_are_given():
+    block = _block()
+    block.control = replace(block.control, coordinates=block.control.coordinates[:, [0, 2, 1]].copy())
+    assert "y and z of the control points are exchanged (z is the height here): so changed," in _said(block)
+
+
 def test_principal_points_of_images_that_have_been_turned_are_named():
     block = _block()
     (part,) = block.sets

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""
-FEW = 4
-"""Measures that say nothing of their unit are fewer."""
+FEW, FEW_ON_ONE_SIDE = 4, 12
+"""Measures that say nothing of their unit are fewer; in millimetres from the corner there are more."""
 SMALL = 0.05
 """Share of their images within which measures about the corner are in another unit."""
 CONVENTION = (
@@ -69,11 +69,12 @@ def check_frames(cameras: Sequence[Camera], measures: ImagePoints) -> None:
 
 
 def _check_unit(measures: ImagePoints, sizes: FloatArray) -> None:
-    """Refuses measures that all lie about the corner of their images, and on both sides of it."""
+    """Refuses measures that all lie about the corner of their images: on both sides of it, or many."""
     if len(measures) < FEW or not np.isfinite(sizes).all():
         return
     low, high = measures.xy.min(axis=0), measures.xy.max(axis=0)
-    if (low < 0.0).all() and (np.maximum(-low, high) < SMALL * sizes.min(axis=0)).all():
+    is_told = (low < 0.0).all() or len(measures) >= FEW_ON_ONE_SIDE
+    if is_told and (np.maximum(-low, high) < SMALL * sizes.min(axis=0)).all():
         (x, y), (wide, deep) = np.maximum(-low, high), sizes.min(axis=0)
         raise RowError(
             f"{measures.label(0)}: all measures lie within {x:.3g} by {y:.3g} of the corner of images of "

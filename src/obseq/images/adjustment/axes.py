@@ -18,7 +18,7 @@ from obseq.images.initial.conventions import ALIKE, CONVENTIONS
 from obseq.images.names import are_among
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 TIMES, PIXELS, MOVED = 3.0, 5.0, 0.2
 """Explanations are alike that move principal points and poses by no more than so many times the least: and
 these pixels, this share of the extent and radians."""
+ELSEWHERE = 0.5
+"""Radians and shares of the extent by which poses were not given for the axes with which a block fits."""
 OFF_MIDDLE = 0.1
 """Share of the size of an image by which no principal point is off its middle, as a rule."""
 EASTINGS = (1e5, 1e6)
@@ -70,15 +72,20 @@ class _Fit(Axes):
 
 def exchanged_axes(attempts: Attempts) -> Axes | None:
     """The axes that explain a block, or those that do alike; None where none do."""
-    fits = []
-    for trial, said, block in _changed(attempts):
-        found = attempts.fitting(block, trial)
-        if found is not None:
-            fits.append(_Fit(said, found, _principal_shift(found), moved(found.poses, attempts.given)))
+    fits = list(_fits(attempts, _changed(attempts)))
     if not fits:
         return None
+    if min(fit.moved for fit in fits) > ELSEWHERE:
+        fits += _fits(attempts, _with_heights(attempts))
     good = _alike(fits)
     return Axes(", or ".join(dict.fromkeys(fit.said for fit in good)), good[0].found)
+
+
+def _fits(attempts: Attempts, changed: Iterable[tuple[str, str, AdjustableBlock | None]]) -> Iterator[_Fit]:
+    for trial, said, block in changed:
+        found = attempts.fitting(block, trial)
+        if found is not None:
+            yield _Fit(said, found, _principal_shift(found), moved(found.poses, attempts.given))
 
 
 def axes_in_words(attempts: Attempts, axes: Axes | None) -> str:
@@ -111,6 +118,15 @@ def _changed(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock | N
     if len(attempts.given) and len(control):
         yield _upside_down(attempts)
     yield from _turned_back(attempts)
+
+
+def _with_heights(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock]]:
+    """Heights at the place of a coordinate: a mirror image too, which given poses alone tell from others."""
+    for letter, order in (("y", (0, 2, 1)), ("x", (2, 1, 0))):
+        made = attempts.copy()
+        made.control = with_exchanged_axes(made.control, order)
+        said = f"{letter} and z of the control points are exchanged (z is the height here)"
+        yield f"{letter} and z of control points exchanged", said, made
 
 
 def _upside_down(attempts: Attempts) -> tuple[str, str, AdjustableBlock]:
@@ -156,11 +172,11 @@ def _off_middle(camera: Camera) -> float:
     return float(np.abs(camera.principal_point / size - 0.5).max()) if size.all() else 0.0
 
 
-def with_exchanged_axes(control: ControlPoints) -> ControlPoints:
-    """Control points with their first two coordinates exchanged."""
-    order = [1, 0, 2]
-    covariances = control.covariances[:, order][:, :, order].copy()
-    return replace(control, coordinates=control.coordinates[:, order].copy(), covariances=covariances)
+def with_exchanged_axes(control: ControlPoints, order: tuple[int, int, int] = (1, 0, 2)) -> ControlPoints:
+    """Control points with their coordinates in another order: the first two exchanged if nothing is said."""
+    rows = list(order)
+    covariances = control.covariances[:, rows][:, :, rows].copy()
+    return replace(control, coordinates=control.coordinates[:, rows].copy(), covariances=covariances)
 
 
 def _are_northings_first(control: ControlPoints) -> bool:
