@@ -225,6 +225,7 @@ class SuspicionRecord:
         degrees: Degrees of freedom of the test: above 1 for a vector or a position.
         blunders: Estimates of the errors of its components (m); none for a single observation.
         cause: What it is likely to be; empty where that is not known.
+        may_be_sigmas: Whether sigmas that are all too small would explain it too: of as few observations.
     """
 
     observations: tuple[str, ...]
@@ -234,6 +235,7 @@ class SuspicionRecord:
     degrees: int = 1
     blunders: tuple[float, ...] = ()
     cause: str = ""
+    may_be_sigmas: bool = False
 
     @property
     def may_be_known(self) -> bool:

@@ -97,6 +97,28 @@ def test_a_suspected_observation_comes_before_the_sigmas_that_it_does_not_explai
     assert verdict.explanation.startswith(start) and "--snooping w" in verdict.explanation
 
 
+def test_the_worst_observation_comes_before_sigmas_where_the_rest_is_accepted_without_it(make, plain) -> None:
+    test = plain["global_test"] | {"passed": False, "sigma0": 2.0, "upper": 1.6}
+    reliability = {"level": 0.001, "power": 0.8, "non_centrality": 4.13, "critical": 3.29}
+    reliability |= {"tau_critical": None, "uncontrolled": 0, "tests": 9}
+
+    def judged(w: float) -> Verdict:
+        first = plain["observations"][0] | {"standardised_residual": w, "active": True}
+        seen = [first, *plain["observations"][1:]]
+        types = [type_row("DH", 1.8)]
+        given = {"global_test": test, "redundancy": 5, "observations": seen, "types": types}
+        return Verdict(make(reliability=reliability, **given))
+
+    row = plain["observations"][0]
+    name = f"{row['type']} {row['from']} -> {row['to']} ({row['file']}:{row['line']})"
+    assert judged(-3.7).types_beyond == []
+    assert (
+        f"Without {name} the test would pass (its standardised residual is -3.70" in judged(-3.7).explanation
+    )
+    assert [one.name for one in judged(3.2).types_beyond] == ["DH"]
+    assert "check it first" not in judged(3.2).explanation
+
+
 def test_observations_that_cannot_be_told_apart_are_named_together(make) -> None:
     text = Verdict(make(suspicion=suspicion("DH A -> B (l.obs:6)", "DH B -> C (l.obs:7)"))).explanation
     assert "one of DH A -> B (l.obs:6), DH B -> C (l.obs:7), which cannot be told apart" in text

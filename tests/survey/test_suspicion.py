@@ -37,6 +37,13 @@ def test_a_blunder_of_ten_sigmas_is_named_instead_of_the_sigmas(levelled):
     assert "GROSS ERROR suspected: DH C -> A (l.obs:6)" in text and "too small" not in text
 
 
+def test_sigmas_that_are_all_too_small_are_said_to_be_possible_where_little_is_redundant(levelled):
+    _, text, record = levelled("C A 0.5070 0.001\n4 A B 1.0018")
+    assert record["suspicion"]["observations"] == ["DH C -> A (l.obs:6)"]
+    assert record["suspicion"]["may_be_sigmas"]
+    assert "so few observations do not exclude that all sigmas are too small" in text
+
+
 def test_without_it_there_is_nothing_to_suspect(levelled):
     code, text, record = levelled()
     assert code == 0 and record.get("suspicion") is None
@@ -79,6 +86,12 @@ def test_what_remains_too_large_raises_the_limit():
     w = np.r_[np.ones(9), 6.0]
     assert suspected(w, 36.0 + 4.0, 5) == [9]
     assert suspected(w, 36.0 + 40.0, 5) == []
+
+
+def test_one_blunder_is_not_lost_where_the_rest_is_barely_beyond_its_sigmas():
+    """Of five redundant observations the test of tau would find it from 15 sigmas only."""
+    w = np.r_[np.ones(9), 7.4]
+    assert suspected(w, 7.4**2 + 3.99, 5) == suspected(w, 7.4**2 + 4.2, 5) == [9]
 
 
 def test_scaled_by_the_others_is_the_test_of_tau():

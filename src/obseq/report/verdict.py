@@ -1,19 +1,19 @@
 """What the test of sigma0 says, in words; and which observations fit worst."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from obseq.dataclass import dataclass
-from obseq.printable import listed
 from obseq.record import (
     AdjustmentRecord,
     ConstraintRecord,
     GlobalTestRecord,
-    JointTestRecord,
     ObservationRecord,
     StatisticsRecord,
     SuspicionRecord,
 )
 from obseq.report import units
+from obseq.report.worst_test import Worst, one_of, worst_test
 
 TOO_LARGE = (
     "The residuals are larger than the sigmas announce: look for a blunder among the worst residuals, for a "
@@ -35,7 +35,6 @@ _LEAST_REDUNDANCY = 3.0
 """Redundancy of a type below which small residuals say nothing of its sigmas."""
 _LARGEST_TOLD = 1000.0
 """How many times too large sigmas may be said to look: beyond, residuals show the rounding of the values."""
-_MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -68,25 +67,40 @@ class Verdict:
         Wrong weights of one type spoil the residuals of others too: types that are out by less than the
         root of the worst factor wait until that is mended. None while gross errors are suspected, which
         decide then what the residuals of each type are; what a single suspected one explains is taken off,
-        and so is what the worst vector does whose test fails.
+        and so is what the worst test does that fails.
         """
         if self.spoilt:
             return []
-        suspicion, vector = self.record.suspicion, self.worst_vector
-        explained = suspicion.statistic**2 if suspicion else vector.statistic if vector else 0.0
-        rows = (_without(row, explained) for row in self.record.types or ())
-        found = sorted(filter(_is_beyond, rows), key=lambda row: -_times(row))
+        rows = [row for row in self.record.types or () if _is_beyond(row)]
+        if rows:
+            rows = list(filter(_is_beyond, self._less_explained(rows)))
+        found = sorted(rows, key=lambda row: -_times(row))
         return [row for row in found if _times(row) >= _times(found[0]) ** 0.5]
 
+    def _less_explained(self, rows: list[StatisticsRecord]) -> Iterator[StatisticsRecord]:
+        """Types less the part of their residuals that one gross error, or the worst test, explains."""
+        if self.record.suspicion is not None:
+            yield from (_without(row, self.record.suspicion.statistic**2) for row in rows)
+        elif (worst := self.worst) is not None:
+            yield from (_without(row, worst.square) if worst.type in ("", row.name) else row for row in rows)
+        else:
+            yield from rows
+
     @property
-    def worst_vector(self) -> JointTestRecord | None:
-        """The vector, or the position, without which sigma0 is accepted; None where none explains it."""
-        worst = max(self.record.joint, key=lambda item: item.statistic / item.critical, default=None)
+    def worst(self) -> Worst | None:
+        """The vector, position or single value without which sigma0 is accepted; None where none explains it.
+
+        It speaks for the residuals of all types where sigma0 was rejected before, or where it is a vector,
+        else for those of its own type.
+        """
+        worst = worst_test(self.record)
         rest = self.record.redundancy - (worst.degrees if worst else 0)
         if worst is None or self.test is None or not worst.is_beyond or rest <= 0:
             return None
-        squares = self.test.sigma0**2 * self.record.redundancy - worst.statistic
-        return worst if (squares / rest) ** 0.5 <= self.test.upper else None
+        squares = self.test.sigma0**2 * self.record.redundancy - worst.square
+        if (max(squares, 0.0) / rest) ** 0.5 > self.test.upper:
+            return None
+        return replace(worst, type="") if self.test.sigma0 > self.test.upper else worst
 
     @property
     def headline(self) -> str:
@@ -121,7 +135,8 @@ class Verdict:
                 return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
             if self.test.sigma0 < self.test.upper:
                 return TOO_SMALL
-            return TOO_LARGE if self.worst_vector is None else f"{TOO_LARGE} {_worst(self.worst_vector)}"
+            worst = self.worst
+            return TOO_LARGE if worst is None else f"{TOO_LARGE} {worst.sentence}"
         whole = " all together" if self.types_beyond else ""
         return f"The residuals{whole} are what the sigmas of the observations announce."
 
@@ -145,14 +160,6 @@ class Verdict:
         )
 
 
-def _worst(vector: JointTestRecord) -> str:
-    """The vector to look at first, of which chance may be the reason too."""
-    return (
-        f"Without {vector.name} the test would pass (its T is {vector.statistic:.1f}, the limit "
-        f"{vector.critical:.1f}): check it first."
-    )
-
-
 def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
     """What fails where a single condition, of a loop say, checks all; empty where its parts are not known."""
     within = [row for row in record.observations if abs(row.standardised_residual or 0.0) > 0.5 * misclosure]
@@ -162,27 +169,32 @@ def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
     known = " or a known coordinate" if record.constraints else ""
     return (
         f"One condition checks all of them, and its misclosure is {misclosure:.3g} times what the sigmas "
-        f"announce. An error in {_one_of(names)}{known} explains it, and nothing tells these apart; or the "
+        f"announce. An error in {one_of(names)}{known} explains it, and nothing tells these apart; or the "
         "sigmas are too small."
     )
-
-
-def _one_of(names: tuple[str, ...]) -> str:
-    """The names, if they are many the first."""
-    return names[0] if len(names) == 1 else f"one of {listed(names, _MOST_NAMED)}"
 
 
 def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     """Which observation one gross error is suspected in, and what to do."""
     names = suspicion.observations
     size = units.units_of(record).small(suspicion.unit, suspicion.blunder)
-    which = _one_of(names) if len(names) == 1 else f"{_one_of(names)}, which cannot be told apart"
+    which = one_of(names) if len(names) == 1 else f"{one_of(names)}, which cannot be told apart"
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
     estimate += f" {suspicion.cause}" if suspicion.cause else ""
     return (
-        f"GROSS ERROR suspected: {which}: {estimate} ({_test_of(suspicion)}). One "
-        f"gross error explains it better than wrong sigmas: {_remedy(suspicion)}, and adjust again."
+        f"GROSS ERROR suspected: {which}: {estimate} ({_test_of(suspicion)}). {_compared(suspicion)}: "
+        f"{_remedy(suspicion)}, and adjust again."
     )
+
+
+def _compared(suspicion: SuspicionRecord) -> str:
+    """Whether wrong sigmas are excluded as the reason."""
+    if suspicion.may_be_sigmas:
+        return (
+            "One gross error explains it; so few observations do not exclude that all sigmas are too small "
+            "instead"
+        )
+    return "One gross error explains it better than wrong sigmas"
 
 
 def _test_of(suspicion: SuspicionRecord) -> str:

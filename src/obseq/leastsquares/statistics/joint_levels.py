@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from obseq.leastsquares.statistics.distributions import (
     beta_above,
     bisected,
+    chi_square_limit,
     chi_square_tails,
     non_central_above,
 )
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 POWER = 0.80
 """Power that tests of different numbers of equations have in common."""
+_ACCEPTED = 0.025
+"""Probability of a larger sum of squares down to which sigmas are accepted, as by the test of sigma0."""
 _ROUNDS, _ARRIVED = 30, 1e-9
 
 
@@ -73,7 +76,12 @@ def joint_ratio_critical(level: float, power: float, degrees: int, redundancy: i
 def joint_limit_by_others(
     statistic: float, degrees: int, squares: float, redundancy: int, level: float, power: float
 ) -> float:
-    """Limit of T over the variance factor of all others, where that is above 1.
+    """Limit of T beyond which one gross error explains the residuals better than sigmas that are too small.
+
+    That of the a priori sigmas, times the variance factor of what remains without the error where that is
+    above 1. Where the chi-square test rejects what remains, also times the square of how far it is beyond the
+    limit of that test; but never above the limit of the test against that variance factor as an estimate (F
+    distribution; Pope's tau of one equation), which finds next to nothing with few degrees of freedom.
 
     Args:
         statistic: T.
@@ -83,11 +91,13 @@ def joint_limit_by_others(
         level: of the test of one equation.
         power: that both have for one error.
     """
-    rest = redundancy - degrees
-    if rest <= 0 or squares - statistic <= rest:
-        return joint_critical(level, power, degrees)
+    own, rest = joint_critical(level, power, degrees), redundancy - degrees
+    remains = squares - statistic
+    if rest <= 0 or remains <= rest:
+        return own
+    beyond = max(remains / chi_square_limit(rest, above=_ACCEPTED), 1.0)
     share = _beta_limit(joint_level(level, power, degrees), degrees, rest)
-    return rest * share / (1.0 - share)
+    return remains * min(own / rest * beyond**2, share / (1.0 - share))
 
 
 @lru_cache

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.leastsquares.statistics.hypothesis_tests import overall_level
 from obseq.leastsquares.statistics.joint_levels import (
     POWER,
     joint_critical,
     joint_limit_by_others,
+    joint_p_value,
     shared_level,
 )
 from obseq.record_quality import KNOWN, SuspicionRecord
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
 
 _LEVEL = 0.001
 """Probability that an observation is suspected where nothing is wrong."""
+_EXCLUDED = 0.05
+"""Probability of such an observation where all sigmas are too small, below which that is excluded."""
 _SAME = 1e-6
 """Relative difference below which two standardised residuals cannot be told apart."""
 _AS_GOOD = 0.25
@@ -40,7 +45,7 @@ def suspected(
     """The observations one of which has a gross error: those farthest beyond their limit, if that is so.
 
     All tests share the level, and have the same power for one error (`shared_level`); what remains without an
-    observation raises its limit where it is larger than the sigmas announce (`joint_limit_by_others`).
+    observation raises its limit where the sigmas do not explain it (`joint_limit_by_others`).
 
     Args:
         standardised: (n,) residuals over their own a priori standard deviations, roots of the statistic T of
@@ -61,8 +66,7 @@ def suspected(
     shares = np.square(standardised[seen]) / limits
     at = int(np.argmax(shares))
     worst, own = float(standardised[seen[at]] ** 2), int(freedom[seen[at]])
-    remains = max((squares - worst) / (redundancy - own), 1.0)
-    if worst / remains <= joint_limit_by_others(worst, own, squares, redundancy, level, POWER):
+    if worst <= joint_limit_by_others(worst, own, squares, redundancy, level, POWER):
         return []
     same = shares >= shares[at] * (1.0 - _SAME) ** 2
     same |= (freedom[seen] == own) & (np.square(standardised[seen]) > worst - _AS_GOOD)
@@ -98,12 +102,17 @@ def suspicion(
         for row, test in zip(rows, joint, strict=True)
     )
     names, first, vector = tuple(dict.fromkeys(named)), rows[0], joint[0]
-    statistic = float(standardised[first])
+    statistic, own = float(standardised[first]), int(degrees[first])
+    chance = joint_p_value(statistic**2 / solution.variance_factor, own, solution.redundancy)
+    tested = int(np.count_nonzero(np.isfinite(standardised)))
+    may_be_sigmas = bool(overall_level(chance, tested) > _EXCLUDED)
     instead = "" if len(names) > 1 else _instead(vector, first, book, points, known)
     if vector is not None:
-        return _of_vector(vector, names, statistic, int(degrees[first]), book, instead)
-    blunder = float(np.concatenate([part.blunder for part in judged])[first])
-    return SuspicionRecord(names, statistic, blunder, _unit(first, book), cause=instead)
+        found = _of_vector(vector, names, statistic, own, book, instead)
+    else:
+        blunder = float(np.concatenate([part.blunder for part in judged])[first])
+        found = SuspicionRecord(names, statistic, blunder, _unit(first, book), cause=instead)
+    return replace(found, may_be_sigmas=may_be_sigmas)
 
 
 def _instead(
