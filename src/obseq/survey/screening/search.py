@@ -19,6 +19,7 @@ from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.known_scale import known_scale_cause
 from obseq.survey.screening.mirrored import mirrored_cause
 from obseq.survey.screening.offsets import offset_cause
 from obseq.survey.screening.robust import GROSS, WHOLE, Estimate, Model, estimate
@@ -121,7 +122,8 @@ def _settled(model: Model, found: Estimate) -> Estimate:
 
 def _cause_of_all(trials: Trials, system: PointSystem) -> GrossError | None:
     """A wrong coordinate system of all known points; None where something else is wrong."""
-    return coordinate_system_cause(trials, system) or vector_system_cause(trials, system)
+    wrong = coordinate_system_cause(trials, system) or vector_system_cause(trials, system)
+    return wrong or known_scale_cause(trials, system)
 
 
 def _ambiguous(
