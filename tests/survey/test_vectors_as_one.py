@@ -1,6 +1,7 @@
 """A GNSS vector, or a position, is one observation: tested as a whole, named as a whole."""
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from obseq.report import listing, summary
 from obseq.report.content import content
 from obseq.report.verdict import Verdict
 from obseq.survey import Network, Quality
+from obseq.survey.adjustment.joint_groups import turned_cause
 
 PLACES = {
     "K1": (0, 0, 0),
@@ -166,6 +168,15 @@ def test_all_other_vectors_at_a_point_explain_as_much_as_one(adjusted):
     cause = adjusted(0.1, "K1 C", along="up").suspicion.cause
     assert cause.startswith("along the vertical: likely the height of the antenna at K1 or at C (or, ")
     assert cause.endswith("all the 2 other vectors at C together: nothing tells these apart)")
+
+
+def test_a_vector_whose_ends_are_exchanged_is_told_as_that(adjusted):
+    """Its error, what was read minus what is right, is then twice what was read."""
+    adjustment = adjusted()
+    test, book = adjustment.quality.joint[0], adjustment.book
+    read = book.observations.values[test.rows]
+    said = [turned_cause(replace(test, blunder=times * read), book) for times in (2.0, 2.2, -2.0)]
+    assert said == ["from and to are exchanged: turned round it fits", "", ""]
 
 
 def test_where_the_sigmas_are_too_small_no_vector_is_blamed(tmp_path):

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _CHANCE = 0.01
 """Probability with which an error of the height alone leaves more, to be taken for the cause."""
+_TURNED = 0.01
+"""Share of a vector within which its error is twice the vector."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +141,17 @@ def upright_cause(test: TestedJointly, book: FieldBook) -> str:
     ends = (book.observations.from_points[row], book.observations.to_points[row])
     names = dict.fromkeys(book.point_names[end] for end in ends)
     return f"along the vertical: likely the height of the antenna at {' or at '.join(names)}"
+
+
+def turned_cause(test: TestedJointly, book: FieldBook) -> str:
+    """That a vector goes the other way; empty where its error is not, to a hundredth, twice the vector."""
+    row, observations = int(test.rows[0]), book.observations
+    if row >= len(observations) or observations.from_points[row] == observations.to_points[row]:
+        return ""
+    vector = observations.values[test.rows]
+    if np.linalg.norm(test.blunder - 2.0 * vector) > _TURNED * np.linalg.norm(vector):
+        return ""
+    return "from and to are exchanged: turned round it fits"
 
 
 def joint_records(

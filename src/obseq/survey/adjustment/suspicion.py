@@ -17,7 +17,12 @@ from obseq.leastsquares.statistics.joint_levels import (
     shared_level,
 )
 from obseq.record_quality import KNOWN, SuspicionRecord
-from obseq.survey.adjustment.joint_groups import joint_record, upright_cause, vector_numbers
+from obseq.survey.adjustment.joint_groups import (
+    joint_record,
+    turned_cause,
+    upright_cause,
+    vector_numbers,
+)
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -153,9 +158,9 @@ def _of_vector(
     test: TestedJointly, names: tuple[str, ...], statistic: float, degrees: int, book: FieldBook, instead: str
 ) -> SuspicionRecord:
     """A vector, or a position, that is suspected as a whole or for its height."""
-    upright = upright_cause(test, book)
+    turned, upright = turned_cause(test, book), upright_cause(test, book)
     size = test.rise if upright else float(np.linalg.norm(test.blunder))
-    cause = " ".join(filter(None, (upright, instead)))
+    cause = turned or " ".join(filter(None, (upright, instead)))
     return SuspicionRecord(names, statistic, size, "m", degrees, tuple(test.blunder.tolist()), cause)
 
 
