@@ -164,6 +164,17 @@ def test_a_known_point_beside_all_its_vectors_is_named_as_that(tmp_path):
     assert re.match(r"all 4 vectors there put it [0-9.]+ m west, [0-9.]+ m south", error.text)
 
 
+def test_a_known_point_of_one_vector_is_named_with_it(tmp_path):
+    points, vectors = write(tmp_path, 0.1)
+    points.write_text(points.read_text() + "\nK4,7600,1800,40,.003,.003,.005")
+    vectors.write_text(vectors.read_text().replace("K2,A,", "K4,A,"))
+    suspicion = Network.read_project([points, vectors]).adjust().suspicion
+    assert (
+        suspicion.observations[0].startswith("vector K4 -> A") and "(or known point K4 (" in suspicion.cause
+    )
+    assert suspicion.cause.endswith("of which nothing else is observed: nothing tells these apart)")
+
+
 def test_all_other_vectors_at_a_point_explain_as_much_as_one(adjusted):
     cause = adjusted(0.1, "K1 C", along="up").suspicion.cause
     assert cause.startswith("along the vertical: likely the height of the antenna at K1 or at C (or, ")

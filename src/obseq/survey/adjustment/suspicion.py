@@ -111,7 +111,8 @@ def suspicion(
     chance = joint_p_value(statistic**2 / solution.variance_factor, own, solution.redundancy)
     tested = int(np.count_nonzero(np.isfinite(standardised)))
     may_be_sigmas = bool(overall_level(chance, tested) > _EXCLUDED)
-    instead = "" if len(names) > 1 else _instead(vector, first, book, points, known)
+    others = (_instead(test, row, book, points, known) for row, test in zip(rows, joint, strict=True))
+    instead = next(filter(None, others), "")
     if vector is not None:
         found = _of_vector(vector, names, statistic, own, book, instead)
     else:
@@ -125,20 +126,31 @@ def _instead(
 ) -> str:
     """What explains as much as a vector at a free point, or a known coordinate: all others there together.
 
-    Where nothing else is observed there, a point moves with them.
+    Where nothing else is observed there, a point moves with them. So does a known point of one vector.
     """
-    n, own = len(book.observations), -1
+    n, own, whole = len(book.observations), -1, list[int]()
     ends = [int(known.points[row - n])] if test is None and row >= n else []
     if test is not None and int(test.rows[0]) < n:
         own = int(test.rows[0])
-        both = (int(end[own]) for end in (book.observations.from_points, book.observations.to_points))
+        both = [int(end[own]) for end in (book.observations.from_points, book.observations.to_points)]
         ends = [end for end in dict.fromkeys(both) if points.is_free[end].all()]
+        whole = [end for end in both if not points.is_free[end].any() and _is_alone(book, end, own)]
     told = [
         f"all the {count} {'other ' if own >= 0 else ''}vectors at {book.point_names[end]} together"
         for end in ends
         if (count := _of_one_occupation(book, end, own))
     ]
+    if whole:
+        names = " or ".join(f"known point {points.names[end]} ({points.place(end)})" for end in whole)
+        return f"(or {names}, of which nothing else is observed: nothing tells these apart)"
     return f"(or, as much the other way, {' or '.join(told)}: nothing tells these apart)" if told else ""
+
+
+def _is_alone(book: FieldBook, point: int, own: int) -> bool:
+    """Whether the vector of a row is all that is observed of a point."""
+    named, numbers = np.arange(len(book.point_names)) == point, vector_numbers(book)
+    seen = book.naming(named) & book.observations.active
+    return bool((numbers[seen] == numbers[own]).all())
 
 
 def _of_one_occupation(book: FieldBook, point: int, own: int) -> int:

@@ -129,11 +129,14 @@ def _exchanged(found: Estimate, pair: tuple[int, int]) -> _Trial:
 
 
 def _unknown(found: Estimate, candidates: list[int]) -> Iterator[_Trial]:
-    """Known points taken as unknown, where places in plan are sought."""
-    counts = _observation_counts(found)
+    """Known points taken as unknown, where places in plan are sought and something is spare.
+
+    Of two known points each explains as much as the other, also one that its observations just determine.
+    """
+    counts, is_pair = _observation_counts(found), np.count_nonzero(~found.points.is_free.all(axis=1)) == 2
     for row in candidates:
         sought = sought_at(found.points, row)
-        if sought[0] and counts[row] > sought.sum():
+        if sought[0] and counts[row] + is_pair > sought.sum():
             yield _Trial(Cause.MISTYPED, "", _without(found.points, row, sought), (row,))
 
 
