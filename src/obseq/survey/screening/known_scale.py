@@ -51,7 +51,8 @@ def known_scale_cause(trials: Trials, system: PointSystem) -> GrossError | None:
     if points is None or ratio is None:
         return None
     alone = estimated(trials.model, points, found.book, QUICK)
-    return _described(found, system, known, ratio) if alone and trials.explains(alone) else None
+    agrees = alone is not None and (not alone.suspects.size or trials.explains(alone))
+    return _described(found, system, known, ratio) if agrees else None
 
 
 def _ratio(trials: Trials, points: Points, known: IntArray) -> float | None:
