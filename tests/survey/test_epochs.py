@@ -277,6 +277,22 @@ def test_a_gross_error_of_an_epoch_forbids_a_verdict_and_is_named(levelled, caps
     assert len(json.loads((levelled / "out/comparison.json").read_text())["obstacles"]) == 1
 
 
+def test_a_suspected_observation_of_an_epoch_forbids_a_verdict_too(levelled, capsys):
+    assert compared(levelled, RISES.replace("C A 0.4997", "C A 0.5100")) == 1
+    told = capsys.readouterr().out
+    assert "NO VERDICT" in told and "have stayed" not in told
+    assert "epoch 2: a gross error is suspected in DH C -> A (e2.obs:6), off by about 10." in told
+    assert told.endswith("exit code 1: no verdict, for the reasons above\n")
+
+
+def test_one_epoch_is_not_two(levelled, capsys):
+    (levelled / "link.obs").symlink_to("e1.obs")
+    assert main(["compare", "--obs", "e1.obs", "--cor", "l.cor", "--obs-2", "link.obs"]) == 2
+    assert "link.obs: is given for both epochs" in capsys.readouterr().err
+    assert compared(levelled, RISES) == 0
+    assert "Warning: both epochs hold the same observations, to the last digit" in capsys.readouterr().out
+
+
 def test_a_verdict_says_what_it_rests_on(levelled, capsys):
     spoilt = RISES.replace("C A 0.4997", "C A 0.5037").replace("C B 1.4994", "C B 1.4964")
     assert compared(levelled, spoilt) == 0
@@ -294,3 +310,4 @@ def test_what_an_epoch_leaves_out_is_told(levelled, capsys):
     told = capsys.readouterr().out
     assert "Warning: epoch 2 leaves out point D: the verdict is about the rest" in told
     assert "have stayed" in told
+    assert told.endswith("exit code 1: incomplete, as warned above: epoch 1, epoch 2\n")

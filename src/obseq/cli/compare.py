@@ -10,10 +10,12 @@ from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_units, shown_in
 from obseq.errors import InputError
-from obseq.printable import composed
+from obseq.printable import composed, listed
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.comparison_record import ComparisonRecord
 
 MORE = """
@@ -27,8 +29,10 @@ example:
   obseq compare --obs may.obs --cor points.cor --obs-2 october.obs --out moved
   obseq compare may.gkf --project-2 october.gkf --reference P1 P2 P3 P4
 
-exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete
-or holds a gross error (no verdict then); 2 could not run"""
+exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete, or a gross error
+is suspected in one (no verdict then): the last line says which; 2 could not run"""
+MOST = 8
+"""Points that the last line names."""
 NAMES = ("comparison.json", "comparison.txt", "comparison.csv")
 
 
@@ -69,13 +73,28 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("starting") as progress:
         from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
 
-        record, is_complete = _compared(arguments, first, second, progress)
+        record, incomplete = _compared(arguments, first, second, progress)
         texts = (comparison_json(record), comparison_summary(record, most=None), comparison_csv(record))
         write_all(dict(zip(places, texts, strict=bool(places))))
     print(comparison_summary(record, [str(path) for path in places]), end="")
-    has_moved = bool(record.moved) or not record.congruence.passed
-    has_moved |= any(row.is_significant for row in record.displacements)
-    return INCOMPLETE if has_moved or not is_complete else 0
+    reasons = list(_reasons(record, incomplete))
+    if reasons:
+        print(f"exit code {INCOMPLETE}: {'; '.join(reasons)}")
+    return INCOMPLETE if reasons else 0
+
+
+def _reasons(record: "ComparisonRecord", incomplete: list[int]) -> "Iterator[str]":
+    """Why the exit code is not 0."""
+    if record.obstacles:
+        yield "no verdict, for the reasons above"
+        return
+    moved = [*record.moved, *(row.point for row in record.displacements if row.is_significant)]
+    if moved:
+        yield f"moved: {listed(list(dict.fromkeys(moved)), MOST)}"
+    elif not record.congruence.passed:
+        yield "the points together have moved"
+    if incomplete:
+        yield f"incomplete, as warned above: {', '.join(f'epoch {number}' for number in incomplete)}"
 
 
 def _second(arguments: argparse.Namespace, first: Source) -> Source:
@@ -84,6 +103,9 @@ def _second(arguments: argparse.Namespace, first: Source) -> Source:
         raise InputError("compare: give the second epoch with --obs-2, or with --project-2")
     if bool(arguments.project_2) != bool(first.project):
         raise InputError("compare: both epochs must be projects, or both observation and point files")
+    from obseq.survey.files.once import require_another
+
+    require_another(arguments.project_2 or arguments.obs_2, [*first.project, *first.observations])
     if arguments.project_2:
         return replace(first, project=arguments.project_2)
     return replace(first, observations=arguments.obs_2, points=arguments.cor_2 or first.points)
@@ -91,8 +113,8 @@ def _second(arguments: argparse.Namespace, first: Source) -> Source:
 
 def _compared(
     arguments: argparse.Namespace, first: Source, second: Source, progress: Progress
-) -> tuple["ComparisonRecord", bool]:
-    """The record of the comparison, and whether both epochs are complete."""
+) -> tuple["ComparisonRecord", list[int]]:
+    """The record of the comparison, and the numbers of the epochs that are not complete."""
     from obseq.survey import Datum, compare
     from obseq.survey.adjustment.datum import DatumKind
 
@@ -112,4 +134,4 @@ def _compared(
         reference=arguments.reference,
         a_priori=arguments.a_priori,
     )
-    return found.record(), all(epoch.is_complete for epoch in epochs)
+    return found.record(), [number for number, epoch in enumerate(found.epochs, 1) if not epoch.is_complete]

@@ -182,7 +182,7 @@ def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
     estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
     estimate += f" {suspicion.cause}" if suspicion.cause else ""
     return (
-        f"GROSS ERROR suspected: {which}: {estimate} ({_test_of(suspicion)}). {_compared(suspicion)}: "
+        f"GROSS ERROR suspected: {which}: {estimate} ({test_of(suspicion)}). {_compared(suspicion)}: "
         f"{_remedy(suspicion)}, and adjust again."
     )
 
@@ -197,7 +197,7 @@ def _compared(suspicion: SuspicionRecord) -> str:
     return "One gross error explains it better than wrong sigmas"
 
 
-def _test_of(suspicion: SuspicionRecord) -> str:
+def test_of(suspicion: SuspicionRecord) -> str:
     """The statistic by which it is suspected."""
     if suspicion.degrees == 1:
         return f"standardised residual {suspicion.statistic:.2f}"

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.printable import listed
+from obseq.report.units import Units
+from obseq.report.verdict import test_of
+from obseq.shown_units import METRIC
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
+    from obseq.record_quality import SuspicionRecord
     from obseq.survey.adjustment.adjusted import Adjustment
+    from obseq.survey.model import Observations
 
 MOST = 8
 """Names that one sentence lists."""
@@ -34,6 +41,17 @@ def obstacles(
             if set(error.points) & set(moved) and set(error.points) <= set(reference):
                 continue
             yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
+        if not epoch.gross_errors and (suspicion := epoch.suspicion) is not None:
+            yield f"epoch {number}: {_suspected(epoch, suspicion)}"
+
+
+def _suspected(epoch: Adjustment, suspicion: SuspicionRecord) -> str:
+    """The one gross error that is suspected in an epoch, and what to do."""
+    size = Units(epoch.shown or METRIC).small(suspicion.unit, suspicion.blunder)
+    return (
+        f"a gross error is suspected in {' or '.join(suspicion.observations)}, off by about {size} "
+        f"({test_of(suspicion)}): check it, correct it or leave it out, and compare again"
+    )
 
 
 def at_odds(known: Sequence[str]) -> tuple[str, ...]:
@@ -69,7 +87,19 @@ def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str
         if epoch.left_out:
             names = listed([item.what for item in epoch.left_out], MOST)
             yield f"epoch {number} leaves out {names}: the verdict is about the rest"
+        for unused in epoch.book.unused:
+            names = listed(unused.observations, MOST)
+            yield f"epoch {number} does not use {names}: {unused.reason}"
+        yield from (f"epoch {number}: {doubtful.sentence()}" for doubtful in epoch.doubtful)
         yield from _about_sigma0(number, epoch, trusted=trusted)
+    if _is_same(epochs[0].book.observations, epochs[1].book.observations):
+        yield "both epochs hold the same observations, to the last digit: nothing can have moved between them"
+
+
+def _is_same(first: Observations, second: Observations) -> bool:
+    """Whether two epochs have equal values in the same order: what nobody measures twice."""
+    parts = ((one.types, one.values, one.sigmas) for one in (first, second))
+    return all(np.array_equal(one, other) for one, other in zip(*parts, strict=True))
 
 
 def _about_sigma0(number: int, epoch: Adjustment, *, trusted: bool) -> Iterator[str]:

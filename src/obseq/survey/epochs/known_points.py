@@ -69,7 +69,7 @@ def by_observations(epoch: Adjustment, names: Sequence[str]) -> Adjustment | Non
 def _computation(epoch: Adjustment) -> Computation:
     system, given = crs.parse(epoch.frame), crs.parse(epoch.points_crs)
     frame = Frame(system) if epoch.refraction is None else Frame(system, epoch.refraction)
-    return Computation(frame, given, None, ITERATIONS, TOLERANCE, Stopwatch(), Quality(reliability=False))
+    return Computation(frame, given, None, ITERATIONS, TOLERANCE, Stopwatch(), Quality())
 
 
 def _coordinates(points: Points) -> dict[str, FloatArray]:

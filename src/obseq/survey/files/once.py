@@ -54,6 +54,20 @@ def require_distinct(paths: Sequence[str | Path]) -> None:
             raise InputError(f"{file}: holds the same as {first}, to the last byte: {TWICE}")
 
 
+def require_another(paths: Sequence[str | Path], others: Sequence[str | Path]) -> None:
+    """Refuses files of an epoch all of which are, through a link too, files of the epoch before.
+
+    Raises:
+        InputError: naming the first.
+    """
+    before = {_place(Path(path)) for path in others}
+    if paths and all(_place(Path(path)) in before for path in paths):
+        raise InputError(
+            f"{paths[0]}: is given for both epochs, between which nothing can have moved then; give the "
+            "files of the second epoch"
+        )
+
+
 def _place(file: Path) -> Path:
     """Where a file is; as it is written where links lead nowhere, or no file can be called so."""
     try:
