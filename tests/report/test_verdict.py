@@ -36,6 +36,8 @@ def test_without_a_test_it_says_why(make) -> None:
     assert (nothing.headline, nothing.is_accepted) == ("not tested", False)
     assert "Nothing is redundant" in nothing.explanation
     assert "does not hold the test" in Verdict(make(global_test=None)).explanation
+    lost = Verdict(make(global_test=None, redundancy=0, converged=False)).explanation
+    assert "did not converge" in lost and "fits exactly" not in lost
 
 
 def test_the_worst_come_first_whatever_their_sign_and_unused_ones_do_not_count(record) -> None:

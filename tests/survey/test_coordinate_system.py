@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from obseq.survey import Network, write_cor, write_obs
+from obseq.survey import Network, network_from_tables, write_cor, write_obs
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.screening import search
 from obseq.survey.screening.findings import Cause
@@ -101,3 +101,13 @@ def test_longitudes_and_latitudes_without_a_system_are_said_to_be_in_degrees(fil
 
 def known_only(points):
     return points.subset(np.flatnonzero(~points.is_free.all(axis=1)))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_placeholders_are_no_points_outside_the_area_of_a_system(known):
+    """P is one; without any known point all are looked at."""
+    sigmas = {axis: [0.001 if known else None, None] for axis in ("sx", "sy", "sz")}
+    points = {"name": ["A", "P"], "x": [700000.0, 0.0], "y": [6600000.0, 0.0], "z": [500.0, 0.0], **sigmas}
+    rows = {"type": ["Dist"], "from": ["A"], "to": ["P"], "value": [400.0], "sigma": [0.002]}
+    told = network_from_tables(points, rows, points_crs="EPSG:2154").book.warnings
+    assert any(text.startswith("P: outside the area") for text in told) != known

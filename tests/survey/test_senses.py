@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from obseq.report.units import METRIC
 from obseq.survey import network_from_tables
 from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.kinds.geodetic import LONGITUDE
 from obseq.survey.screening.beyond_nadir import beyond_nadir
-from obseq.survey.screening.findings import Cause
+from obseq.survey.screening.findings import Cause, gap_of
 
 PLACES = {"A": (0.0, 0.0, 10.0), "B": (210.0, 20.0, 14.0), "C": (90.0, 190.0, 7.0), "D": (60.0, 60.0, 12.0)}
 PLACES |= {"E": (130.0, 110.0, 9.0)}
@@ -115,3 +117,23 @@ def test_an_index_of_forty_gon_is_one_finding(network):
     (error,) = shifted(network, 40.0, **{"from": "D"}).gross_errors()
     assert error.cause is Cause.INDEX and error.what.startswith("the 4 zenith angles from D (the first: ")
     assert abs(float(error.text.split(" ")[0]) + 40.0) < 0.01
+
+
+@pytest.mark.parametrize("reading", [250.0, -50.0])
+def test_a_single_zenith_angle_of_the_other_face_is_named_where_nothing_is_spare(reading):
+    sigmas = {axis: [0.001] * 3 + [None] for axis in ("sx", "sy", "sz")}
+    places = {"x": [0.0, 10.0, 0.0, 3.0], "y": [0.0, 0.0, 10.0, 4.0], "z": [0.0, 0.0, 0.0, 5.0]}
+    rows = {"type": ["Zen", "Dist", "Dist"], "from": ["A", "B", "C"], "to": ["P"] * 3}
+    rows |= {"value": [reading, 9.487, 8.367], "sigma": [0.001, 0.002, 0.002]}
+    (error,) = network_from_tables(
+        {"name": list("ABCP"), **places, **sigmas}, rows, angles="gon"
+    ).gross_errors()
+    assert error.what == "Zen A -> P (observations:1)" and "is no zenith angle" in error.text
+
+
+@pytest.mark.parametrize(("kind", "shown"), [(HZ, "395.00000"), (ZEN, "395.00000"), (LONGITUDE, "-5.00000")])
+def test_what_the_others_give_is_within_one_turn(kind, shown):
+    """A longitude is not: it is counted to both sides."""
+    assert f"the others give {shown} gon, it is 1.00000 gon off" in gap_of(
+        METRIC, kind, -5.0 * math.pi / 200.0, math.pi / 200.0
+    )

@@ -124,12 +124,11 @@ class Verdict:
         return " ".join(sentences)
 
     def _of_test(self) -> str:
-        if self.test is None:
-            if self.record.redundancy > 0:
-                return "This result does not hold the test of sigma0: adjust again to have it."
-            return "Nothing is redundant: each observation fits exactly, and nothing checks it."
+        if self.test is None and not self.spoilt:
+            return self._of_no_test()
         if self.spoilt:
             return self._of_gross_errors()
+        assert self.test is not None
         if not self.test.passed:
             if self.record.redundancy == 1 and self.test.sigma0 > self.test.upper:
                 return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
@@ -139,6 +138,13 @@ class Verdict:
             return TOO_LARGE if worst is None else f"{TOO_LARGE} {worst.sentence}"
         whole = " all together" if self.types_beyond else ""
         return f"The residuals{whole} are what the sigmas of the observations announce."
+
+    def _of_no_test(self) -> str:
+        if not self.record.converged:
+            return "The iterations did not converge: residuals say nothing of the observations yet."
+        if self.record.redundancy > 0:
+            return "This result does not hold the test of sigma0: adjust again to have it."
+        return "Nothing is redundant: each observation fits exactly, and nothing checks it."
 
     def _of_gross_errors(self) -> str:
         gone = len(self.record.rejections)

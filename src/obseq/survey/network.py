@@ -69,6 +69,16 @@ def _read_free_format(
     return merge_points([read_points(path, point_format, options) for path in paths])
 
 
+def _area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
+    """What to say of known points outside the area of their system; of all points where none is known.
+
+    Approximate coordinates may be placeholders, such as 0 0 0.
+    """
+    known = points.has_coordinates & ~points.is_free.all(axis=1)
+    rows = np.flatnonzero(known if known.any() else points.has_coordinates)
+    return crs.area_warning(system, points.coordinates[rows], [points.names[row] for row in rows.tolist()])
+
+
 @dataclass(frozen=True, eq=False)
 class Network:
     """Points and observations to adjust.
@@ -271,7 +281,7 @@ class Network:
             coordinates = system.parts(points.coordinates)
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
-            warning = crs.area_warning(given, points.coordinates[placed], names)
+            warning = _area_warning(given, points)
         refuse_both_faces(book)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))

@@ -15,6 +15,7 @@ import numpy as np
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.screening.findings import Cause, GrossError
 from obseq.survey.screening.offset_effects import zenith_angles
+from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import sigma_of
 
 if TYPE_CHECKING:
@@ -47,6 +48,31 @@ def beyond_nadir(book: FieldBook) -> Rows:
         np.bincount(some, minlength=n) for some in (origins, origins[is_beyond], origins[is_steep])
     )
     return np.asarray(rows[((wrong == count) & (count >= _LEAST) & (2 * steep < count))[origins]])
+
+
+def beyond_alone(book: FieldBook, found: Estimate) -> list[GrossError]:
+    """Single zenith angles below 0 or beyond the nadir: a reading that no place of any point explains.
+
+    Args:
+        book: the observations.
+        found: the network.
+    """
+    rows = np.flatnonzero(_are(book, zenith_angles()))
+    values = np.remainder(book.observations.values[rows], _TURN)
+    gaps = np.minimum(values - math.pi, _TURN - values)
+    sizes = gaps / [sigma_of(found, row) for row in rows.tolist()]
+    return [
+        GrossError(
+            book.label(row),
+            Cause.SENSE,
+            f"{found.units.angle.text(float(book.observations.values[row]))} is no zenith angle: read in the "
+            f"other face, or with the wrong sign ({found.units.angle.text(_TURN - value)} would be one)",
+            size,
+            (row,),
+        )
+        for row, value, size in zip(rows.tolist(), values.tolist(), sizes.tolist(), strict=True)
+        if size > GROSS
+    ]
 
 
 def put_right(book: FieldBook, rows: Rows) -> FieldBook:

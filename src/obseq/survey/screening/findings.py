@@ -89,7 +89,10 @@ def any_of(errors: list[GrossError]) -> GrossError:
 
 def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> str:
     """What the other observations give of one (m or rad), and how far it is off, in words."""
-    given, gap = units.observed(kind.unit, expected), units.observed(kind.unit, off)
+    gap, is_of_turn = units.observed(kind.unit, off), kind.start in (Start.HZ, Start.ANGLE, Start.ZENITH)
+    given = units.observed(kind.unit, expected)
+    if is_of_turn:
+        given = f"{units.angle.turned(expected)} {units.angle.name}"
     if expected <= 0.0 and kind.start in (Start.DISTANCE, Start.FLAT):
         return f"no length of it fits the others, which would make it {given}"
     return f"the others give {given}, it is {gap} off"

@@ -12,7 +12,7 @@ from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.aims import aim_cause
 from obseq.survey.screening.ambiguous import Ambiguity
-from obseq.survey.screening.beyond_nadir import beyond_nadir, put_right, with_signs
+from obseq.survey.screening.beyond_nadir import beyond_alone, beyond_nadir, put_right, with_signs
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
@@ -78,6 +78,8 @@ def search(model: Model, system: PointSystem, points: Points, book: FieldBook) -
         return Search()
     told, places = _errors(model, system, found, are_right=not len(beyond))
     errors = with_signs(book, beyond, found, told)
+    if found.control <= 0.0 and not len(beyond):  # nothing is spare that would contradict them
+        errors += beyond_alone(book, found)
     return Search(tuple(sorted(errors, key=lambda error: -error.size)), places)
 
 
