@@ -140,6 +140,17 @@ def test_points_without_coordinates_are_placed_by_true_values_only(tmp_path, pla
     np.testing.assert_allclose(found.adjustment.points.precisions, expected, rtol=1e-3, atol=1e-6)
 
 
+def test_placeholders_are_no_coordinates(tmp_path, planned):
+    lines = point_text().splitlines()
+    (tmp_path / "p.cor").write_text("\n".join([*lines[:-1], f"0 {lines[-1].split()[1]} 0 0 0"]) + "\n")
+    with pytest.raises(InputError, match=r"F have none, or a placeholder \(0 0 0\)"):
+        simulate(Network.read(tmp_path / "plan.obs", tmp_path / "p.cor"))
+    write_obs(tmp_path / "measured.obs", simulate(planned, seed=2).book)
+    found = simulate(Network.read(tmp_path / "measured.obs", tmp_path / "p.cor"), noise=False)
+    assert "its approximate coordinates (0.000, 0.000, 0.000) are 131 m from" in found.book.warnings[-1]
+    np.testing.assert_allclose(found.points.coordinates, planned.points.coordinates, atol=0.02)
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch, planned):
     monkeypatch.chdir(tmp_path)

@@ -154,5 +154,7 @@ def run_simulate(arguments: argparse.Namespace) -> int:
         drawn = simulate(network, None if arguments.exact else arguments.seed, noise=not arguments.exact)
         texts = (obs_text(drawn.book), cor_text(drawn.given_points()))
         write_all(dict(zip(places, texts, strict=True)))
+    for text in drawn.book.warnings[len(network.book.warnings) :]:
+        print(f"Warning: {text}")
     print(f"written: {', '.join(map(str, places))}")
     return 0

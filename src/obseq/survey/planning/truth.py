@@ -9,12 +9,15 @@ import numpy as np
 
 from obseq.errors import InputError, ObseqError
 from obseq.printable import listed
+from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.initial.steps import GIVEN
 from obseq.survey.model import Orientation, automatic_fix
 
 if TYPE_CHECKING:
+    from obseq.arrays import BoolArray
+    from obseq.survey.model import Points
     from obseq.survey.network import Network
 
 MOST_NAMED = 10
@@ -51,24 +54,45 @@ def truth(network: Network) -> InitialValues:
 
 
 def placed(network: Network) -> Network:
-    """The network with coordinates for all points: where some have none, those of an adjustment.
+    """The network with true coordinates for all points.
+
+    Those of an adjustment where some have none, or placeholders, which are approximations at the origin or at
+    another point (0 0 0, say) that an adjustment would not use; a warning says so of these. Other coordinates
+    count, whatever the observed values are.
 
     Raises:
-        InputError: the observations do not place them, or contradict each other.
+        InputError: the observations do not place such points, or contradict each other.
     """
-    if network.points.has_coordinates.all():
+    points = network.points
+    unusable = ~points.has_coordinates | _are_placeholders(network)
+    if not unusable.any():
         return network
+    lacking = _lacking(points, unusable)
     try:
         adjustment = network.adjust()
     except ObseqError as error:
-        raise InputError(f"{_lacking(network)}, and the observations do not place them: {error}") from error
+        raise InputError(f"{lacking}, and the observations do not place them: {error}") from error
     if adjustment.left_out:
-        raise InputError(f"{_lacking(network)}; {adjustment.left_out[0].sentence()}")
+        raise InputError(f"{lacking}; {adjustment.left_out[0].sentence()}")
     if not adjustment.is_honest:
-        raise InputError(f"{_lacking(network)}, and the observed values do not agree with each other")
-    rows = np.asarray(network.points.is_free.any(axis=1))
-    coordinates = np.where(rows[:, None], adjustment.points.coordinates, network.points.coordinates)
-    return replace(network, points=replace(network.points, coordinates=coordinates))
+        raise InputError(f"{lacking}, and the observed values do not agree with each other")
+    rows = np.asarray(points.is_free.any(axis=1))
+    coordinates = np.where(rows[:, None], adjustment.points.coordinates, points.coordinates)
+    book = network.book.warned(*sentences_of(adjustment.replaced))
+    return replace(network, points=replace(points, coordinates=coordinates), book=book)
+
+
+def _are_placeholders(network: Network) -> BoolArray:
+    """(n,) free points at the origin of their system, or where another is, if an adjustment moves them."""
+    points, there = network.points, network.given_points().coordinates
+    _, which, counts = np.unique(there, axis=0, return_inverse=True, return_counts=True)
+    is_shared = counts[which.reshape(-1)] > 1
+    is_origin = (there[:, :2] == 0.0).all(axis=1)
+    found = np.asarray(points.is_free.any(axis=1) & (is_shared | is_origin))
+    if found.any():
+        doubted = list(network.fieldwork.initial_values().replaced)
+        found[np.setdiff1d(np.arange(len(points)), doubted)] = False
+    return found
 
 
 def with_values(network: Network, values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Network:
@@ -77,11 +101,10 @@ def with_values(network: Network, values: np.ndarray[tuple[int], np.dtype[np.flo
     return replace(network, book=replace(network.book, observations=observations))
 
 
-def _lacking(network: Network) -> str:
-    """What is wrong with a network some of whose points have no coordinates."""
-    points = network.points
-    lacking = [name for name, has in zip(points.names, points.has_coordinates, strict=True) if not has]
-    return (
-        f"planning needs approximate coordinates of all points; {listed(lacking, MOST_NAMED)} have "
-        "none: add them to the point file"
-    )
+def _lacking(points: Points, unusable: BoolArray) -> str:
+    """What is wrong with a network some of whose points have no coordinates, or placeholders."""
+    names = [name for name, is_one in zip(points.names, unusable, strict=True) if is_one]
+    has_none = not points.has_coordinates[unusable].any()
+    have = "have none: add them to" if has_none else "have none, or a placeholder (0 0 0): correct them in"
+    told = f"{listed(names, MOST_NAMED)} {have} the point file"
+    return f"planning needs approximate coordinates of all points; {told}"
