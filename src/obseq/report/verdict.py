@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 from obseq.dataclass import dataclass
 from obseq.record import (
@@ -86,7 +87,7 @@ class Verdict:
         else:
             yield from rows
 
-    @property
+    @cached_property
     def worst(self) -> Worst | None:
         """The vector, position or single value without which sigma0 is accepted; None where none explains it.
 
