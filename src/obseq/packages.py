@@ -53,4 +53,7 @@ def require(purpose: str, extra: str, *packages: str) -> None:
     """
     if absent := missing(*packages):
         names = " and ".join(absent)
-        raise MissingPackageError(f"{purpose} needs {names}; install with: pip install 'obseq[{extra}]'")
+        raise MissingPackageError(
+            f"{purpose} needs {names}; install with: pip install 'obseq[{extra}]' "
+            f"(in a checkout: pip install -e '.[{extra}]')"
+        )

@@ -168,6 +168,12 @@ def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -
     assert_refused(site, capsys, frame.rpartition("*")[2], "--frame", frame)
 
 
+def test_options_that_lack_another_one_are_refused(site: Path, capsys) -> None:
+    assert_refused(site, capsys, "--snooping-level goes with --snooping", "--snooping-level", "0.1")
+    assert main(["adjust", "site.obs", "site.cor"]) == 2
+    assert "files of their own go with --obs and --cor" in capsys.readouterr().err
+
+
 def test_what_hangs_on_nothing_is_left_out_or_refused(site: Path, capsys) -> None:
     with (site / "site.obs").open("a", encoding="utf-8") as file:
         file.write("7 X1 X2 0 0.001\n6 X1 X2 100 0.001\n3 X1 X2 10 0.005\n5 X1 X3 50 0.001\n")

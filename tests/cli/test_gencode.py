@@ -26,4 +26,5 @@ def test_without_the_generator_it_says_what_to_install(what: str, who: str) -> N
     assert done.returncode == (2 if "main" in what else 1)
     last = done.stderr.strip().splitlines()[-1]
     assert last.replace("codegen", "formulas").startswith(who.replace("codegen", "formulas"))
-    assert last.endswith(" needs sympy; install with: pip install 'obseq[gencode]'")
+    both = "pip install 'obseq[gencode]' (in a checkout: pip install -e '.[gencode]')"
+    assert last.endswith(f" needs sympy; install with: {both}")

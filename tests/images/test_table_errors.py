@@ -54,6 +54,11 @@ def test_a_wrong_row_is_told_with_its_line(tmp_path, table, more, message):
     assert str(error.value).count(f"{table}.csv") == 1
 
 
+def test_adjusted_points_are_read_as_control_points(tmp_path):
+    table = "point,x,y,z,sx,sy,sz,rays\nP,0,0,0,0.1,0.1,0.2,4\nQ,1,0,0,0.1,0.1,0.2,2\n"
+    assert _filled(tmp_path, control=table).control.sigmas[1].tolist() == pytest.approx([0.1, 0.1, 0.2])
+
+
 def test_control_on_a_line_is_told_with_its_lines(tmp_path):
     on_a_line = {
         "control": "point,x,y,z,sigma\nP,0,0,0,0.01\n\nQ,1,0,0,0.01\nR,2,0,0,0.01\n",

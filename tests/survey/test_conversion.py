@@ -157,6 +157,9 @@ def test_what_a_format_cannot_say_is_refused_by_name(tmp_path, capfd, gkf, demo)
     assert "no place on the Earth" in refused(capfd, "convert", result, "--to", tmp_path / "m.geojson")
     assert ".gkf" in refused(capfd, "convert", gkf, "--to", tmp_path / "n.xyz")
     assert "replace an input" in refused(capfd, "convert", gkf, "--to", gkf)
+    table = tmp_path / "points.csv"
+    result.write_text(result.read_text().replace(str(gkf), str(table)))
+    assert "replace an input" in refused(capfd, "convert", result, "--to", table)
     for folder in OutsideData().sets(["gama-local-small"]):
         vectors = folder / "cube-1.gkf"
         said = refused(capfd, "convert", vectors, "--to", tmp_path / "n.obs")

@@ -69,8 +69,11 @@ def test_a_mistyped_known_point_is_told_with_the_point_that_is_there(tmp_path):
         told.startswith("known point a (")
         and "is in no observation; A, which is adjusted as an unknown" in told
     )
-    adjustment = with_known(tmp_path, "1 a 1 2 3 0.002", "1 P22 1 2 4 0.002", known="BC").adjust()
-    assert adjustment.warnings == ()
+    others = "1 a 1 2 3 0.002", "1 P22 1 2 4 0.002", "0 p2 1 2 5"
+    adjustment = with_known(tmp_path, *others, known="BC").adjust()
+    hint, left_out = adjustment.warnings
+    assert hint.startswith("p2 (") and hint.endswith(" is in no observation; did these mean P2?")
+    assert left_out.startswith("point p2 is left out")
     assert adjustment.notes[-1] == "2 known points are in no observation, and control nothing: a, P22"
 
 

@@ -108,17 +108,23 @@ def test_the_system_of_a_table_of_points_is_given(tmp_path):
     np.testing.assert_allclose(adjusted.points.crs_coordinates[2], (700040, 6600050, 10), atol=0.1)
 
 
+def test_empty_cells_at_the_end_of_rows_are_those_of_spreadsheets(tmp_path):
+    plain = network(tmp_path).book.observations.values.tolist()
+    assert network(tmp_path, [f"{row},," for row in ROWS]).book.observations.values.tolist() == plain
+    assert network(tmp_path, [*ROWS[:4], f"{ROWS[4]},", *ROWS[5:]]).book.observations.values.tolist() == plain
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (("type,from", "typ,from"), "o.csv:1: column name is missing"),
         (("Hz,A,B", "Hx,A,B"), "o.csv:2: type 'Hx' is unknown"),
-        (("64031.2", "64031,2"), "o.csv:4: 9 cells for 8 columns"),
+        (("64031.2", "64031,2"), "o.csv:4: 9 cells for 8 columns; the comma separates cells: write decimals"),
         (("42.9548", "42.95x"), "o.csv:3: column value: '42.95x' is not a number"),
         (("1,mm", "1,gon"), "o.csv:4: unit 'gon' is none of m, mm, cm, km, ft, us-ft"),
         (("DH,A,P,0,0.001", "DH,A,P,0,0"), "o.csv:6: column sigma: it is not positive"),
         (("Dist,A,P", "Dist,A,A"), "o.csv:4: slope distance: it needs 2 different points"),
-        (("1,mm,,", "1,mm,,,"), "o.csv:4: 9 cells for 8 columns"),
+        (("1,mm,,", "1,mm,,,x"), "o.csv:4: 9 cells for 8 columns"),
         (("deg,1,0", "deg,1,perhaps"), "o.csv:7: active is 'perhaps'"),
         (("Dist,A,P,64031.2", "Dist,A,P,-64031.2"), "o.csv:4: the slope distance is not positive"),
     ],

@@ -48,6 +48,7 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, and write all files or none."""
+    hint = ""
     inputs = [*arguments.project, *(arguments.obs or ()), *(arguments.cor or ())]
     check_writable(arguments.to, inputs)
     if any(path.suffix.lower() == RESULT for path in arguments.project):
@@ -55,9 +56,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError("convert: a result is converted by itself; give no other file")
         texts = _of_result(arguments)
     else:
-        texts = _of_network(arguments)
+        texts, hint = _of_network(arguments)
     write_all(texts)
     print("Written: " + ", ".join(str(path) for path in texts))
+    if hint:
+        print(hint)
     return 0
 
 
@@ -67,21 +70,24 @@ def _of_result(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
 
     writers = {path: _writer(path, RESULT_WRITERS, "a result") for path in arguments.to}
     record = read_json(arguments.project[0])
+    check_writable(arguments.to, map(Path, record.files or ()))
     return {path: write(record, arguments.ellipse_scale) for path, write in writers.items()}
 
 
-def _of_network(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
+def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], str]:
+    """What to write, and what the files do not say of the network."""
     from obseq.survey.conversion import NETWORK_WRITERS
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
     network = source_of(arguments).read()
+    hint = ""
     if {path.suffix.lower() for path in writers} & {".obs", ".cor", ".csv"}:
         system, frame = network.points_crs.definition, network.frame
         options = f"--points-crs '{system}' --refraction {frame.refraction_coefficient:g}"
         if frame.has_place:
             options = f"--frame '{frame.system.definition}' {options}"
-        print(f"OBS, COR and CSV files do not say it: adjust them with {options}")
-    return {path: write(network) for path, write in writers.items()}
+        hint = f"OBS, COR and CSV files say neither systems nor refraction: adjust them with {options}"
+    return {path: write(network) for path, write in writers.items()}, hint
 
 
 def _writer(path: Path, writers: Mapping[str, Writer], what: str) -> Writer:

@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import probability
+from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.survey import Quality
@@ -77,6 +78,8 @@ def quality_of(arguments: argparse.Namespace) -> "Quality":
     """What the options ask for; the defaults of `Quality` for the rest."""
     from obseq.survey import Quality
 
+    if arguments.snooping_level is not None and arguments.snooping is None:
+        raise InputError("--snooping-level goes with --snooping")
     names = ("level", "power", "snooping", "snooping_level", "ellipses")
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
     flags = {

@@ -188,7 +188,7 @@ def add_control(block: Block, path: str | Path, sigma: float | None = None) -> N
 
 
 def _control(table: Table, sigma: float | None) -> ControlPoints:
-    table.allow(("point", "x", "y", "z", "sigma", "sx", "sy", "sz"))
+    table.allow(("point", "x", "y", "z", "sigma", "sx", "sy", "sz", "rays"))  # rays: of adjusted points
     table.require("point", "x", "y", "z")
     coordinates = np.column_stack([table.numbers(name) for name in "xyz"])
     if "sigma" in table:

@@ -12,13 +12,15 @@ from obseq.survey.kinds.registry import among, codes_where
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.record import MotionRecord
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook
 
 
 MILLIGON = np.pi / 200_000.0
+LEAST_NEGLECTED = 1e-6
+"""Metres that a plane neglects, of which less is not told."""
 SHOWN = 4
 """Points named in a sentence."""
 
@@ -27,7 +29,7 @@ def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, 
     """One sentence for each, of a network with its adjusted coordinates (n, 3) in the frame."""
     found = [*_refraction(frame, book, coordinates)]
     if frame.is_plane:
-        found.append(_plane(coordinates))
+        found += _plane(coordinates[_observed(book)])
     return tuple(found)
 
 
@@ -93,12 +95,20 @@ def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Itera
     )
 
 
-def _plane(coordinates: FloatArray) -> str:
+def _observed(book: FieldBook) -> IntArray:
+    """Rows of the points that active observations name."""
+    found = book.observations
+    return np.union1d(found.from_points[found.active], found.to_points[found.active])
+
+
+def _plane(coordinates: FloatArray) -> Iterator[str]:
     """What a plane leaves out of distances: the convergence of verticals, and arcs taken as straight."""
-    extent = np.ptp(coordinates, axis=0) if len(coordinates) else np.zeros(3)
+    extent = np.ptp(coordinates, axis=0).round(4) if len(coordinates) else np.zeros(3)
     across, rise = float(np.hypot(*extent[:2])), float(extent[2])
     neglected = across * rise / (2.0 * MEAN_RADIUS) + across**3 / (6.0 * MEAN_RADIUS**2)
-    return (
+    if neglected < LEAST_NEGLECTED:
+        return
+    yield (
         f"plane frame with parallel verticals: over this network, {across:.4g} m across and {rise:.3g} m of "
         f"height, it neglects up to {neglected * 1e3:.2g} mm in plan; where that matters, give the system "
         "of the "

@@ -70,6 +70,7 @@ ROOTS: dict[str, Reader] = {
 }
 """Who reads the XML files (.xml) with each root element."""
 XML = ".xml"
+FIELD_FILES = frozenset({".obs", ".cor"})
 _FIRST_ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
 _DATA_FILE = re.compile(r"[^\s=\"'<>|,;*?\x00-\x1f][^=\"'<>|,;*?\x00-\x1f]{0,120}\.dat\b", re.IGNORECASE)
 MOST_NAMED = 5
@@ -108,7 +109,9 @@ def reader_of(path: Path) -> Reader:
     reader = READERS.get(suffix)
     if reader is None:
         suffixes = ", ".join([*(known for known in READERS if known != ".prj"), XML])
-        raise InputError(f"{path}: files that can be adjusted by themselves end in {suffixes}")
+        pair = "; observations and points in files of their own go with --obs and --cor"
+        hint = pair if suffix in FIELD_FILES else ""
+        raise InputError(f"{path}: files that can be adjusted by themselves end in {suffixes}{hint}")
     return reader
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from obseq.shown_units import METRES, ShownUnits
@@ -50,6 +51,9 @@ class Table:
         head = file.lines[0]
         self.separator = max(",;\t", key=head.count)
         names = [name.strip().lower() for name in head.split(self.separator)]
+        self._width = len(names)
+        while names and not names[-1]:  # as spreadsheets write columns that were emptied
+            names.pop()
         self.columns = {name: place for place, name in enumerate(names)}
         if len(self.columns) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -76,9 +80,27 @@ class Table:
             if not line.strip():
                 continue
             cells = self._split(index, line)
-            if len(cells) != len(self.columns):
-                raise self.file.error(index, f"{len(cells)} cells for {len(self.columns)} columns")
+            if len(cells) != len(self.columns) and not self._is_padded(cells):
+                raise self.file.error(index, self._miscounted(cells))
             yield index, {name: cells[place].strip() for name, place in self.columns.items()}
+
+    def _is_padded(self, cells: list[str]) -> bool:
+        """Whether all that a row has too much are empty cells at its end, as spreadsheets write them."""
+        is_surplus_empty = len(cells) > len(self.columns) and not any(
+            map(str.strip, cells[len(self.columns) :])
+        )
+        return is_surplus_empty and (len(cells) == self._width or not self._has_decimal_commas(cells))
+
+    def _has_decimal_commas(self, cells: list[str]) -> bool:
+        """Whether a comma between cells may be one within a number."""
+        parts = pairwise(cell.strip().lstrip("+-") for cell in cells)
+        return self.separator == "," and any(a.isdigit() and b.isdigit() for a, b in parts)
+
+    def _miscounted(self, cells: list[str]) -> str:
+        """What is said of a row of too few or too many cells."""
+        is_likely = len(cells) > len(self.columns) and self._has_decimal_commas(cells)
+        hint = "; the comma separates cells: write decimals with a point" if is_likely else ""
+        return f"{len(cells)} cells for {len(self.columns)} columns{hint}"
 
     def _split(self, index: int, line: str) -> list[str]:
         try:

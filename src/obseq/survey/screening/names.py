@@ -210,6 +210,7 @@ def _of_left_out(
 ) -> Iterator[str]:
     """Points that observations to left out ones fit, where their names are alike."""
     names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
+    yield from _of_unnamed(points, book, names)
     if not names or len(book.observations) > _LARGEST:
         return
     try:
@@ -220,6 +221,20 @@ def _of_left_out(
         meant = _meant(found, name)
         if meant is not None:
             yield f"{name}: did you mean {meant}? The observations to {name} fit it"
+
+
+def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[str]:
+    """Approximate coordinates that no observation uses, where it names a point that looks like theirs."""
+    counts = book.counts(book.observations.active, len(points))
+    for name in names:
+        row = points.index[name]
+        alike = [
+            other
+            for other in _named_only_by_observations(points, name)
+            if look_alike(name, other) and counts[points.index[other]]
+        ]
+        if alike and not counts[row]:
+            yield f"{name} ({points.place(row)}) is in no observation; did these mean {' or '.join(alike)}?"
 
 
 def _meant(found: Estimate, name: str) -> str | None:
