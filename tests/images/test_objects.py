@@ -105,7 +105,7 @@ def test_numbers_are_names_as_in_tables_of_a_survey():
     assert ControlPoints.of([1, 2], np.zeros((2, 3))).select([2]).names == ("2",)
     block = BundleAdjustment()
     block.add_cameras(Camera(1, 10, 10, focal=10.0))
-    block.add_images([7], "1")
+    block.add_images([7], 1)
     block.add_measures(measures)
     block.add_approximations([1], [[0.0, 0, 0]])
     assert block.approximations["1"].tolist() == [0.0, 0.0, 0.0]

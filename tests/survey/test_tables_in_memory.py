@@ -84,6 +84,7 @@ def test_setups_and_switched_off_rows_are_told_apart() -> None:
         ({"observations": {"value": ["x"] + [1.0] * 11}}, "row 1: value is 'x', not a number"),
         ({"observations": {"valeur": [1.0] * 12}}, "has valeur, which nothing uses"),
         ({"observations": {"orientation": ["UP"] * 12}}, "unknown orientation 'UP'"),
+        ({"name": ["PtA", "PtB", "PtA", "PtD"]}, "points, row 3: point PtA is given twice, first in row 1"),
         ({"sx": [-1.0, None, None, 0.001]}, "row 1 .PtA.: a sigma is negative"),
         ({"x": [1.0]}, "different lengths: name 4, x 1"),
         ({"observations": {"sigma": "x"}}, "row 1: sigma is 'x', not a number"),

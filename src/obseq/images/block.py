@@ -86,6 +86,7 @@ class Block:
 
     def add_images(self, images: Iterable[str], camera: str) -> None:
         """Says which camera took images, whose poses come later or are to be found."""
+        (camera,) = as_names([camera], "camera")
         for image in as_names(images, "images"):
             if image in self.camera_of:
                 raise InputError(f"image {image!r} is given twice")

@@ -76,7 +76,10 @@ def points_of(table: Table) -> Points:
         if is_wrong.any():
             row = int(is_wrong.any(axis=1).argmax())
             raise InputError(f"{POINTS}, row {row + 1} ({names[row]}): {problem}")
-    lines = {name: row + 1 for row, name in enumerate(names)}
+    lines: dict[str, int] = {}
+    for row, name in enumerate(names, start=1):
+        if lines.setdefault(name, row) != row:
+            raise InputError(f"{POINTS}, row {row}: point {name} is given twice, first in row {lines[name]}")
     return points_of_lines(names, coordinates, sigmas, POINTS, lines)
 
 
