@@ -40,7 +40,7 @@ WORDS = ["bundle-adjust", ".*", "BA", "Mine", "GCP3D=[[Fil,1]]", "GCP2D=[[Fil,1]
 
 @pytest.fixture(scope="module")
 def prepared(shared_data, tmp_path_factory):
-    """Seven exposures of the panel, one of a single camera, with its rigid block in the older form."""
+    """Some exposures of the panel, one of a single camera, with its rigid block in the older form."""
     folder = tmp_path_factory.mktemp("panel")
     project = shared_data / "mmvii-bundle-panel/MMVII-PhgrProj"
     left_out = "11P", "BA2", "Calib", "Resec", "*_001[3579]_*", "*_002?_*", "*_003[135689]_*"

@@ -73,7 +73,7 @@ def test_networks_with_a_plan_have_no_scheme(shared_data):
 def test_a_network_of_which_all_is_known_has_residuals_and_a_plan():
     points = {"name": ["A", "B"], "x": [0.0, 3.0], "y": [0.0, 4.0], "z": [0.0, 0.0]}
     points |= {f"s{axis}": [0.0, 0.0] for axis in "xyz"}
-    table = {"type": ["Dist", "DH"], "from": "AA", "to": "BB", "value": [5.01, 0.0], "sigma": [0.01, 0.001]}
+    table = {"type": ["Dist", "DH"], "from": "A", "to": "B", "value": [5.01, 0.0], "sigma": [0.01, 0.001]}
     record = network_from_tables(points, table).adjust().record()
     assert record.n_unknowns == 0
     assert record.redundancy == 2

@@ -104,7 +104,7 @@ def test_what_was_not_tried_on_a_large_network_is_said(planted, tmp_path, monkey
     site.write(tmp_path)
     network = site.read(tmp_path)
     middle = np.nanmean(network.points.coordinates, axis=0)
-    wrong = middle + 1.37 * (network.points.coordinates - middle)
+    wrong = middle + [1.37, 1.0, 1.0] * (network.points.coordinates - middle)
     network = replace(network, points=replace(network.points, coordinates=wrong))
     monkeypatch.setattr(trials, "_MOST_WORK", 1)
     (error,) = network.gross_errors()
