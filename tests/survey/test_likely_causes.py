@@ -152,14 +152,18 @@ def test_directions_counted_anticlockwise(planted, tmp_path, seed):
     assert "anticlockwise" in error.text and error.what.startswith(f"all {len(every)} Hz observations (")
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_two_set_ups_under_one(planted, tmp_path, seed):
-    site = planted.made_site(np.random.default_rng(seed))
-    rows = directions(site, 0)
-    change(site, rows[-2:], 3, lambda v: (v + 123.4567) % 400.0)
+@pytest.mark.parametrize("turns", [(123.4567,), (123.4567, 17.55)], ids=len)
+def test_two_set_ups_under_one(planted, tmp_path, turns):
+    """Once, or at several stations: none of these explains much alone."""
+    site = planted.made_site(np.random.default_rng(len(turns)))
+    rows = [directions(site, k) for k in range(len(turns))]
+    for members, turn in zip(rows, turns, strict=True):
+        change(site, members[-2:], 3, lambda v, turn=turn: (v + turn) % 400.0)
     (error,) = errors_of(site, tmp_path)
-    assert error.cause is Cause.NEW_SETUP and "turned by 123.4" in error.text
-    assert f":{rows[-2] + 1}) on" in error.what
+    assert error.cause is Cause.NEW_SETUP and len(error.rows) == 2 * len(turns)
+    for members, turn in zip(rows, turns, strict=True):
+        told = (error.what + error.text).partition(f":{members[-2] + 1}) on")[2]
+        assert f"turned by {int(10.0 * turn) / 10.0}" in told[:120]
 
 
 def test_the_constant_of_a_prism(planted, tmp_path):

@@ -29,17 +29,18 @@ if TYPE_CHECKING:
 
 _LEAST = 2
 """Directions that a set-up needs for its turn to show."""
+_MOST_TOLD = 5
 _LEFT = 0.1
 """Share of the misfits that may be left when each part of a set-up has its own turn."""
 
 
 def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
-    """The set-up that is two, with the network in which it is; None when there is none."""
+    """The set-up that is two, or several that all are, with the network in which they are; None without."""
     best: tuple[float, Rows, int, Estimate] | None = None
-    for number, (rows, first) in enumerate(_splits(trials.found)):
-        if number == trials.most:
-            trials.untried.append("set-ups that are two")
-            break
+    splits = list(_splits(trials.found))
+    if len(splits) > trials.most:
+        trials.untried.append("set-ups that are two")
+    for rows, first in splits[: trials.most]:
         corrected = trials.explaining(trials.found.points, _split(trials.found.book, int(rows[first])))
         if corrected is None:
             continue
@@ -47,9 +48,31 @@ def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         if best is None or left < best[0]:
             best = left, rows, first, corrected
     if best is None:
-        return None
+        return _several(trials, splits) if len(splits) > 1 else None
     _, rows, first, corrected = best
-    return _described(trials.found, rows, first, corrected), corrected
+    size = float(trials.found.ratios[rows].max())
+    what, text = _described(trials.found, rows, first, corrected, -1)
+    text = f"{text}: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
+    return GrossError(what, Cause.NEW_SETUP, text, size, tuple(rows[first:].tolist())), corrected
+
+
+def _several(trials: Trials, splits: list[tuple[Rows, int]]) -> tuple[GrossError, Estimate] | None:
+    """Set-ups that are two each, of which none alone explains much."""
+    found, book = trials.found, trials.found.book
+    for rows, first in splits:
+        book = _split(book, int(rows[first]))
+    corrected = trials.explaining(found.points, book)
+    if corrected is None:
+        return None
+    told = [_described(found, *one, corrected, k - len(splits)) for k, one in enumerate(splits)]
+    listed = "; ".join(f"{what}: {text}" for what, text in told[:_MOST_TOLD])
+    more = f"; and {len(told) - _MOST_TOLD} more" if len(told) > _MOST_TOLD else ""
+    text = (
+        f"likely new set-ups, or circles that were turned (in an OBS file, code 7 on these lines): {listed}"
+    )
+    rows = tuple(row for members, first in splits for row in members[first:].tolist())
+    size = float(found.ratios[list(rows)].max())
+    return GrossError(f"{len(splits)} set-ups", Cause.NEW_SETUP, f"{text}{more}", size, rows), corrected
 
 
 def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
@@ -94,15 +117,15 @@ def _split(book: FieldBook, first: int) -> FieldBook:
     return replace(book, observations=replace(book.observations, stations=stations), stations=grouped)
 
 
-def _described(found: Estimate, rows: Rows, first: int, corrected: Estimate) -> GrossError:
+def _described(found: Estimate, rows: Rows, first: int, corrected: Estimate, new: int) -> tuple[str, str]:
+    """Which set-up is two, and by how much its parts are turned; the second is `new` of the network."""
     before = corrected.rotations[found.book.observations.stations[rows[0]]]
-    zero = before.T @ corrected.rotations[-1][:, 1]
+    zero = before.T @ corrected.rotations[new][:, 1]
     turn = found.units.angle.text(-math.atan2(zero[0], zero[1]))
     label, point = found.book.label(int(rows[first])), found.book.observations.from_points[rows[0]]
     what = f"set-up of {found.book.point_names[point]}, from {label} on"
     text = (
         f"the {len(rows) - first} directions from there on are all turned by {turn} against the "
-        f"{first} before: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
+        f"{first} before"
     )
-    size = float(found.ratios[rows].max())
-    return GrossError(what, Cause.NEW_SETUP, text, size, tuple(rows[first:].tolist()))
+    return what, text
