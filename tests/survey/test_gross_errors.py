@@ -1,6 +1,7 @@
 """Gross errors are announced with their likely cause; honest networks raise no alarm."""
 
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -9,11 +10,13 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.report.units import Units
+from obseq.shown_units import ShownUnits
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.screening import search, trials
 from obseq.survey.screening.findings import Cause
-from obseq.survey.screening.values import GON, explain, variants
+from obseq.survey.screening.values import COORDINATE, GON, explain, variants
 
 SINGLE = ["one_in_degrees", "one_elevation", "one_in_millimetres", "one_digit", "exchanged_digits"]
 SIGHTS = ["wrong_target", "exchanged_targets"]
@@ -160,3 +163,23 @@ def test_variants_leave_out_what_noise_would_do():
     assert all(abs(right - 12.34) > 0.2 for _, right in variants(12.34, 2, 0.1))
     assert ("two digits are exchanged", 21.34) in list(variants(12.34, 2, 0.1))
     assert ("one digit is wrong", -12.94) in list(variants(-12.34, 2, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "read", "right", "text"),
+    [
+        ("dms", HZ, 105.5, 195.5, "one digit is wrong"),
+        ("dms", HZ, 95.0 + 42.0 / 60.0, 95.0 + 32.0 / 60.0, "one digit is wrong"),
+        ("dms", HZ, 95.0 + 23.0 / 60.0, 95.0 + 32.0 / 60.0, "two digits are exchanged"),
+        ("dms", HZ, 185.5, 95.5, None),  # 100 gon, and 815 is no reading
+        ("degree", HZ, 195.544395, 95.544395, "one digit is wrong"),
+        ("ft", DIST, 789.9485, 689.9485, "one digit is wrong"),
+        ("ft", COORDINATE, 3817.3922, 3871.3922, "two digits are exchanged"),
+    ],
+)
+def test_digits_are_those_that_were_written(unit, kind, read, right, text):
+    """Whatever the units of the report are."""
+    is_ft, size = unit == "ft", 0.3048 if unit == "ft" else math.pi / 180.0
+    units = Units(ShownUnits(), ShownUnits("ft") if is_ft else ShownUnits(angle=unit))
+    found = explain(kind, read * size, right * size, 0.002 if is_ft else 3e-5, units)
+    assert (found and found.text) == text

@@ -88,9 +88,11 @@ class Units:
         small_length: Of their residuals and precisions.
         angle: Of angles.
         small_angle: Of their residuals and precisions.
+        written: Those of the files, in which values were written.
     """
 
-    def __init__(self, shown: ShownUnits) -> None:
+    def __init__(self, shown: ShownUnits, written: ShownUnits | None = None) -> None:
+        self.written = self if written is None else Units(written)
         self.length, self.small_length = _LENGTHS[shown.length]
         self.angle, self.small_angle = _ANGLES[shown.angle]
 

@@ -49,6 +49,7 @@ class Fieldwork:
         frame: The computation frame.
         points_crs: The coordinate system of the point files.
         shown: Units in which values are told; None for metres and gon.
+        written: Units in which they were written; None for metres and gon.
     """
 
     points: Points
@@ -56,6 +57,7 @@ class Fieldwork:
     frame: Frame
     points_crs: crs.CoordinateSystem
     shown: ShownUnits | None = None
+    written: ShownUnits | None = None
 
     @cached_property
     def point_system(self) -> PointSystem:
@@ -96,7 +98,7 @@ class Fieldwork:
         from obseq.report.units import Units
         from obseq.survey.screening.robust import Model
 
-        return Model(self._started, self._equations, Units(self.shown or METRIC))
+        return Model(self._started, self._equations, Units(self.shown or METRIC, self.written or METRIC))
 
     def search(self, progress: Progress | None = None) -> Search:
         """What contradicts the rest grossly, with likely causes; progress is told to one."""

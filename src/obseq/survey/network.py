@@ -92,7 +92,8 @@ class Network:
         unit_sigma: By what another program multiplies sigma0 where it reports it (Gama's sigma-apr); None for
             no such program.
         datum: What it rests on, unless the adjustment is told otherwise.
-        shown: Units of its files, in which results are reported; None for metres and gon.
+        shown: Units in which results are reported, those of its files; None for metres and gon.
+        written: Units of its files; None for metres and gon.
 
     Example:
         >>> from obseq.survey import Network
@@ -109,6 +110,7 @@ class Network:
     unit_sigma: float | None = None
     datum: Datum = GIVEN
     shown: ShownUnits | None = None
+    written: ShownUnits | None = None
 
     @classmethod
     @expecting(
@@ -221,7 +223,9 @@ class Network:
         systems = project.systems(frame, points_crs)
         network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
-        network = replace(network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown)
+        network = replace(
+            network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
+        )
         return network if place is None or project.has_geoid else network.with_deflections(place)
 
     @expecting(geoid=PATH)
@@ -299,7 +303,7 @@ class Network:
     @property
     def fieldwork(self) -> Fieldwork:
         """What an adjustment works on."""
-        return Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown)
+        return Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown, self.written)
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""

@@ -10,7 +10,13 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.alternatives import Alternative, alternatives
-from obseq.survey.screening.findings import Cause, GrossError, coordinates_told, gap_of
+from obseq.survey.screening.findings import (
+    Cause,
+    GrossError,
+    coordinates_told,
+    gap_of,
+    units_of_coordinate,
+)
 from obseq.survey.screening.levelling import errors_of_levelling
 from obseq.survey.screening.values import COORDINATE, Explanation, difference, explain
 
@@ -151,7 +157,11 @@ class Ambiguity:
     def _explanation(self, one: Alternative) -> Explanation | None:
         kind = BY_CODE[int(self.found.book.observations.types[one.row])] if one.row >= 0 else COORDINATE
         value, fits, unit = self._values(one)
-        return explain(kind, value, fits, _HIT * self.found.scale * one.sigma / unit)
+        tolerance = _HIT * self.found.scale * one.sigma / unit
+        units = self.found.units
+        if one.row < 0:
+            units = units_of_coordinate(units, self.system, one.component)
+        return explain(kind, value, fits, tolerance, units)
 
 
 def _place(one: Alternative) -> Place:

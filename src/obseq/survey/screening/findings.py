@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.record import GrossErrorRecord
+from obseq.report.units import METRIC
 from obseq.survey.kinds.kind import Start
 
 if TYPE_CHECKING:
@@ -96,6 +97,12 @@ def gap_of(units: Units, kind: ObservationKind, expected: float, off: float) -> 
     if expected <= 0.0 and kind.start in (Start.DISTANCE, Start.FLAT):
         return f"no length of it fits the others, which would make it {given}"
     return f"the others give {given}, it is {gap} off"
+
+
+def units_of_coordinate(units: Units, system: PointSystem, component: int) -> Units:
+    """Units in which a coordinate (0 to 2) was written, given in the unit of its system."""
+    unit = system.system.height_unit if component == 2 else system.system.plan_unit
+    return units if unit.name == "m" else METRIC
 
 
 def coordinates_told(units: Units, system: PointSystem, component: int, *values: float) -> Iterator[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
+from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told, units_of_coordinate
 from obseq.survey.screening.robust import GROSS, Estimate, solved
 from obseq.survey.screening.values import COORDINATE, FEET, are_feet, explain
 
@@ -169,7 +169,7 @@ def _in_other_units(system: PointSystem, points: Points, units: Units) -> Iterat
     """
     mistakes = [(FEET, "feet where metres are meant"), (1.0 / FEET, "metres read as feet")]
     if are_feet(units):
-        mistakes = [(units.length.factor, "metres read as feet")]
+        mistakes = [(units.written.length.factor, "metres read as feet")]
     rows = np.flatnonzero(points.has_coordinates)
     given = system.coordinates(points.coordinates[rows])
     is_plane = system.system.kind is crs.Kind.LOCAL
@@ -276,7 +276,9 @@ def _of_coordinates(
     if len(off) == 1:
         k = off[0]
         tolerances = (share * float(near[k]) for share in _SHARES if np.isfinite(near[k]))
-        tried = (explain(COORDINATE, float(given[k]), float(right[k]), tolerance) for tolerance in tolerances)
+        written = float(given[k]), float(right[k])
+        units = units_of_coordinate(found.units, system, k)
+        tried = (explain(COORDINATE, *written, tolerance, units) for tolerance in tolerances)
         explanation = next(filter(None, tried), None)
         if explanation is not None:
             return explanation.cause, f"{text}; {_AXES[k]}: {explanation.text}", True

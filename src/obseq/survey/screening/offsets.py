@@ -306,7 +306,7 @@ def _of_height(found: Estimate, one: Offset) -> tuple[Cause, str]:
     text = f"{is_written} is written, {fits} fits"
     if height == 0.0:
         return Cause.HEIGHT, f"{text}: likely it was left out"
-    why = explain(COORDINATE, height, height + one.size, _HIT * one.sigma)
+    why = explain(COORDINATE, height, height + one.size, _HIT * one.sigma, found.units)
     return Cause.HEIGHT, text if why is None else f"{text}; likely: {why.text}"
 
 

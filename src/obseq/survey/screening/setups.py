@@ -70,9 +70,9 @@ def _several(trials: Trials, splits: list[tuple[Rows, int]]) -> tuple[GrossError
     text = (
         f"likely new set-ups, or circles that were turned (in an OBS file, code 7 on these lines): {listed}"
     )
-    rows = tuple(row for members, first in splits for row in members[first:].tolist())
-    size = float(found.ratios[list(rows)].max())
-    return GrossError(f"{len(splits)} set-ups", Cause.NEW_SETUP, f"{text}{more}", size, rows), corrected
+    turned = tuple(row for members, first in splits for row in members[first:].tolist())
+    size = float(found.ratios[list(turned)].max())
+    return GrossError(f"{len(splits)} set-ups", Cause.NEW_SETUP, f"{text}{more}", size, turned), corrected
 
 
 def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:

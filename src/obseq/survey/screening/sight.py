@@ -140,7 +140,7 @@ def _words(trials: Trials, one: _Without) -> tuple[str, Cause]:
         tolerance = tolerance_of(found, row)
         if abs(off) <= tolerance:
             continue
-        why = explain(kind, value, expected, tolerance)
+        why = explain(kind, value, expected, tolerance, found.units)
         cause = why.cause if why and cause is Cause.UNKNOWN else cause
         gap = gap_of(found.units, kind, value - off, off)
         parts.append(f"{found.book.label(row)}: {gap}{f', likely: {why.text}' if why else ''}")

@@ -49,7 +49,7 @@ def explanation_of(found: Estimate, row: int) -> Explanation | None:
         if abs(flat - value) <= tolerance < 0.5 * abs(expected - flat):
             text = "the horizontal distance instead of the slope distance"
             return Explanation(Cause.HORIZONTAL, text, tolerance / max(value, tolerance))
-    return explain(kind, value, expected, tolerance)
+    return explain(kind, value, expected, tolerance, found.units)
 
 
 def _of_same_sight(found: Estimate, row: int, suspects: dict[int, None]) -> list[int]:

@@ -7,12 +7,14 @@ in a number of ways, and each hits with the tolerance over the range of values.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.report.units import METRIC, Scale, Sexagesimal
 from obseq.survey.kinds.kind import ObservationKind, Start
 from obseq.survey.screening.findings import Cause
 
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
 GON = 200.0 / math.pi
 FEET = 0.3048
 """Metres in a foot."""
-_DECIMALS = {True: 5, False: 4}
-"""Decimals of angles (gon) and of lengths (m) in which digits are looked for."""
 _FEWEST_DECIMALS = 3
 """Decimals that lengths are taken to be written with, where they end in zeros."""
 _FEET_TEXT = "feet instead of metres"
@@ -116,12 +116,12 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
 
 def are_feet(units: Units) -> bool:
     """Whether the files are in feet."""
-    return units.length.factor != 1.0
+    return units.written.length.factor != 1.0
 
 
 def in_unit_of(mistake: Mistake, units: Units) -> Mistake:
     """A mistake with the unit of a file: in one in feet, no value is in feet by mistake, but in metres."""
-    factor = units.length.factor
+    factor = units.written.length.factor
     if mistake.text != _FEET_TEXT or not are_feet(units):
         return mistake
     return replace(mistake, text="metres, and were read as feet", right=lambda v: v * factor, factor=1.0)
@@ -136,7 +136,9 @@ def _sexagesimal(value: float) -> float:
     return math.copysign(math.radians(degrees + minutes / 60.0 + seconds / 3600.0), value)
 
 
-def explain(kind: ObservationKind, value: float, expected: float, tolerance: float) -> Explanation | None:
+def explain(
+    kind: ObservationKind, value: float, expected: float, tolerance: float, units: Units = METRIC
+) -> Explanation | None:
     """The most telling explanation of a value; None when none is likely.
 
     Args:
@@ -144,10 +146,12 @@ def explain(kind: ObservationKind, value: float, expected: float, tolerance: flo
         value: as read (m, rad).
         expected: what the rest of the network gives.
         tolerance: how far a good explanation may be from it.
+        units: in which values were written; those of lengths, for a coordinate.
     """
+    scale = units.written.angle if kind.is_angle else units.written.length
     span = 2.0 * math.pi if kind.is_angle else 2.0 * max(abs(value), abs(expected))
     by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
-    by_digits = _by_digits(kind, value, expected, tolerance, span)
+    by_digits = _by_digits(kind, value, expected, tolerance, span, scale)
     digits = _LIKELY_DIGITS if kind is COORDINATE else LIKELY
     found = [e for e in by_mistake if e.chance < LIKELY] + [e for e in by_digits if e.chance < digits]
     return min(found, key=lambda e: e.chance, default=None)
@@ -178,25 +182,27 @@ def _enlarged(mistake: Mistake, value: float) -> float:
 
 
 def _by_digits(
-    kind: ObservationKind, value: float, expected: float, tolerance: float, span: float
+    kind: ObservationKind, value: float, expected: float, tolerance: float, span: float, scale: Scale
 ) -> Iterator[Explanation]:
-    """One wrong digit, two digits exchanged, or a decimal point in the wrong place."""
-    unit = GON if kind.is_angle else 1.0
+    """One wrong digit, two digits exchanged, or a decimal point in the wrong place, as it was written."""
+    unit = scale.factor
     read, margin = value * unit, tolerance * unit
-    decimals = _DECIMALS[kind.is_angle]
-    whole = 400.0 if kind.is_angle and kind.start is not Start.ZENITH else 0.0
-    tried = list(variants(read, decimals, margin))
+    whole = scale.turn if kind.is_angle and kind.start is not Start.ZENITH else 0.0
+    is_dms = isinstance(scale, Sexagesimal)
+    tried = list(sexagesimal_variants(read, margin) if is_dms else variants(read, scale.decimals, margin))
     slips = Counter(text for text, _ in tried)
     for text, right in tried:
         gap = right - expected * unit
         if whole:
-            gap = math.remainder(gap, whole)
+            gap = (
+                math.remainder(gap, whole) if abs(right) <= whole else math.inf
+            )  # no reading is beyond a turn
         if abs(gap) <= margin:
             # a slip of which there are few ways to happen is not made likelier to hit by those with many
             ways = min(len(tried), len(slips) * slips[text])
             chance = ways * 2.0 * tolerance / span
             if kind is COORDINATE:
-                chance = _share_of_slips([other for _, other in tried], read, expected, tolerance)
+                chance = _share_of_slips([other for _, other in tried], read, expected * unit, margin)
             yield Explanation(Cause.MISTYPED, text, chance)
 
 
@@ -218,27 +224,47 @@ def variants(read: float, decimals: int, margin: float) -> Iterator[tuple[str, f
         decimals: how many of its decimals are looked at.
         margin: changes below twice this are none.
     """
-    shown = f"{abs(read):.{decimals}f}"
     sign = -1.0 if read < 0.0 else 1.0
+    yield from _slips(f"{abs(read):.{decimals}f}", lambda text: sign * float(text), read, margin)
+    for power in (-2, -1, 1, 2):
+        yield from _kept("the decimal point is in the wrong place", read * 10.0**power, read, margin)
+
+
+def sexagesimal_variants(read: float, margin: float) -> Iterator[tuple[str, float]]:
+    """The angles (degrees) that differ from one by a single slip in its degrees, minutes and seconds."""
+    sign = -1.0 if read < 0.0 else 1.0
+    hundredths = round(abs(read) * 360_000.0)
+    minutes, rest = divmod(hundredths, 6000)
+    shown = f"{minutes // 60}-{minutes % 60:02d}-{rest // 100:02d}.{rest % 100:02d}"
+    yield from _slips(shown, lambda text: sign * _degrees(text), read, margin)
+
+
+def _degrees(text: str) -> float:
+    """Degrees of `45-12-03.40`; NaN where minutes or seconds are 60 or more."""
+    degrees, minutes, seconds = map(float, text.split("-"))
+    return degrees + minutes / 60.0 + seconds / 3600.0 if max(minutes, seconds) < 60.0 else math.nan
+
+
+def _slips(
+    shown: str, parsed: Callable[[str], float], read: float, margin: float
+) -> Iterator[tuple[str, float]]:
+    """Of a number as it is written: wrong digits, exchanged ones, a leading one that is missing."""
     for k, digit in enumerate(shown):
-        if digit == ".":
+        if not digit.isdigit():
             continue
         for other in "0123456789":
             if other != digit:
                 changed = shown[:k] + other + shown[k + 1 :]
-                yield from _kept("one digit is wrong", sign * float(changed), read, margin)
+                yield from _kept("one digit is wrong", parsed(changed), read, margin)
     padded = f"0{shown}"
-    for k in range(len(padded) - 1):
-        a = k
-        b = k + 1 if padded[k + 1] != "." else k + 2
-        if padded[a] != "." and b < len(padded) and padded[a] != padded[b]:
+    digits = [k for k, digit in enumerate(padded) if digit.isdigit()]
+    for a, b in itertools.pairwise(digits):
+        if padded[a] != padded[b]:
             text = list(padded)
             text[a], text[b] = text[b], text[a]
-            yield from _kept("two digits are exchanged", sign * float("".join(text)), read, margin)
-    for power in (-2, -1, 1, 2):
-        yield from _kept("the decimal point is in the wrong place", read * 10.0**power, read, margin)
+            yield from _kept("two digits are exchanged", parsed("".join(text)), read, margin)
     for digit in "123456789":
-        yield from _kept("a leading digit is missing", sign * float(digit + shown), read, margin)
+        yield from _kept("a leading digit is missing", parsed(digit + shown), read, margin)
 
 
 def _kept(text: str, right: float, read: float, margin: float) -> Iterator[tuple[str, float]]:
