@@ -201,7 +201,19 @@ def test_outputs_are_refused_before_the_work(site: Path, capsys, monkeypatch) ->
 def test_inputs_are_not_overwritten(site: Path, capsys) -> None:
     assert adjust("--json", "site.obs") == 2
     assert "would replace an input" in capsys.readouterr().err
+    assert adjust("--json", "a.json") == 0
+    assert main(["report", "a.json", "--text", "site.obs"]) == 2
+    assert "would replace an input" in capsys.readouterr().err
     assert (site / "site.obs").read_text(encoding="utf-8") == OBSERVATIONS
+
+
+def test_included_files_are_not_overwritten(tmp_path: Path, capsys) -> None:
+    main_file, included = tmp_path / "main.dat", tmp_path / "rest.dat"
+    main_file.write_text(".2D\n.INCLUDE rest.dat\nC A 0 0 ! !\nC B 10 0 ! !\n")
+    included.write_text("D A-P 7.1 0.01\nD B-P 7.1 0.01\n")
+    assert main(["adjust", str(main_file), "--text", str(included)]) == 2
+    assert "rest.dat: writing the results here would replace an input" in capsys.readouterr().err
+    assert included.read_text().startswith("D A-P")
 
 
 def test_an_interruption_leaves_the_old_results(site: Path, capsys, monkeypatch) -> None:

@@ -57,6 +57,12 @@ class Request:
     estimated: Sequence[str] = ()
     units: Sequence[str] = ()
 
+    @property
+    def places(self) -> list[Path]:
+        """Where something is written."""
+        sinex = [] if self.sinex is None else [self.sinex]
+        return [*(path for path, _ in self.outputs), *sinex]
+
 
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
@@ -138,8 +144,7 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    sinex = [] if request.sinex is None else [request.sinex]
-    check_writable([*(path for path, _ in request.outputs), *sinex], request.source.files)
+    check_writable(request.places, request.source.files)
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
         record, others = _adjusted(request, watch)
@@ -156,6 +161,7 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
     network = shown_in(request.source.read(), request.units)
+    check_writable(request.places, map(Path, (*network.book.files, *network.points.files)))
     if request.estimated:
         from obseq.survey import estimating
 
