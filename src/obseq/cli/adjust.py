@@ -160,8 +160,7 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
-    network = shown_in(request.source.read(), request.units)
-    check_writable(request.places, map(Path, (*network.book.files, *network.points.files)))
+    network = shown_in(request.source.read(request.places), request.units)
     if request.estimated:
         from obseq.survey import estimating
 

@@ -79,7 +79,7 @@ def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes],
     from obseq.survey.conversion import NETWORK_WRITERS
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
-    network = source_of(arguments).read()
+    network = source_of(arguments).read(arguments.to)
     hint = ""
     if {path.suffix.lower() for path in writers} & {".obs", ".cor", ".csv"}:
         system, frame = network.points_crs.definition, network.frame

@@ -9,6 +9,7 @@ from obseq.cli.own_formulas import use_formulas
 from obseq.cli.parsing import finite_number, positive_number
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.writing import check_writable
 
 if TYPE_CHECKING:
     from obseq.survey import Network
@@ -41,13 +42,16 @@ class Source:
         """The files that no output may replace."""
         return [*self.observations, *self.points, *self.project]
 
-    def read(self) -> "Network":
-        """The network."""
+    def read(self, outputs: Sequence[Path] = ()) -> "Network":
+        """The network; outputs that would replace a file it was read from, included ones too, are refused."""
         from obseq.survey import Network
 
         if self.project:
-            return Network.read_project(self.project, **self.reading)
-        return Network.read(self.observations, self.points, **self.reading)
+            network = Network.read_project(self.project, **self.reading)
+        else:
+            network = Network.read(self.observations, self.points, **self.reading)
+        check_writable(outputs, map(Path, (*network.book.files, *network.points.files)))
+        return network
 
 
 def add_network_arguments(command: argparse.ArgumentParser) -> None:

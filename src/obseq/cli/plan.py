@@ -93,11 +93,12 @@ def _add_seed(group: argparse._ArgumentGroup) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Plan what the command line names."""
     source, out = source_of(arguments), arguments.out
-    names = ("plan.json", "plan.txt", "plan.html") if out else ()
-    check_writable([out / name for name in names], source.files)
+    names = "plan.json", "plan.txt", "plan.html"
+    places = [out / name for name in names] if out else []
+    check_writable(places, source.files)
     with Progress("starting") as progress:
-        record = _planned(arguments, shown_in(source.read(), arguments.units), progress)
-        written = {out / name: text for name, text in zip(names, _texts(record), strict=True)} if out else {}
+        record = _planned(arguments, shown_in(source.read(places), arguments.units), progress)
+        written = dict(zip(places, _texts(record), strict=True)) if out else {}
         write_all(written)
     from obseq.report.planning import plan_summary
 
@@ -146,7 +147,7 @@ def run_simulate(arguments: argparse.Namespace) -> int:
         from obseq.survey.files.cor import cor_text
         from obseq.survey.files.obs import obs_text
 
-        network = source.read()
+        network = source.read(places)
         if network.book.clusters or network.book.has_shared_unknowns:
             raise InputError(
                 "simulate: OBS files hold no correlated observations, nor groups with unknowns of their own"
