@@ -98,7 +98,7 @@ def test_a_sigma_with_a_relative_part_is_refused_in_a_cluster(tmp_path):
 
 
 def test_tables_in_memory_have_clusters():
-    table = {"type": ["LX", "LY", "Zen"], "from": "AAA", "to": "PPP", "value": [10, 20, 100]}
+    table = {"type": ["LX", "LY", "Zen"], "from": "A", "to": "P", "value": [10, 20, 100]}
     table |= {"sigma": [0.002, 0.003, 0.01], "cluster": ["a", "a", "a"], "covariances": ["", 1e-6, "0 2e-6"]}
     (cluster,) = observations_of(table, "gon").clusters
     assert cluster.covariance[0, 1] == 1e-6
