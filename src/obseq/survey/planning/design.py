@@ -121,7 +121,8 @@ def plan(
     Args:
         network: Points with approximate coordinates, and the intended observations with their sigmas. Where
             all points have coordinates, the values of the observations do not count; otherwise they place the
-            points, as in a network that is measured and may get more observations.
+            points, as in a network that is measured and may get more observations. Placeholders (0 0 0, or
+            several points at one place, which the observations contradict) are no coordinates.
         quality: What is wanted beside precisions; reliability by default. Precisions are a priori.
         with_gains: Whether to rank what one more observation of the kinds of the plan would bring.
         farthest: Longest sight of such an observation, m; by default the longest of the plan.

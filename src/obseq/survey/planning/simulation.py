@@ -98,7 +98,8 @@ def simulate(network: Network, seed: int | None = None, *, noise: bool = True) -
 
     Args:
         network: Points and the intended observations. Where all points have coordinates, the values of the
-            observations do not count; otherwise they place the points.
+            observations do not count; otherwise they place the points. Placeholders (0 0 0, or several points
+            at one place, which the observations contradict) are no coordinates.
         seed: Of the random numbers; the same seed gives the same errors.
         noise: Whether observations and known coordinates have errors, normal ones with their sigmas.
 
