@@ -92,6 +92,11 @@ def of_three(**given):
             lambda: Camera("c", "4000", 3000, focal=3000.0),
             "camera c: width must be a finite number, not '4000'",
         ),
+        (lambda: Camera("c", 9, 9, focal=9.0, distortion={"K1": "a"}), "distortion: real numbers are wanted"),
+        (lambda: BundleAdjustment().add_measures(3), "measures must be ImagePoints, not 3"),
+        (lambda: BundleAdjustment().add_control_points([1]), "control must be ControlPoints, not"),
+        (lambda: BundleAdjustment().set_vertical([1, 2]), r"vertical: values have shape \(2,\)"),
+        (lambda: BundleAdjustment().freeze_parameters(3), "3 is not a regular expression"),
     ],
 )
 def test_what_has_another_shape_or_kind_is_refused_and_never_reshaped(make, message):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.clinometers import Inclinations
@@ -26,6 +27,7 @@ from obseq.images.parts import (
     Rule,
 )
 from obseq.images.poses import Poses
+from obseq.leastsquares.problem.arguments import finite
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -137,6 +139,7 @@ class Block:
                 f"image {image}: its calibration {camera or '(not named)'} is missing; known: {known}"
             )
 
+    @expecting(control=instance(ControlPoints))
     def add_control_points(self, control: ControlPoints, origin: Origin | None = None) -> None:
         """Adds known points, and where they were read.
 
@@ -184,6 +187,7 @@ class Block:
 
     # What was measured
 
+    @expecting(measures=instance(ImagePoints))
     def add_measures(
         self,
         measures: ImagePoints,
@@ -289,7 +293,7 @@ class Block:
 
     def set_vertical(self, up: ArrayLike = (0.0, 0.0, 1.0), is_free: bool = False) -> None:
         """Says where upwards is in the world, for clinometers; free, it is an unknown that starts there."""
-        x, y, z = np.asarray(up, dtype=np.float64).tolist()
+        x, y, z = finite(up, (3,), "vertical").tolist()
         self.instruments.vertical, self.instruments.vertical_is_free = (x, y, z), is_free
 
     def observe_poses(
@@ -381,7 +385,7 @@ def expression(pattern: str) -> re.Pattern[str]:
     """
     try:
         return re.compile(pattern)
-    except re.error as error:
+    except (re.error, TypeError) as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
 
 

@@ -27,6 +27,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
 from obseq.images.names import as_names
 from obseq.kernels import calculator
+from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,7 +93,7 @@ class Camera:
         object.__setattr__(self, "name", as_names([self.name], "camera")[0])
         for argument in ("width", "height", "focal"):
             require(f"camera {self.name}", argument, getattr(self, argument), NUMBER)
-        point = np.array(self.principal_point, dtype=np.float64).reshape(-1)
+        point = real(self.principal_point, f"camera {self.name}: principal point").reshape(-1)
         if point.shape != (2,):
             raise InputError(f"camera {self.name}: the principal point is two numbers, not {point.size}")
         middle = np.array([self.width / 2.0, self.height / 2.0])
@@ -130,7 +131,7 @@ class Camera:
                     f"coefficients are {', '.join(names) or 'none'}"
                 )
             given = [given.get(name, 0.0) for name in names]
-        values = np.array(given, dtype=np.float64)
+        values = real(given, f"camera {self.name}: distortion")
         if values.shape != (len(names),) or not np.isfinite(values).all():
             raise InputError(
                 f"camera {self.name}: the distortion {self._model} takes {len(names)} finite coefficients "

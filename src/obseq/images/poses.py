@@ -11,6 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import RigidMotion, attitudes, rotations_from
 from obseq.images.given import rows_of
 from obseq.images.names import index_of, unique_names
+from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -69,7 +70,9 @@ class Poses:
         wrong = np.flatnonzero(~np.isfinite(where).all(axis=1))
         if wrong.size:
             raise InputError(f"poses: image {names[wrong[0]]}: the centre {where[wrong[0]]} is not finite")
-        matrices = rotations_from(rotations, form) if len(names) else np.zeros((0, 3, 3))
+        matrices = (
+            rotations_from(real(rotations, "poses: rotations"), form) if len(names) else np.zeros((0, 3, 3))
+        )
         if matrices.shape != (len(names), 3, 3):
             raise InputError(
                 f"poses: {np.shape(rotations)} is not the shape of {len(names)} rotations as {form}"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import NUMBER, require
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.losses import Attenuated
@@ -39,7 +40,8 @@ class Weighting:
     exponent: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.sigma) and self.sigma > 0.0):
+        require("weighting", "sigma", self.sigma, NUMBER)
+        if not self.sigma > 0.0:
             raise InputError(f"weighting: sigma must be positive, not {self.sigma}")
         Attenuated(self.attenuation, self.threshold, self.exponent)  # which checks them
 
