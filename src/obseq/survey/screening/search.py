@@ -98,8 +98,7 @@ def _errors(
     places = found
     if (found.suspects.size or not are_right) and (mirrored := mirrored_cause(Trials(model, found))):
         errors, found = [mirrored[0]], mirrored[1]
-    most = len(errors) + _MOST_CAUSES
-    while len(errors) < most:
+    for _ in range(_MOST_CAUSES):  # finding other places is one of them: what is settled may move back
         step = _cause_of_many(model, system, found, untried)
         if step is None:
             break
