@@ -1,39 +1,23 @@
 """Known points that are too far apart, or too near, by one factor: they are of another coordinate system."""
 
-import math
-
 import numpy as np
 import pytest
+from five_points import PLACES, sights, table
 
 from obseq.survey import network_from_tables
 from obseq.survey.screening.findings import Cause
 
-PLACES = {"A": (0.0, 0.0, 10.0), "B": (210.0, 20.0, 14.0), "C": (90.0, 190.0, 7.0), "D": (60.0, 60.0, 12.0)}
-PLACES |= {"E": (130.0, 110.0, 9.0)}
-
 
 def measured(n_known, scale, spoil=lambda kind, value: value, crs="EPSG:2154"):
     """Every point observes all others; the first ones are known in Lambert 93, `scale` times as far apart."""
-    random = np.random.default_rng(2)
-    rows = []
-    for k, (start, here) in enumerate(PLACES.items()):
-        for end, there in PLACES.items():
-            east, north, up = np.subtract(there, here)
-            flat = math.hypot(east, north)
-            hz, zen = (math.atan2(*pair) + random.normal(0.0, 1e-5) for pair in ((east, north), (flat, up)))
-            hz = (hz + 1.3 * k) % (2.0 * math.pi)
-            sight = [("Hz", hz, 1e-5), ("Zen", zen, 1e-5), ("Dist", math.hypot(flat, up), 0.002)]
-            rows += [
-                (kind, start, end, spoil(kind, value), sigma) for kind, value, sigma in sight if start != end
-            ]
+    rows = [(kind, start, end, spoil(kind, value), sigma) for kind, start, end, value, sigma in sights()]
     x, y, z = np.array(list(PLACES.values())).T
     given = {"x": 657700.0 + scale * x, "y": 6860700.0 + scale * y, "z": z}
     points = {"name": list(PLACES)}
     for axis, values in given.items():
         points[axis] = [value if k < n_known else None for k, value in enumerate(values.tolist())]
         points[f"s{axis}"] = [0.02 if k < n_known else None for k in range(5)]
-    columns = dict(zip(("type", "from", "to", "value", "sigma"), zip(*rows, strict=True), strict=True))
-    return network_from_tables(points, columns, angles="rad", points_crs=crs)
+    return network_from_tables(points, table(rows), angles="rad", points_crs=crs)
 
 
 @pytest.mark.parametrize(("n_known", "scale"), [(2, 1.52), (3, 0.62)])

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from five_points import PLACES, sights, table
 
 from obseq.report.units import METRIC
 from obseq.survey import network_from_tables
@@ -13,31 +14,14 @@ from obseq.survey.kinds.geodetic import LONGITUDE
 from obseq.survey.screening.beyond_nadir import beyond_nadir
 from obseq.survey.screening.findings import Cause, gap_of
 
-PLACES = {"A": (0.0, 0.0, 10.0), "B": (210.0, 20.0, 14.0), "C": (90.0, 190.0, 7.0), "D": (60.0, 60.0, 12.0)}
-PLACES |= {"E": (130.0, 110.0, 9.0)}
-
 
 @pytest.fixture(scope="module")
 def network():
     """Every point observes all others; A and B are known, the others have approximate coordinates."""
-    random = np.random.default_rng(2)
-    rows = []
-    for k, (start, here) in enumerate(PLACES.items()):
-        for end, there in PLACES.items():
-            east, north, up = np.subtract(there, here)
-            flat = math.hypot(east, north)
-            hz, zen = (math.atan2(*pair) + random.normal(0.0, 1e-5) for pair in ((east, north), (flat, up)))
-            sight = [
-                ("Hz", (hz + 1.3 * k) % (2.0 * math.pi), 1e-5),
-                ("Zen", zen, 1e-5),
-                ("Dist", math.hypot(flat, up), 0.002),
-            ]
-            rows += [(kind, start, end, value, sigma) for kind, value, sigma in sight if start != end]
     x, y, z = np.array(list(PLACES.values())).T
     points = {"name": list(PLACES), "x": x, "y": y, "z": z}
     points |= {f"s{axis}": [0.001, 0.001, None, None, None] for axis in "xyz"}
-    columns = ("type", "from", "to", "value", "sigma")
-    return network_from_tables(points, dict(zip(columns, zip(*rows, strict=True), strict=True)), angles="rad")
+    return network_from_tables(points, table(sights()), angles="rad")
 
 
 def turned(network, *kinds, start=None):
