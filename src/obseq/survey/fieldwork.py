@@ -192,6 +192,7 @@ class Fieldwork:
         if announced is not None and announced.errors and announced.places is not None:
             given = announced.places.places_in(given)
             equations = self._equations(given)
+            computation = replace(computation, wrong=announced.wrong)
         try:
             adjustment = computation.determined(given, equations, strict=strict)
         except ObseqError as error:

@@ -164,15 +164,15 @@ def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> Sno
         for row, item in zip(rows, snooping.rejections, strict=True)
     )
     moved = np.linalg.norm(change, axis=1)
-    most = int(np.argmax(moved))
+    most, is_known = int(np.argmax(moved)), bool(rejections) and bool(np.isfinite(moved).all())
     return SnoopingRecord(
         statistic=snooping.statistic.value,
         level=snooping.level,
         end=snooping.end.value,
         suspects=snooping.suspects,
         rejections=rejections,
-        most_moved=book.point_names[most] if rejections else None,
-        moved=float(moved[most]) if rejections else None,
+        most_moved=book.point_names[most] if is_known else None,
+        moved=float(moved[most]) if is_known else None,
     )
 
 

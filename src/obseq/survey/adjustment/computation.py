@@ -74,6 +74,7 @@ class Computation:
         tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
+        wrong: Rows of observations that contradict all others where the iterations start.
     """
 
     frame: Frame
@@ -83,6 +84,7 @@ class Computation:
     tolerance: float
     watch: Stopwatch
     quality: Quality
+    wrong: tuple[int, ...] = ()
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -170,7 +172,7 @@ class Computation:
         with self.watch.phase("equations"):
             equations = equations or self._equations(start)
         with self.watch.phase("iterations and covariances"):
-            found = examine(equations, start.book, self.quality, self._solving(equations))
+            found = examine(equations, start.book, self.quality, self._solving(equations), self.wrong)
         if not found.solution.converged:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):

@@ -18,6 +18,7 @@ from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
+from obseq.survey.screening.half_turns import half_turn_cause
 from obseq.survey.screening.known_points import known_point_cause
 from obseq.survey.screening.known_scale import known_scale_cause
 from obseq.survey.screening.mirrored import mirrored_cause
@@ -45,6 +46,9 @@ _MOST_SINGLES = 300
 """Suspects that are taken one by one, the worst of them."""
 
 _MOST_NAMED = 5
+_FAR = 1e3
+"""Sigmas beyond which an error is far from small, as tests of residuals suppose."""
+
 _EQUAL = 0.1
 """Contradictions by which two causes may differ that explain a network equally well."""
 
@@ -60,6 +64,15 @@ class Search:
 
     errors: tuple[GrossError, ...] = ()
     places: Estimate | None = None
+
+    @property
+    def wrong(self) -> tuple[int, ...]:
+        """Rows of single observations that are wrong by so much that no iteration with them leads near."""
+        return tuple(
+            error.rows[0]
+            for error in self.errors
+            if len(error.rows) == 1 and not error.points and not error.is_one and error.size > _FAR
+        )
 
 
 def search(model: Model, system: PointSystem, points: Points, book: FieldBook) -> Search:
@@ -91,10 +104,13 @@ def _errors(
     With them the network as it is where it contradicts itself least, which may be far from where its initial
     values lead.
     """
-    if found.suspects.size and (together := _cause_of_all(Trials(model, found), system)):
-        return [together], found
     errors: list[GrossError] = []
     untried: list[str] = []
+    if found.suspects.size and (together := _cause_of_all(Trials(model, found), system)):
+        turned = half_turn_cause(Trials(model, found))  # which explains as much with nothing to choose
+        if turned is None:
+            return [together], found
+        errors, found = [turned[0]], turned[1]
     places = found
     if (found.suspects.size or not are_right) and (mirrored := mirrored_cause(Trials(model, found))):
         errors, found = [mirrored[0]], mirrored[1]
@@ -179,7 +195,7 @@ def _cause_of_many(
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]
-    best = _best([step for step in steps if step is not None])
+    best = _best([step for step in steps if step is not None]) or half_turn_cause(trials)
     if best is None and Ambiguity(system, found).levelling(model):
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
