@@ -6,7 +6,8 @@ from scipy.special import ndtr
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares.statistics.snooping import Snooping, SnoopingEnd, Statistic, snoop
+from obseq.leastsquares.statistics.snooping import Snooping, SnoopingEnd, snoop
+from obseq.leastsquares.statistics.snooping_tests import Statistic
 
 N_POINTS = 8
 

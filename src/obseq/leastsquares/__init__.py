@@ -75,7 +75,8 @@ if TYPE_CHECKING:
         Reliability,
         reliability,
     )
-    from obseq.leastsquares.statistics.snooping import Rejection, Snooping, SnoopingEnd, Statistic, snoop
+    from obseq.leastsquares.statistics.snooping import Rejection, Snooping, SnoopingEnd, snoop
+    from obseq.leastsquares.statistics.snooping_tests import Statistic
     from obseq.leastsquares.statistics.variance_components import (
         Method,
         VarianceComponents,
@@ -117,7 +118,8 @@ _HOMES = {
     ),
     "statistics.hypothesis_tests": ("GlobalTest", "global_test"),
     "statistics.reliability": ("LeftOut", "ObservationReliability", "Reliability", "reliability"),
-    "statistics.snooping": ("Rejection", "Snooping", "SnoopingEnd", "Statistic", "snoop"),
+    "statistics.snooping": ("Rejection", "Snooping", "SnoopingEnd", "snoop"),
+    "statistics.snooping_tests": ("Statistic",),
     "statistics.variance_components": (
         "Method",
         "VarianceComponents",

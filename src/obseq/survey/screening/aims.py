@@ -34,6 +34,8 @@ _LEAST_SUSPECTS, _LEAST_SPARE = 2, 3
 """Suspects at a target; zenith angles from which heights that they give say something of their offset."""
 _STEPS = 4000
 """Offsets (0.05 gon apart) at which heights are compared, and the same again between two of them."""
+_ROUNDS, _SMALL = 20, 1e-6
+"""Rounds of weights, and an angle (rad) that is none."""
 _LEVEL = 0.02
 """Angle (rad) from the vertical below which a sight says nothing of a height."""
 
@@ -65,11 +67,13 @@ def _without(trials: Trials, rows: Rows) -> Estimate | None:
 
 
 def _corrected(trials: Trials, without: Estimate, one: Offset) -> Estimate | None:
-    """The network without an offset, from where it was found without these zenith angles."""
-    found = trials.found
-    start = replace(without.end, book=corrected_by(found.end.book, one))
-    book = corrected_by(found.book, one)
-    return _if_explaining(trials, estimated(trials.model, found.points, book, QUICK, start))
+    """The network without an offset, from where it was found without these zenith angles; else anew."""
+    found, book = trials.found, corrected_by(trials.found.book, one)
+    for start in (replace(without.end, book=corrected_by(found.end.book, one)), None):
+        corrected = _if_explaining(trials, estimated(trials.model, found.points, book, QUICK, start))
+        if corrected is not None:
+            return corrected
+    return None
 
 
 def _if_explaining(trials: Trials, estimate: Estimate | None) -> Estimate | None:
@@ -103,10 +107,27 @@ def _offsets(found: Estimate, without: Estimate, rows: Rows) -> Iterator[Offset]
     sizes = [float(np.median(gaps[is_seen] if is_seen.any() else gaps))]
     if len(rows) >= _LEAST_SPARE and _have_one_target(found, rows):
         sizes += _agreeing(flats, rises, read)
+    elif np.count_nonzero(is_seen) >= _LEAST_SPARE:
+        sizes += [_beside_a_height(gaps[is_seen], (flats / (flats**2 + rises**2))[is_seen])]
     suspects = rows[found.ratios[rows] > found.limit]
     for size in sizes:
         if 2.0 * found.limit * float(sigmas.min()) < abs(size) <= LARGEST[What.INDEX]:
             yield Offset(What.INDEX, rows, size, float(sigmas.min()), suspects)
+
+
+def _beside_a_height(gaps: FloatArray, shares: FloatArray) -> float:
+    """The offset that most of some angles (k,) want, whatever the height of their instrument.
+
+    Args:
+        gaps: (k,) what would have to be added to each, rad.
+        shares: (k,) what it changes by a metre of that height.
+    """
+    design = np.column_stack([np.ones(len(gaps)), shares])
+    offset, weights = np.zeros(2), np.ones_like(gaps)
+    for _ in range(_ROUNDS):  # least absolute residuals, by weights
+        offset = np.linalg.lstsq(design * weights[:, None], gaps * weights, rcond=None)[0]
+        weights = (np.abs(gaps - design @ offset) + _SMALL) ** -0.5
+    return float(offset[0])
 
 
 def _have_one_target(found: Estimate, rows: Rows) -> bool:

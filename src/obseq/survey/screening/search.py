@@ -195,11 +195,13 @@ def _cause_of_many(
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]
+    if len(found.suspects) > 1 and not any(step and trials.explains(step[1]) for step in steps):
+        steps += [aim_cause(trials)]
     best = _best([step for step in steps if step is not None]) or half_turn_cause(trials)
     if best is None and Ambiguity(system, found).levelling(model):
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
-        best = aim_cause(trials) or standpoint_cause(trials, system) or sight_cause(trials)
+        best = standpoint_cause(trials, system) or sight_cause(trials)
     if best is None:
         return sigmas_cause(trials)
     elsewhere = _from_places(trials, best[1])

@@ -73,10 +73,9 @@ class Trials:
     def _at_start(self) -> float:
         """Contradictions of the network as it is, at first sight."""
         try:
-            at_start = first_sight(self.model, self.found.start)
+            return first_sight(self.model, self.found.start)
         except ObseqError:
             return math.inf
-        return at_start + lost(self.found.book, self.found.start)
 
     @property
     def _most_left(self) -> float:
@@ -111,9 +110,10 @@ class Trials:
         self._tell()
         try:
             start = start or self.model.start(points, book)
-            if lost(book, start) > min(promising, most_lost):
+            more = lost(book, start) - lost(self.found.book, self.found.start)
+            if more > promising or lost(book, start) > most_lost:
                 return None
-            if first_sight(self.model, start) + lost(book, start) > promising:
+            if first_sight(self.model, start) + more > promising:
                 return None
             return estimate(self.model, points, book, QUICK, start)
         except ObseqError:
