@@ -1,4 +1,4 @@
-"""What was seen to hold of generated modules, machine code and pages, until something changes that it can depend on."""
+"""What was seen to hold of modules, machine code and pages, until something changes that it can depend on."""
 
 import hashlib
 import sys
@@ -28,7 +28,7 @@ def digest() -> str:
 
 
 def compiled(symbol: str, test: str) -> str:
-    """Digest of what the machine code of a symbol depends on, the processor too, and of the file of a test."""
+    """Digest of what the machine code of a symbol depends on, the processor too, and of a test."""
     from obseq.compilation import cache as code  # not where only pages are looked at
 
     parts = [digest(), code.folder().name, symbol, Path(test).read_text("utf-8")]

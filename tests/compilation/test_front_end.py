@@ -27,9 +27,7 @@ def machine_code(made: Routine) -> str:
     [routine(load("TopoZen").module, "value_and_jacobian"), factor_columns.routine, add_copies.routine],  # type: ignore[attr-defined]
     ids=["kernel", "factor", "copies"],
 )
-def test_what_is_left_out_changes_nothing(
-    made: Routine, monkeypatch: pytest.MonkeyPatch, seen: Seen
-) -> None:
+def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.MonkeyPatch, seen: Seen) -> None:
     state = compiled(made.symbol, __file__)
     if seen.has(name := f"short way/{made.symbol}", state):
         return
