@@ -2,12 +2,13 @@
 
 import atexit
 import gc
+import logging
 import os
 import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # whose import takes as long again
@@ -115,3 +116,14 @@ def shared_data() -> OutsideData:
 def seen(pytestconfig: pytest.Config) -> Seen:
     """What was seen to hold of the equations, the generator and what it wrote, as these are now."""
     return Seen(getattr(pytestconfig, "cache", None))
+
+
+@pytest.fixture
+def logged() -> Iterator[list[logging.LogRecord]]:
+    """What the library warns of; pytest's own `caplog` is paid for by each of the tests that use none."""
+    found: list[logging.LogRecord] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = found.append  # type: ignore[method-assign]
+    logging.getLogger("obseq").addHandler(handler)
+    yield found
+    logging.getLogger("obseq").removeHandler(handler)

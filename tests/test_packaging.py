@@ -28,19 +28,24 @@ IGNORED = shutil.ignore_patterns(
     ".*", "build", "dist", "*.egg-info", "obseq-demo", "tests", "docs", "*.nb[ci]"
 )
 BUILD = """
-import os, shutil, zlib
+import os, shutil, sys, zlib
 from setuptools import build_meta
 
 deflate = zlib.compressobj
 zlib.compressobj = lambda level, *options: deflate(0, *options)
 quiet = {"--global-option": "--quiet"}
-dist = os.path.abspath("dist")
+dist, project = os.path.abspath("dist"), sys.argv[1]
 sdist = os.path.join(dist, build_meta.build_sdist(dist, quiet))
 shutil.unpack_archive(sdist, "unpacked")
 os.chdir(os.path.join("unpacked", os.path.basename(sdist).removesuffix(".tar.gz")))
 build_meta.build_wheel(dist, quiet)
+os.chdir(project)
+build_meta.build_editable(os.path.join(dist, "editable"), quiet)
 """
-"""What a build tool asks of the project, in one process where it starts five; nothing is squeezed."""
+"""What build tools ask of the project, in one process where they start eight; nothing is squeezed.
+
+The editable wheel is made where the first argument says: it leads there, and pip installs what it has built.
+"""
 
 
 def folder_of(package: str) -> Path:
@@ -109,13 +114,14 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def built(copy: Path) -> Path:
-    """The sdist, and the wheel made from it, of a copy with links for type checkers."""
+    """The sdist and the wheel made from it, of a copy with links for type checkers; and an editable one."""
     linked = copy.parent / "linked"
     shutil.copytree(copy, linked, ignore=IGNORED)
     run(sys.executable, "tools/links.py", where=linked)
     run(sys.executable, "tools/links.py", where=linked)
     assert (linked / "src" / "obseq" / "formulas" / "base.py").is_file()
-    run(sys.executable, "-c", BUILD, where=linked)
+    (linked / "dist" / "editable").mkdir(parents=True)
+    run(sys.executable, "-c", BUILD, copy, where=linked)
     return linked / "dist"
 
 
@@ -197,8 +203,11 @@ def test_the_installed_wheel_works_by_itself(built: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_an_editable_install_reads_the_folders_of_the_project(copy: Path, tmp_path: Path) -> None:
-    commands = install(tmp_path / "environment", "-e", str(copy))
+def test_an_editable_install_reads_the_folders_of_the_project(
+    built: Path, copy: Path, tmp_path: Path
+) -> None:
+    (wheel,) = (built / "editable").glob("*.whl")
+    commands = install(tmp_path / "environment", str(wheel))
     new = copy / "generated" / "newly_written.py"
     new.write_text("NAME = 'new'\n", encoding="utf-8")
     names = [*PACKAGES, "obseq.generated.newly_written"]

@@ -1,4 +1,4 @@
-"""What was seen to hold of generated modules and of pages, until something changes that it can depend on."""
+"""What was seen to hold of modules, machine code and pages, until something changes that it can depend on."""
 
 import hashlib
 import sys
@@ -25,6 +25,14 @@ def digest() -> str:
     for path in sorted(sources()):
         found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()
+
+
+def compiled(symbol: str, test: str) -> str:
+    """Digest of what the machine code of a symbol depends on, the processor too, and of a test."""
+    from obseq.compilation import cache as code  # not where only pages are looked at
+
+    parts = [digest(), code.folder().name, symbol, Path(test).read_text("utf-8")]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def sources() -> set[Path]:

@@ -62,9 +62,14 @@ def _filling(cls: type) -> Callable[..., None]:
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
-        is_whole = is_plain and len(given) + len(named) == count and known.issuperset(named)
-        if is_whole and not (given and named):
-            values.update(named or zip(names, given, strict=True))
+        if not named and is_plain and len(given) == count:
+            for name, value in zip(names, given, strict=True):  # quicker than `update` with the pairs
+                values[name] = value
+            if has_more:
+                self.__post_init__()
+            return
+        if not given and is_plain and len(named) == count and known.issuperset(named):
+            values.update(named)
             if has_more:
                 self.__post_init__()
             return

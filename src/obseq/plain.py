@@ -19,6 +19,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
+    import json
     from collections.abc import Hashable
 
 Record = TypeVar("Record")
@@ -80,6 +81,14 @@ def from_plain(kind: type[Record], value: object, what: str) -> Record:
         return cast("Record", _reader(cast("Hashable", kind))(value))
     except _WrongValueError as error:
         raise InputError(f"{what}: {error.path.lstrip('.') or 'it'} {error.problem}") from None
+
+
+def encoded(value: object, encoder: json.JSONEncoder) -> str:
+    """JSON of an encoder that refuses what JSON cannot write: null stands for that."""
+    try:
+        return encoder.encode(value)
+    except ValueError:  # something is not finite: rare, and looking for it first would cost more than writing
+        return encoder.encode(finite(value))
 
 
 def finite(value: object) -> object:

@@ -1,9 +1,9 @@
 """The cache of compiled code: whole files or none, and never an error."""
 
 import errno
-import logging
 import os
 import tempfile
+from logging import LogRecord
 from pathlib import Path
 
 import pytest
@@ -45,19 +45,18 @@ def test_versions_and_processor_name_the_folder(monkeypatch: pytest.MonkeyPatch)
         lambda content: content + b"more",
     ],
 )
-def test_a_damaged_file_is_discarded(damage, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_damaged_file_is_discarded(damage, logged: list[LogRecord]) -> None:
     cache.write("loop_1", CODE)
     path = cache.folder() / "loop_1.nbc"
     path.write_bytes(damage(path.read_bytes()))
-    with caplog.at_level(logging.WARNING, logger="obseq"):
-        assert cache.read("loop_1") is None
-    assert not path.exists() and str(path) in caplog.text
+    assert cache.read("loop_1") is None
+    assert not path.exists() and str(path) in logged[0].getMessage()
     cache.write("loop_1", CODE)
     assert cache.read("loop_1") == CODE
 
 
 def test_a_full_disk_leaves_nothing_behind_and_is_said_once(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    monkeypatch: pytest.MonkeyPatch, logged: list[LogRecord]
 ) -> None:
     cache.write("loop_1", CODE)
 
@@ -71,20 +70,19 @@ def test_a_full_disk_leaves_nothing_behind_and_is_said_once(
         def __exit__(self, *details: object) -> None: ...
 
     monkeypatch.setattr(os, "fdopen", Full)
-    with caplog.at_level(logging.WARNING, logger="obseq"):
-        cache.write("loop_2", CODE)
-        cache.write("loop_3", CODE)
-    assert caplog.text.count("cannot be kept") == 1 and "No space left" in caplog.text
+    cache.write("loop_2", CODE)
+    cache.write("loop_3", CODE)
+    (said,) = [record.getMessage() for record in logged]
+    assert "cannot be kept" in said and "No space left" in said
     assert [path.name for path in cache.folder().iterdir()] == ["loop_1.nbc"]
 
 
-def test_a_place_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, caplog) -> None:
+def test_a_place_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, logged: list[LogRecord]) -> None:
     with tempfile.NamedTemporaryFile() as file:
         monkeypatch.setenv("OBSEQ_CACHE", str(Path(file.name) / "below-a-file"))
-        with caplog.at_level(logging.WARNING, logger="obseq"):
-            cache.write("loop_1", CODE)
-            assert cache.read("loop_1") is None
-    assert "OBSEQ_CACHE" in caplog.text
+        cache.write("loop_1", CODE)
+        assert cache.read("loop_1") is None
+    assert "OBSEQ_CACHE" in logged[0].getMessage()
 
 
 def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ import re
 from contextlib import nullcontext
 
 import pytest
+from unchanged import Seen, compiled
 
 from obseq.compilation import front_end, host, numba_compiler, objects
 from obseq.compilation.routines import Routine
@@ -26,24 +27,32 @@ def machine_code(made: Routine) -> str:
     [routine(load("TopoZen").module, "value_and_jacobian"), factor_columns.routine, add_copies.routine],  # type: ignore[attr-defined]
     ids=["kernel", "factor", "copies"],
 )
-def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_left_out_changes_nothing(made: Routine, monkeypatch: pytest.MonkeyPatch, seen: Seen) -> None:
+    state = compiled(made.symbol, __file__)
+    if seen.has(name := f"short way/{made.symbol}", state):
+        return
     short = machine_code(made)
     for passes in ("LEFT_OUT", "LEFT_OUT_OF_KERNELS"):
         monkeypatch.setattr(front_end, passes, frozenset())
     monkeypatch.setattr(front_end, "hurrying", nullcontext)
     numba_compiler.dispatcher.cache_clear()
     assert machine_code(made) == short
+    seen.add(name, state)
 
 
 @pytest.mark.skipif(not objects.levels_here(), reason="no objects can be made for this processor")
-def test_what_is_compiled_here_is_what_a_library_has() -> None:
+def test_what_is_compiled_here_is_what_a_library_has(seen: Seen) -> None:
     """Vectors of the same width, sums in the same order: results are the same to the last digit."""
     made = routine(load("Dist3D").module, "value")
+    state = compiled(made.symbol, __file__)
+    if seen.has(name := f"as in a library/{made.symbol}", state):
+        return
     here, there = (
         str(numba_compiler.optimised(made.function, made.signature, made.symbol, machine))
         for machine in (host.machine(), host.other_machine(objects.levels_here()[0]))
     )
     assert re.sub(r"_ZN\w+", "callee", here) == re.sub(r"_ZN\w+", "callee", there)
+    seen.add(name, state)
 
 
 def test_every_pass_left_out_exists() -> None:

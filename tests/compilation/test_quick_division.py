@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from llvmlite import binding
+from unchanged import Seen, compiled
 
 from obseq.compilation import host, numba_compiler
 from obseq.compilation.digests import CONTRACT, Function
@@ -70,8 +71,7 @@ def test_special_values_are_what_they_are_elsewhere() -> None:
     np.testing.assert_array_equal(quotients[normal], expected[1][normal])
 
 
-def _assembly(name: str, level: str) -> str:
-    kernel = routine(load(name).module, "value_and_jacobian")
+def _assembly(kernel: Routine, level: str) -> str:
     machine = host.other_machine(f"x86-64-{level}", wide=True)
     return str(
         machine.emit_assembly(
@@ -82,17 +82,29 @@ def _assembly(name: str, level: str) -> str:
 
 @pytest.mark.skipif(not X86, reason="asserted of x86-64")
 @pytest.mark.parametrize(("name", "level", "waits"), [("Dist3D", "v4", True), ("Dist3D", "v3", False)])
-def test_loops_of_divisions_alone_refine_where_vectors_are_wide(name: str, level: str, waits: bool) -> None:
-    code = _assembly(name, level)
+def test_loops_of_divisions_alone_refine_where_vectors_are_wide(
+    name: str, level: str, waits: bool, seen: Seen
+) -> None:
+    kernel = routine(load(name).module, "value_and_jacobian")
+    state = compiled(kernel.symbol, __file__)
+    if seen.has(place := f"divisions/{kernel.symbol}-{level}", state):
+        return
+    code = _assembly(kernel, level)
     assert ("vrsqrt14pd" in code) is waits
     assert ("vdivpd" in code or "vsqrtpd" in code) is not waits
+    seen.add(place, state)
 
 
 @pytest.mark.skipif(not X86, reason="asserted of x86-64")
-def test_loops_with_enough_else_to_do_divide() -> None:
-    code = _assembly("TopoHz", "v4")
+def test_loops_with_enough_else_to_do_divide(seen: Seen) -> None:
+    kernel = routine(load("TopoHz").module, "value_and_jacobian")
+    state = compiled(kernel.symbol, __file__)
+    if seen.has(place := f"divisions/{kernel.symbol}-v4", state):
+        return
+    code = _assembly(kernel, "v4")
     assert "vdivpd" in code
     assert "rcp14" not in code
+    seen.add(place, state)
 
 
 @pytest.mark.parametrize(("others", "is_changed"), [(10, True), (11, False)], ids=["waits", "has else to do"])

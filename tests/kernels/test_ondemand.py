@@ -1,8 +1,8 @@
 """Members of families that are not generated: built once, kept, found again, and refused with a reason."""
 
-import logging
 import subprocess
 import sys
+from logging import LogRecord
 from pathlib import Path
 
 import numpy as np
@@ -25,18 +25,17 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def test_a_member_of_a_family_is_built_on_demand(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING, logger="obseq"):
-        calc = obseq.calculator(NAME)
+def test_a_member_of_a_family_is_built_on_demand(cache: Path, logged: list[LogRecord]) -> None:
+    calc = obseq.calculator(NAME)
     assert calc.name == NAME
     assert calc.unknowns == RadiomVignetLin(2).unknowns
     np.testing.assert_allclose(calc.values([UNKNOWNS], [OBSERVATIONS]), [[10 / 1.75 - 6]], rtol=1e-15)
     assert derivatives.check_one(calc, samples=5, seed=1).passed
-    assert str(ondemand.folder() / f"{NAME}.py") in caplog.text
+    assert str(ondemand.folder() / f"{NAME}.py") in "".join(record.getMessage() for record in logged)
     assert cache in ondemand.folder().parents
 
 
-def test_what_was_built_is_found_again_without_the_generator(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_was_built_is_found_again_without_the_generator() -> None:
     obseq.calculator(NAME).values([UNKNOWNS], [OBSERVATIONS])
     script = (
         "import sys\nsys.modules['sympy'] = sys.modules['jinja2'] = None\nimport obseq\n"
@@ -61,7 +60,7 @@ def test_a_name_that_means_nothing_is_refused(name: str, cache: Path) -> None:
 
 
 def test_where_nothing_can_be_written_it_lives_in_memory_and_that_is_said_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: list[LogRecord]
 ) -> None:
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "file"))
@@ -69,7 +68,7 @@ def test_where_nothing_can_be_written_it_lives_in_memory_and_that_is_said_once(
         calc = obseq.calculator(name)
         values = calc.values([[0.0] * len(calc.unknowns)], [OBSERVATIONS])
         np.testing.assert_allclose(values, [[10.0]], rtol=1e-15)
-    (said,) = [record for record in caplog.records if record.name == "obseq.kernels.ondemand"]
+    (said,) = [record for record in logged if record.name == "obseq.kernels.ondemand"]
     assert "cannot be written" in said.getMessage() and "OBSEQ_CACHE" in said.getMessage()
 
 

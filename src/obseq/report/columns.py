@@ -20,6 +20,7 @@ PLACES = {"m": 5, "rad": 9}
 """Decimals of coordinates and observed values on the page: more than it shows in any unit."""
 DIGITS = 5
 """Significant digits of residuals, precisions and what judges them."""
+_SMALL = f"%.{DIGITS}g"
 
 
 def rounded(value: float | None, places: int = PLACES["m"]) -> float | None:
@@ -29,7 +30,7 @@ def rounded(value: float | None, places: int = PLACES["m"]) -> float | None:
 
 def small(value: float | None) -> float | None:
     """A number with the significant digits that the page can show."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.{DIGITS}g}")
+    return None if value is None or not math.isfinite(value) else float(_SMALL % value)
 
 
 def column(title: str, quantity: str, values: Iterable[object], **more: object) -> Column:
@@ -52,8 +53,7 @@ def table(name: str, short: str, title: str, columns: Sequence[Column], **more: 
 
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:
     """A column of one field of records, to the digits of residuals and precisions; dots lead inside."""
-    value = attrgetter(name)
-    return column(title, quantity, (small(value(row)) for row in rows), **more)
+    return column(title, quantity, map(small, map(attrgetter(name), rows)), **more)
 
 
 def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more: object) -> Column:

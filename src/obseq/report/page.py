@@ -5,7 +5,7 @@ from importlib.resources import files
 from string import Template
 
 from obseq.arguments import expecting, instance
-from obseq.plain import finite
+from obseq.plain import encoded
 from obseq.record import AdjustmentRecord
 from obseq.report.content import content
 from obseq.report.html import escaped
@@ -25,6 +25,7 @@ from obseq.report.verdict import Verdict
 
 SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "motions", "plan", "charts", "main")
 MOST_WARNINGS = 20
+ENCODER = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), allow_nan=False)
 
 Facts = list[tuple[str, str, str]]
 
@@ -52,8 +53,7 @@ def _part(name: str) -> str:
 
 def _embedded(plain: dict[str, object]) -> str:
     """JSON inside an element of HTML: nothing in it ends the element."""
-    text = json.dumps(finite(plain), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c")
+    return encoded(plain, ENCODER).replace("<", "\\u003c")
 
 
 def _facts(record: AdjustmentRecord) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from obseq.arguments import PATH, expecting, instance
 from obseq.errors import InputError
-from obseq.plain import finite
+from obseq.plain import encoded
 from obseq.printable import json_escaped
 from obseq.record import AdjustmentRecord
 
@@ -61,7 +61,4 @@ def _lines(value: object) -> str:
 
 
 def _encoded(value: object) -> str:
-    try:
-        return ENCODER.encode(value)
-    except ValueError:  # something is not finite: rare, and looking for it first would cost more than writing
-        return ENCODER.encode(finite(value))
+    return encoded(value, ENCODER)
