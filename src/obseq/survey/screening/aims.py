@@ -123,10 +123,11 @@ def _beside_a_height(gaps: FloatArray, shares: FloatArray) -> float:
         shares: (k,) what it changes by a metre of that height.
     """
     design = np.column_stack([np.ones(len(gaps)), shares])
-    offset, weights = np.zeros(2), np.ones_like(gaps)
+    weights: FloatArray = np.ones(len(gaps))
+    offset = np.zeros(2)
     for _ in range(_ROUNDS):  # least absolute residuals, by weights
         offset = np.linalg.lstsq(design * weights[:, None], gaps * weights, rcond=None)[0]
-        weights = (np.abs(gaps - design @ offset) + _SMALL) ** -0.5
+        weights = np.asarray((np.abs(gaps - design @ offset) + _SMALL) ** -0.5)
     return float(offset[0])
 
 
