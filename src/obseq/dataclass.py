@@ -60,11 +60,19 @@ def _filling(cls: type) -> Callable[..., None]:
         field.name: field.default_factory for field in fields if field.default_factory is not MISSING
     }
 
+    least = _least_given(fields)
+    tail = tuple(field.default for field in fields[least:])
+
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
-        is_whole = is_plain and len(given) + len(named) == count and known.issuperset(named)
-        if is_whole and not (given and named):
-            values.update(named or zip(names, given, strict=True))
+        if named:
+            is_whole = not given and is_plain and len(named) == count and known.issuperset(named)
+            whole: Value = named
+        else:
+            is_whole = least <= len(given) <= count
+            whole = zip(names, given + tail[len(given) - least :], strict=False)
+        if is_whole:
+            values.update(whole)
             if has_more:
                 self.__post_init__()
             return
@@ -82,6 +90,13 @@ def _filling(cls: type) -> Callable[..., None]:
             self.__post_init__()
 
     return fill
+
+
+def _least_given(fields: tuple[Value, ...]) -> int:
+    """How many values, given by place, are enough, the others being defaults; more than there are if none."""
+    if not all(field.init for field in fields):
+        return len(fields) + 1
+    return max((k for k, field in enumerate(fields, 1) if field.default is MISSING), default=0)
 
 
 def _completed(cls: type, given: tuple[Value, ...], named: Mapping[str, Value]) -> dict[str, Value]:
