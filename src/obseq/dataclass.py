@@ -60,16 +60,20 @@ def _filling(cls: type) -> Callable[..., None]:
         field.name: field.default_factory for field in fields if field.default_factory is not MISSING
     }
 
+    least = _least_given(fields)
+    tail = tuple(field.default for field in fields[least:])
+
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
         values = self.__dict__
-        if not named and is_plain and len(given) == count:
-            for name, value in zip(names, given, strict=True):  # quicker than `update` with the pairs
-                values[name] = value
-            if has_more:
-                self.__post_init__()
-            return
-        if not given and is_plain and len(named) == count and known.issuperset(named):
+        is_whole = False
+        if not named and least <= len(given) <= count:
+            is_whole = True
+            for name, value in zip(names, given + tail[len(given) - least :], strict=True):
+                values[name] = value  # quicker than `update` with the pairs
+        elif not given and is_plain and len(named) == count and known.issuperset(named):
+            is_whole = True
             values.update(named)
+        if is_whole:
             if has_more:
                 self.__post_init__()
             return
@@ -87,6 +91,13 @@ def _filling(cls: type) -> Callable[..., None]:
             self.__post_init__()
 
     return fill
+
+
+def _least_given(fields: tuple[Value, ...]) -> int:
+    """How many values, given by place, are enough, the others being defaults; more than there are if none."""
+    if not all(field.init for field in fields):
+        return len(fields) + 1
+    return max((k for k, field in enumerate(fields, 1) if field.default is MISSING), default=0)
 
 
 def _completed(cls: type, given: tuple[Value, ...], named: Mapping[str, Value]) -> dict[str, Value]:

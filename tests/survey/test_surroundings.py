@@ -27,3 +27,7 @@ def test_same_coordinates_are_worked_out_once():
     first = FRAME.around(PLACES)
     assert FRAME.around(PLACES.copy()) is first
     assert FRAME.around(PLACES[:2]) is not first
+    assert FRAME.around(PLACES) is first, "those of the last few coordinates are kept"
+    for k in range(1, 20):
+        FRAME.around(PLACES + k)
+    assert FRAME.around(PLACES) is not first

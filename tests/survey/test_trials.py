@@ -103,3 +103,23 @@ def test_a_search_begins_with_the_initial_values_of_the_adjustment(planted, tmp_
     work.initial_values()
     assert work.search().errors
     assert began.count(True) == 1
+
+
+def test_where_all_else_contradicts_nothing_is_put_right(planted, tmp_path, tried):
+    """A station counted anticlockwise leads most of a network astray: without another station it still is."""
+    network = with_mistake(planted, tmp_path, "station_anticlockwise", seed=15)
+    trials, rows = of_network(network), network.book.observations
+    assert not trials.is_mostly_right
+    sources = {point: np.flatnonzero(rows.from_points == point) for point in set(rows.from_points.tolist())}
+    without = {point for point, source in sources.items() if not trials.may_be_among(source)}
+    assert 3 <= len(without) < len(sources)
+    assert group_cause(trials) is None
+    moved = [set(rows.from_points[book.observations.values != rows.values].tolist()) for _, book in tried]
+    assert not any(points <= without for points in moved)
+    assert any(len(points) == 1 for points in moved)
+
+
+def test_the_station_that_leads_a_network_astray_is_named(planted, tmp_path):
+    trials = of_network(with_mistake(planted, tmp_path, "station_anticlockwise", seed=15))
+    error, corrected = group_cause(trials)
+    assert "counted anticlockwise" in error.text and not corrected.suspects.size

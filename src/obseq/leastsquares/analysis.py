@@ -22,7 +22,7 @@ from obseq.leastsquares.iterations.constraints import substitution
 from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver
 from obseq.leastsquares.iterations.gauss_newton import Progress
 from obseq.leastsquares.iterations.newton import factor
-from obseq.leastsquares.iterations.runs import iterations_of, move_at_once
+from obseq.leastsquares.iterations.runs import iterations_of, move, move_at_once
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.result import Iteration, StopReason
 from obseq.leastsquares.solvers import checked_solver, choose_solver
@@ -127,13 +127,16 @@ class Analysis:
         before(len(done.iterations))
         return done
 
-    def step(self) -> bool:
+    def step(self) -> None:
         """Moves the unknowns by one Gauss-Newton step, for those who want nothing else of an iteration.
 
-        Returns:
-            Whether they have moved; not so where `iterate` needs more than its two loops for small systems.
+        Raises:
+            DivergenceError: an equation, or the step, is not finite.
+            SingularSystemError: some unknowns are undetermined.
         """
-        return bool(self._problem.n_free) and move_at_once(self.equations, self.solver)
+        if self._problem.n_free and not move_at_once(self.equations, self.solver):
+            with one_blas_thread(), rejection_told(self._problem.unknowns, self._problem.batches):
+                move(self.equations, self.solver)
 
     def cofactors(self) -> Cofactors:
         """Cofactors of all unknowns at the solution, without the damping that the iterations may have had."""

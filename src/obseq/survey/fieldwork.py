@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn
@@ -18,7 +19,7 @@ from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.singular_words import free_motions_in_words
-from obseq.survey.initial.initial_values import InitialValues, values_by
+from obseq.survey.initial.initial_values import InitialValues, collector_at_rest, values_by
 from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.model import join
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from obseq.survey.screening.robust import Model
     from obseq.survey.screening.search import Search
 
+_SMALL = 5000
+"""Observations up to which what a search leaves behind takes little memory until its end."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -105,7 +108,9 @@ class Fieldwork:
         from obseq.survey.screening.search import search
 
         model = replace(self.model(), progress=progress)
-        return search(model, self.point_system, self.points, self.book)
+        is_small = len(self.book.observations) <= _SMALL
+        with collector_at_rest() if is_small else nullcontext():
+            return search(model, self.point_system, self.points, self.book)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None

@@ -76,6 +76,17 @@ def move_at_once(equations: NormalEquations, solver: Solver) -> bool:
     return solved is not None
 
 
+def move(equations: NormalEquations, solver: Solver) -> None:
+    """Moves the unknowns by one Gauss-Newton step.
+
+    Raises:
+        DivergenceError: an equation, or the step, is not finite.
+        SingularSystemError: some unknowns are undetermined.
+    """
+    step, _ = _normal_direction(equations, solver, equations.assemble())
+    equations.table.move(step)
+
+
 def _is_dense(solver: Solver) -> bool:
     return isinstance(solver, BaseSolver) and solver.name == "dense"
 

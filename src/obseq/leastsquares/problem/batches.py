@@ -206,8 +206,9 @@ class Batch:
             new = named_loss(new)
         if new is not None and (isinstance(new, type) or not callable(getattr(new, "weights", None))):
             raise InputError(f"{self.name}: a loss is wanted, such as Huber(), not {new!r}")
-        self._loss = new
-        self._weigh()
+        had_one, self._loss = self._loss is not None, new
+        if had_one:
+            self._weigh()
 
     def set_active(self, row: int, active: bool) -> None:
         """Takes an observation out of the adjustment, or back in; it keeps its place, sigma and residual."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.adjustment.surroundings import Surroundings
+from obseq.survey.adjustment.surroundings import Recent, Surroundings
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
@@ -88,15 +88,12 @@ class Frame:
 
         Many ask about the same coordinates one after the other: what was found for the last ones is kept.
         """
-        last = self._last[0]
-        if last is None or not last.are_at(coordinates):
-            last = self._last[0] = Surroundings(self.system, coordinates)
-        return last
+        return self._recent.of(coordinates)
 
     @cached_property
-    def _last(self) -> list[Surroundings | None]:
+    def _recent(self) -> Recent[Surroundings]:
         """The surroundings last asked for."""
-        return [None]
+        return Recent(partial(Surroundings, self.system))
 
     def verticals(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) `vertical` of some points, at the coordinates (n_points, 3) of all."""
@@ -111,7 +108,7 @@ class Frame:
         """
         if not isinstance(self.system, crs.RigidSystem):
             return np.zeros((len(rows), 3, 3))
-        return crs.turn_of_vertical(self.system, coordinates[rows], self.verticals(rows, coordinates))
+        return np.asarray(self.around(coordinates).turns[rows])
 
     @property
     def has_turning_vertical(self) -> bool:

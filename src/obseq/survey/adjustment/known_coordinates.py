@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.survey.adjustment.surroundings import Recent
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -100,7 +101,7 @@ class KnownCoordinates:
         for rows in (self._rows, self._correlated[0], self._held_rows):
             is_known[rows] = True
         self._known = np.flatnonzero(is_known)
-        self._first = self._tangents_at(self._linearised_at[self._known])
+        self._tangents = Recent(self._tangents_at)
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
         self._together = self._add_together(system)
@@ -170,19 +171,12 @@ class KnownCoordinates:
 
     def _linearised(self, rows: IntArray, components: IntArray) -> FloatArray:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
-        tangents, position = self._tangents(), np.searchsorted(self._known, rows)
+        tangents = self._tangents.of(self._linearised_at[self._known])
+        position = np.searchsorted(self._known, rows)
         gaps = self._system.differences(self._values[self._known], tangents.computed) * tangents.metres
         coefficients, here = tangents.axes[position, components], tangents.here[position]
         values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here)
         return np.concatenate([coefficients, values[:, None]], axis=1)
-
-    def _tangents(self) -> Tangents:
-        """Of the points of the equations, where these are linearised.
-
-        Trials start where the equations were made, again and again: those are kept.
-        """
-        here = self._linearised_at[self._known]
-        return self._first if np.array_equal(here, self._first.here) else self._tangents_at(here)
 
     def _tangents_at(self, here: FloatArray) -> Tangents:
         return Tangents(here, *self._system.coordinates_and_axes(here))

@@ -3,14 +3,43 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from obseq import crs
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import FloatArray
+
+Found = TypeVar("Found")
+
+_MOST, _FEW = 8, 1000
+"""Coordinates of which is kept what was found, where they are those of so few points; else the last ones."""
+
+
+class Recent(Generic[Found]):
+    """What was worked out for the last few coordinates: trials come back to the same ones.
+
+    Args:
+        work_out: coordinates (n, 3) -> what is wanted; it may keep them.
+    """
+
+    def __init__(self, work_out: Callable[[FloatArray], Found]) -> None:
+        self._work_out = work_out
+        self._kept: dict[bytes, Found] = {}
+
+    def of(self, coordinates: FloatArray) -> Found:
+        """What there is at coordinates, to the last bit."""
+        key = coordinates.tobytes()
+        found = self._kept.pop(key, None)
+        if found is None:
+            found = self._work_out(coordinates.copy())
+            most = _MOST if len(coordinates) <= _FEW else 1
+            for oldest in list(self._kept)[: len(self._kept) - most + 1]:
+                del self._kept[oldest]
+        self._kept[key] = found
+        return found
 
 
 class Surroundings:
@@ -18,16 +47,12 @@ class Surroundings:
 
     Args:
         system: The system of the coordinates, with a place on the Earth.
-        coordinates: (n, 3), of which it keeps a copy.
+        coordinates: (n, 3), which do not change.
     """
 
     def __init__(self, system: crs.CoordinateSystem, coordinates: FloatArray) -> None:
         self._system = system
-        self._coordinates = coordinates.copy()
-
-    def are_at(self, coordinates: FloatArray) -> bool:
-        """Whether they are those of these coordinates (n, 3), to the last bit."""
-        return np.array_equal(coordinates, self._coordinates)
+        self._coordinates = coordinates
 
     @cached_property
     def geocentric(self) -> FloatArray:
@@ -45,3 +70,9 @@ class Surroundings:
         if not isinstance(self._system, crs.RigidSystem):
             return self._system.vertical_rotation(self._coordinates)
         return self._system.verticals_at(self.geodetic)
+
+    @cached_property
+    def turns(self) -> FloatArray:
+        """(n, 3, 3) what east, north, up turn by when points move, in a Euclidean system (rad per m)."""
+        assert isinstance(self._system, crs.RigidSystem)
+        return crs.turn_of_vertical(self._system, self._coordinates, self.verticals)

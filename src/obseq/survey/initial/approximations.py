@@ -23,7 +23,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
     from obseq.survey.initial.known import Vertical
     from obseq.survey.model import FieldBook
 
@@ -79,8 +79,9 @@ class Approximations:
     def _contradicted(self, rows: Rows, coordinates: FloatArray) -> BoolArray:
         observations = self.book.observations
         kinds, values = observations.types[rows], observations.values[rows]
-        start = coordinates[observations.from_points[rows]]
-        local = self._local(start, coordinates[observations.to_points[rows]] - start)
+        origins = observations.from_points[rows]
+        offsets = coordinates[observations.to_points[rows]] - coordinates[origins]
+        local = self._local(coordinates, origins, offsets)
         flat = np.hypot(local[:, 0], local[:, 1])
         length = np.hypot(flat, local[:, 2])
         # the last one is for observations without station
@@ -95,26 +96,28 @@ class Approximations:
         wrong[readings] |= self._turned(rows[readings], np.arctan2(local[readings, 0], local[readings, 1]))
         return np.asarray(wrong)
 
-    def _local(self, start: FloatArray, offsets: FloatArray) -> FloatArray:
-        """Offsets in east, north, up at their starts."""
-        if self.vertical is None or not len(start):
+    def _local(self, coordinates: FloatArray, origins: Array, offsets: FloatArray) -> FloatArray:
+        """Offsets (k, 3) from some points (k,), in east, north, up there."""
+        if self.vertical is None or not len(origins):
             return offsets
-        return np.asarray(np.einsum("nij,nj->ni", self.vertical(start), offsets))
+        points, which = np.unique(origins, return_inverse=True)
+        return np.asarray(np.einsum("kij,kj->ki", self.vertical(coordinates[points])[which], offsets))
 
     def _turned(self, rows: Rows, azimuths: FloatArray) -> BoolArray:
         """Which readings disagree with the others of their station, given the azimuths of the coordinates."""
         observations = self.book.observations
-        angles = azimuths - observations.values[rows]
+        angles = (azimuths - observations.values[rows]).tolist()
+        is_fixed = (self.orientations == Orientation.FIX).tolist()
         of_station: dict[int, list[int]] = {}
         for k, station in enumerate(observations.stations[rows].tolist()):
             of_station.setdefault(station, []).append(k)
         wrong = np.zeros(len(rows), np.bool_)
         for station, members in of_station.items():
-            own = angles[members].tolist()
-            g0 = 0.0 if self.orientations[station] == Orientation.FIX else central_angle(own)
-            far = [abs(wrap(angle - g0)) > _FAR for angle in own]
+            own = [angles[k] for k in members]
+            g0 = 0.0 if is_fixed[station] else central_angle(own)
+            far = [k for k, angle in zip(members, own, strict=True) if abs(wrap(angle - g0)) > _FAR]
             # of two readings that disagree, either may be the wrong one
-            wrong[members] = far if len(own) > 2 or not any(far) else [True] * len(own)
+            wrong[far if len(own) > 2 or not far else members] = True
         return wrong
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.dataclass import dataclass
 from obseq.survey.initial.candidates import (
     Candidate,
     Surroundings,
@@ -35,16 +34,14 @@ _SAME = 0.02
 """Candidates nearer to each other than this part of their distance to the neighbours are one solution."""
 
 
-@dataclass(frozen=True)
-class Fit:
+class Fit(NamedTuple):
     """A candidate made to fit its relations."""
 
     candidate: Candidate
     refined: Refined
 
 
-@dataclass(frozen=True)
-class BestPosition:
+class BestPosition(NamedTuple):
     """The position that the relations agree on, or none.
 
     `alternatives` holds the positions that fit equally well when there are several; `strength` is that of the

@@ -128,13 +128,13 @@ def values_by(
     recompute_free: bool = False,
 ) -> InitialValues:
     """`initial_values` of networks that differ in little, one after the other: they share their graphs."""
-    with _collector_at_rest():
+    with collector_at_rest():
         return _all_values(graphs, points, book, vertical, recompute_free)
 
 
 @contextmanager
-def _collector_at_rest() -> Iterator[None]:
-    """Looks for no circles among the many small objects that are made: there are none, and it takes long."""
+def collector_at_rest() -> Iterator[None]:
+    """Looks for no circles among the many small objects that are made: there are few, and it takes long."""
     was_at_work = gc.isenabled()
     gc.disable()
     try:

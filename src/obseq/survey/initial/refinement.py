@@ -1,14 +1,17 @@
-"""Least squares on one point: a position made to fit its relations, the strength of their geometry."""
+"""Least squares on one point: a position made to fit its relations, the strength of their geometry.
+
+A handful of equations with two to five unknowns: plain numbers are quicker than arrays.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import field
-from typing import TYPE_CHECKING
+from operator import mul
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.dataclass import dataclass
 from obseq.survey.initial.known import Known, Matrix, plus, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
@@ -22,21 +25,25 @@ from obseq.survey.initial.relations import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from obseq.arrays import FloatArray
     from obseq.survey.initial.closed_forms import Space
+
+    Column = list[float]
+    """A number for each relation."""
 
 _ITERATIONS = 4
 _SINGULAR = 1e-6
+_LEAST_EXPECTED = 1e-12
+"""Expected misfit that stands for smaller ones."""
 _CONVERGED = 1e-8
 """Step, in mean distances, after which the next one is of the size of its square."""
 _AGREES = 5.0
 """A relation agrees with a position when its misfit is at most so many times what is expected."""
+NO_AZIMUTHS: Mapping[int, float] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
-class Refined:
+class Refined(NamedTuple):
     """A position made to fit its relations, and the strength of their geometry.
 
     The strength is the smallest singular value of the derivatives of the scaled misfits with respect to the
@@ -48,7 +55,7 @@ class Refined:
     position: Space
     strength: float
     point_sigma: float = math.inf
-    azimuth_sigmas: dict[int, float] = field(default_factory=dict)
+    azimuth_sigmas: Mapping[int, float] = NO_AZIMUTHS
 
 
 def refine(
@@ -76,31 +83,79 @@ def refine(
     if len(relations) < len(axes) + len(free_stations):
         return Refined(position, 0.0)
     length = _mean_distance(known, relations, start)
-    layout = (axes, length, free_stations)
-    weights = np.ones(len(relations))
+    weights = [1.0] * len(relations)
     if weighted:
-        expected = np.maximum(_expected_misfits(known, relations, start, sigmas, length), 1e-12)
-        weights = expected.min() / expected
+        expected = _expected_misfits(known, relations, start, sigmas, length)
+        least = max(min(expected), _LEAST_EXPECTED)
+        weights = [least / max(size, _LEAST_EXPECTED) for size in expected]
+    turns = [
+        [-weight if _turns(c, station) else 0.0 for c, weight in zip(relations, weights, strict=True)]
+        for station in free_stations
+    ]
     for _ in range(_ITERATIONS):
         vertical = known.vertical_at(position)
-        g0s = station_g0s(known, relations, position, vertical)
-        jacobian, residuals = _linearised(known, relations, position, vertical, g0s, layout)
-        left, singular, right = np.linalg.svd(jacobian * weights[:, None], full_matrices=False)
-        if not singular[-1] > _SINGULAR:
+        moves, residuals = _linearised(known, relations, position, vertical, length, weights)
+        inverse, corner = _inverted([moves[axis] for axis in axes] + turns)
+        if not inverse:
             return Refined(position, _SINGULAR)
-        step = -(right.T @ ((left.T @ (weights * residuals)) / singular))[: len(axes)]
-        largest = np.abs(step).max()
+        step = [-sum(map(mul, row, residuals)) for row in inverse[: len(axes)]]
+        largest = max(map(abs, step))
         if not largest < 1.0:
             return Refined(position, _SINGULAR)
-        position = plus(position, _to_frame(vertical, axes, step.tolist(), length))
+        position = plus(position, _to_frame(vertical, axes, step, length))
         if largest < _CONVERGED:
             break
-    inverse = (right.T / singular) @ left.T * weights
-    relative_sigmas = np.array(_expected_misfits(known, relations, position, sigmas, length))
-    point_sigmas = np.sqrt(np.square(inverse * relative_sigmas).sum(axis=1))
-    azimuths = dict(zip(free_stations, point_sigmas[len(axes) :].tolist(), strict=True))
-    point_sigma = float(np.hypot.reduce(point_sigmas[: len(axes)])) * length
-    return Refined(position, float(singular[-1]), point_sigma, azimuths)
+    strength = _least_singular(corner)
+    if not strength > _SINGULAR:
+        return Refined(position, _SINGULAR)
+    relative_sigmas = _expected_misfits(known, relations, position, sigmas, length)
+    scaled = list(map(mul, weights, relative_sigmas))
+    point_sigmas = [math.hypot(*map(mul, row, scaled)) for row in inverse]
+    azimuths = dict(zip(free_stations, point_sigmas[len(axes) :], strict=True))
+    return Refined(position, strength, math.hypot(*point_sigmas[: len(axes)]) * length, azimuths)
+
+
+def _turns(c: Relation, station: int) -> bool:
+    """Whether the unknown G0 of a station turns a relation."""
+    return c.kind == READING_AT and c.station == station
+
+
+def _inverted(columns: list[Column]) -> tuple[list[Column], list[Column]]:
+    """The rows of the pseudo-inverse of a matrix given by its n columns, and R (n, n) of its factors Q R.
+
+    Both are empty where the columns depend on each other. By the modified method of Gram and Schmidt.
+    """
+    rows, corner = [], []
+    for k, column in enumerate(columns):
+        size = math.sqrt(sum(map(mul, column, column)))
+        if not size > _SINGULAR:
+            return [], []
+        unit = [value / size for value in column]
+        others = [0.0] * k + [size]
+        for j in range(k + 1, len(columns)):
+            share = sum(map(mul, unit, columns[j]))
+            columns[j] = [value - share * part for value, part in zip(columns[j], unit, strict=True)]
+            others.append(share)
+        rows.append(unit)
+        corner.append(others)
+    for k in range(len(rows) - 1, -1, -1):
+        row, factors = rows[k], corner[k]
+        for j in range(k + 1, len(rows)):
+            share = factors[j]
+            row = [value - share * part for value, part in zip(row, rows[j], strict=True)]
+        rows[k] = [value / factors[k] for value in row]
+    return rows, corner
+
+
+def _least_singular(corner: list[Column]) -> float:
+    """The smallest singular value of a triangular matrix (n, n)."""
+    if len(corner) == 1:
+        return corner[0][0]
+    if len(corner) > 2:
+        return float(np.linalg.svd(corner, compute_uv=False)[-1])
+    (a, b), (_, d) = corner
+    largest = (math.hypot(a + d, b) + math.hypot(a - d, b)) / 2.0
+    return a * d / largest
 
 
 def agreeing(
@@ -194,18 +249,18 @@ def _linearised(
     relations: Sequence[Relation],
     position: Space,
     vertical: Matrix,
-    g0s: dict[int, float],
-    layout: tuple[tuple[int, ...], float, list[int]],
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives and values of the scaled misfits."""
-    axes, length, free_stations = layout
-    rows, residuals = [], []
-    for relation in relations:
-        unit = 1.0 if relation.kind in ANGLES else 1.0 / length
-        x, y, z = gradient(known, relation, position, vertical)
-        along = [(x * a + y * b + z * c) * length * unit for a, b, c in map(vertical.__getitem__, axes)]
-        is_reading = relation.kind == READING_AT
-        own = [-1.0 if is_reading and station == relation.station else 0.0 for station in free_stations]
-        rows.append(along + own)
+    length: float,
+    weights: Column,
+) -> tuple[list[Column], Column]:
+    """Derivatives of the scaled and weighted misfits by east, north and up, and their values."""
+    g0s = station_g0s(known, relations, position, vertical)
+    easts, norths, ups, residuals = [], [], [], []
+    for relation, weight in zip(relations, weights, strict=True):
+        unit = weight if relation.kind in ANGLES else weight / length
+        east, north, up = gradient(known, relation, position, vertical)
+        scale = length * unit
+        easts.append(east * scale)
+        norths.append(north * scale)
+        ups.append(up * scale)
         residuals.append(misfit(known, relation, position, vertical, g0s.get(relation.station, 0.0)) * unit)
-    return np.array(rows), np.array(residuals)
+    return [easts, norths, ups], residuals

@@ -213,18 +213,18 @@ def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, 
 
 
 def gradient(known: Known, relation: Relation, position: Space, vertical: Matrix) -> Space:
-    """Derivatives (rad/m or m/m) of the misfit of one relation, by the position in the frame."""
+    """Derivatives (rad/m or m/m) of the misfit of one relation, by east, north and up at the position."""
     kind = relation.kind
     if kind == _LEVEL:
-        return known.mean_up(vertical)
+        return times(vertical, known.mean_up(vertical))
     offset = minus(position, known.position_of(relation.other))
     if kind == _DISTANCE:
-        return scaled(offset, 1.0 / (math.hypot(*offset) or 1.0))
+        return scaled(times(vertical, offset), 1.0 / (math.hypot(*offset) or 1.0))
     if kind in _AT:
-        seen = scaled(times(vertical, offset), -1.0)
-        return scaled(transposed_times(vertical, _local_gradient(kind, seen)), -1.0)
+        return scaled(_local_gradient(kind, scaled(times(vertical, offset), -1.0)), -1.0)
     other = known.vertical_of(relation.other)
-    return transposed_times(other, _local_gradient(kind, times(other, offset)))
+    local = _local_gradient(kind, times(other, offset))
+    return local if other is vertical else times(vertical, transposed_times(other, local))
 
 
 def _local_gradient(kind: Measured, seen: Space) -> Space:

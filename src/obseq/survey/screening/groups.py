@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+    Part = Callable[[FieldBook, Rows], Iterator[tuple[str, Rows]]]
 
 _SUSPECT = 0.4
 """Share of suspects from which a group is tried as a whole."""
@@ -43,10 +44,17 @@ _SEVERAL = 4
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Observations that may share one mistake, and what they are called."""
+    """Observations that may share one mistake, and what they are called.
+
+    Attributes:
+        rows: of the observations, ascending.
+        name: what they are called.
+        source: all that comes from where they come from: a file, a point, or everything.
+    """
 
     rows: Rows
     name: str
+    source: Rows
 
 
 def group_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
@@ -81,7 +89,7 @@ def _trials(trials: Trials) -> Iterator[tuple[Group, Mistake, FloatArray]]:
     """Groups, mistakes, and the values of all observations with that mistake put right."""
     found = trials.found
     for group in _groups(found, by_share=trials.is_mostly_right):
-        if not trials.may_be_of(group.rows):
+        if not (trials.may_be_among(group.source) and trials.may_be_of(group.rows)):
             continue
         kinds = {BY_CODE[kind] for kind in found.book.observations.types[group.rows].tolist()}
         for mistake in (in_unit_of(one, found.units) for one in _shared_mistakes(kinds)):
@@ -203,9 +211,7 @@ def _least_share(found: Estimate, group: Group) -> float:
     return _SUSPECT_OF_FEW if is_angle and len(found.suspects) < _SEVERAL else 0.0
 
 
-def _possible_groups(
-    book: FieldBook, part: Callable[[FieldBook, str, Rows], Iterator[Group]]
-) -> Iterator[Group]:
+def _possible_groups(book: FieldBook, part: Part) -> Iterator[Group]:
     """Parts of all angles, all lengths and each kind: all and each file of them, or those from each point."""
     observations = book.observations
     kinds = [BY_CODE[kind] for kind in np.unique(observations.types[observations.active]).tolist()]
@@ -214,22 +220,25 @@ def _possible_groups(
     sets = [("angles", angles), ("lengths", lengths)]
     sets = [(name, chosen) for name, chosen in sets if len(chosen) > 1]
     sets += [(f"{kind.name} observations", [kind]) for kind in kinds]
+    sources = list(part(book, np.flatnonzero(observations.active)))
     for name, chosen in sets:
-        mine = np.flatnonzero(np.isin(observations.types, codes(*chosen)) & observations.active)
-        yield from part(book, name, mine)
+        is_one = np.isin(observations.types, codes(*chosen))
+        for where, source in sources:
+            rows = source[is_one[source]]
+            yield Group(rows, f"all {len(rows)} {name}{where}", source)
 
 
-def _files_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
-    yield Group(mine, f"all {len(mine)} {name}")
+def _files_of(book: FieldBook, every: Rows) -> Iterator[tuple[str, Rows]]:
+    """Everything, then what is of each file, and how that is said."""
+    yield "", every
     for number, file in enumerate(book.files):
-        rows = mine[book.observations.file_indices[mine] == number]
-        yield Group(rows, f"all {len(rows)} {name} of {file}")
+        yield f" of {file}", every[book.observations.file_indices[every] == number]
 
 
-def _origins_of(book: FieldBook, name: str, mine: Rows) -> Iterator[Group]:
-    origins = book.observations.from_points
-    order = np.argsort(origins[mine], kind="stable")
-    starts = np.flatnonzero(np.diff(origins[mine[order]], prepend=-1))
-    for rows in np.split(mine[order], starts[1:]) if len(mine) else ():
-        point = book.point_names[origins[rows[0]]]
-        yield Group(np.sort(rows), f"all {len(rows)} {name} from {point}")
+def _origins_of(book: FieldBook, every: Rows) -> Iterator[tuple[str, Rows]]:
+    """What is from each point, and how that is said."""
+    origins = book.observations.from_points[every]
+    order = np.argsort(origins, kind="stable")
+    starts = np.flatnonzero(np.diff(origins[order], prepend=-1))
+    for rows in np.split(every[order], starts[1:]) if len(every) else ():
+        yield f" from {book.point_names[book.observations.from_points[rows[0]]]}", rows

@@ -8,12 +8,15 @@ residuals have no effect at all.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError, SingularSystemError
+from obseq.leastsquares.iterations.arrival import Options
+from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.report.units import METRIC, Units
 from obseq.survey.adjustment.equations import sigmas_of
@@ -24,11 +27,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquares, LeastSquaresResult
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.leastsquares.problem.losses import Loss
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, Points
+
+Moved = TypeVar("Moved")
+"""What a solution, or iterations alone, give."""
 
 Stages = tuple[tuple["Loss", int], ...]
 """Losses and the most iterations with each."""
@@ -187,8 +193,8 @@ def estimate(
     """
     start = start or model.start(points, book)
     equations = model.equations(start)
-    found = _estimate(points, book, start, equations, _settled(equations, stages))
-    return replace(found, units=model.units)
+    _settle(equations, stages)
+    return replace(_estimate(points, book, start, equations), units=model.units)
 
 
 def first_sight(model: Model, start: Determined) -> float:
@@ -198,8 +204,8 @@ def first_sight(model: Model, start: Determined) -> float:
         ObseqError: its equations cannot be made.
     """
     equations = model.equations(start)
-    misfits = _misfits(equations, _glanced(equations))
-    return sum(float(_softly(ratios / GROSS).sum()) for _, _, ratios in misfits)
+    _glance(equations)
+    return sum(float(_softly(ratios / GROSS).sum()) for _, _, ratios in _misfits(equations))
 
 
 def _softly(sizes: FloatArray) -> FloatArray:
@@ -208,54 +214,63 @@ def _softly(sizes: FloatArray) -> FloatArray:
     return np.asarray(squares / (1.0 + squares))
 
 
-def _glanced(equations: Equations) -> LeastSquares | LeastSquaresResult:
-    """Moves the unknowns by one step, as `_settled` does in the stages of a glance."""
+def _glance(equations: Equations) -> None:
+    """Moves the unknowns by one step, as `_settle` does in the stages of a glance."""
     system, ((loss, _),) = equations.system, GLANCE
     for _, batch in equations.batches.values():
         batch.loss = loss
     try:
         equations.follow(system, 0)
-        has_moved = system.analysis(reduced=True).step()
+        system.analysis(reduced=True).step()
     except ObseqError:
-        has_moved = False
-    if not has_moved:
-        return _settled(equations, GLANCE)
-    equations.linearise()
-    return system
+        _settle(equations, GLANCE)
+    else:
+        equations.linearise()
 
 
-def _settled(equations: Equations, stages: Stages) -> LeastSquares | LeastSquaresResult:
-    """Moves the unknowns to the robust solution, as far as the iterations go; what tells its residuals."""
-    found: LeastSquares | LeastSquaresResult = equations.system
+def _settle(equations: Equations, stages: Stages) -> None:
+    """Moves the unknowns to the robust solution, as far as the iterations go."""
     batches = [batch for _, batch in equations.batches.values()]
+    for loss, count in stages:
+        for batch in batches:
+            batch.loss = loss
+        try:
+            _on_datum(equations, partial(_iterate, equations, count))
+        except ObseqError:
+            return  # what has been found so far is what there is
 
-    def before(system: LeastSquares, iteration: int) -> None:
+
+def _iterate(equations: Equations, count: int) -> None:
+    """Moves the unknowns by so many iterations at most; nothing else of a solution is worked out."""
+    system = equations.system
+
+    def before(iteration: int) -> None:
         if iteration % _FOLLOW == 0:
             equations.follow(system, iteration)
         else:
             equations.linearise()
 
-    for loss, count in stages:
-        for batch in batches:
-            batch.loss = loss
-        try:
-            found = solved(equations, max_iterations=count, tolerance=_ARRIVED, before_iteration=before)
-        except ObseqError:
-            return equations.system  # what has been found so far is what there is
-    return found
+    analysis = system.analysis(reduced=True)
+    options = Options(count, _ARRIVED)
+    analysis.iterate(GaussNewton(), options, analysis.redundancy, before, lambda _: None)
 
 
 def solved(equations: Equations, **options: Any) -> LeastSquaresResult:
     """The solution; of a network that a trial has left free to turn, say, the one that moves points least."""
+    return _on_datum(equations, partial(equations.system.solve, **options))
+
+
+def _on_datum(equations: Equations, move: Callable[[], Moved]) -> Moved:
+    """Moves the unknowns; where they are free to move together, so that points move least."""
     system = equations.system
     try:
-        return system.solve(**options)
+        return move()
     except SingularSystemError:
         if system.datum.scalars.size:
             raise
         system.set_datum(equations.points)
         try:
-            return system.solve(**options)
+            return move()
         finally:
             system.set_datum([])
 
@@ -265,7 +280,6 @@ def _estimate(
     book: FieldBook,
     start: Determined,
     equations: Equations,
-    settled: LeastSquares | LeastSquaresResult,
 ) -> Estimate:
     n, m = len(points), len(book.stations)
     kept_points = [points.index[name] for name in start.points.names]
@@ -279,7 +293,7 @@ def _estimate(
     redundancy = equations.system.redundancy
     misfits = np.full(len(book.observations), np.nan)
     ratios = np.zeros(len(book.observations))
-    for rows, off, sizes in _misfits(equations, settled):
+    for rows, off, sizes in _misfits(equations):
         misfits[rows], ratios[rows] = off, sizes
     return Estimate(
         points,
@@ -296,12 +310,10 @@ def _estimate(
     )
 
 
-def _misfits(
-    equations: Equations, settled: LeastSquares | LeastSquaresResult
-) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+def _misfits(equations: Equations) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
     """Rows of the observations that count, their misfits (m, rad), and these in sigmas."""
     for rows, batch in equations.batches.values():
-        misfits = settled.residuals(batch)[batch.active, 0]
+        misfits = equations.system.residuals(batch)[batch.active, 0]
         yield rows[batch.active], misfits, np.abs(misfits) / sigmas_of(batch)[batch.active]
 
 

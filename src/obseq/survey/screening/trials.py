@@ -36,6 +36,8 @@ _MOST_WORK = 600_000
 """Observations in all trials of groups, and of known points: about a minute."""
 _FEW = 0.2
 """Share of suspects, and of some observations, up to which it is asked whether others agree without these."""
+_SOME = 0.5
+"""Share of observations up to which it is asked whether others may agree without these, at first sight."""
 _MARGIN = 1.0
 """Contradictions that the others may have beyond those with which a cause explains a network."""
 NO_WEIGHT = 1e5
@@ -61,6 +63,7 @@ class Trials:
         self.model = self.model.for_trials()
         self.before = self.found.disagreement(GROSS)
         self._agreeing: dict[bytes, bool] = {}
+        self._open: dict[bytes, bool] = {}
         self._count = 0
 
     def _tell(self) -> None:
@@ -144,6 +147,29 @@ class Trials:
             self._agreeing[key] = self._agree_without(rows)
         return self._agreeing[key]
 
+    def may_be_among(self, rows: IntArray) -> bool:
+        """Whether the others may agree without some observations, at first sight.
+
+        What contradicts without them contradicts with some of them put right, too: no mistake among them is
+        to be tried then. Yes where they are most of all, and where the majority is right and they are few,
+        which `may_be_of` judges better.
+        """
+        n = len(self.found.book.observations)
+        if len(rows) > _SOME * n or (self.is_mostly_right and len(rows) <= _FEW * n):
+            return True
+        key = rows.tobytes()
+        if key not in self._open:
+            self._open[key] = self._may_agree_without(rows)
+        return self._open[key]
+
+    def _may_agree_without(self, rows: IntArray) -> bool:
+        book = self.found.book
+        start = self.start(self.found.points, book.without(_mask(book, rows)))
+        try:
+            return start is None or first_sight(self.model, start) <= _PROMISING * self._at_start
+        except ObseqError:
+            return True
+
     def _agree_without(self, rows: IntArray) -> bool:
         """From where the network was found; anew where nearby points may have been led astray."""
         found, most = self.found, self._most_left + _MARGIN
@@ -154,9 +180,7 @@ class Trials:
         left = without.contradictions(GROSS)
         if left.sum() <= most or left[~_near(found.book, rows)].sum() > most:
             return bool(left.sum() <= most)
-        mask = np.zeros(len(left), np.bool_)
-        mask[rows] = True
-        anew = estimated(self.model, found.points, found.book.without(mask), QUICK)
+        anew = estimated(self.model, found.points, found.book.without(_mask(found.book, rows)), QUICK)
         return anew is None or bool(anew.contradictions(GROSS).sum() <= most)
 
     def is_decisive(self, corrected: Estimate) -> bool:
@@ -200,6 +224,13 @@ def _near(book: FieldBook, rows: IntArray) -> BoolArray:
     for ends in (observations.from_points, observations.to_points):
         named[ends[rows]] = True
     return book.naming(named)
+
+
+def _mask(book: FieldBook, rows: IntArray) -> BoolArray:
+    """(k,) true for some observations."""
+    mask = np.zeros(len(book.observations), np.bool_)
+    mask[rows] = True
+    return mask
 
 
 def lost(book: FieldBook, start: Determined) -> int:
