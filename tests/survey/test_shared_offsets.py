@@ -1,4 +1,4 @@
-"""Offsets that zenith angles or distances of a set-up share are one finding, also where heights absorb them."""
+"""Offsets that zenith angles or distances of a set-up share are one finding, where heights absorb them."""
 
 import pytest
 

@@ -126,7 +126,7 @@ def _beside_a_height(gaps: FloatArray, shares: FloatArray) -> float:
     weights: FloatArray = np.ones(len(gaps))
     offset: FloatArray = np.zeros(2)
     for _ in range(_ROUNDS):  # least absolute residuals, by weights
-        offset = np.linalg.lstsq(design * weights[:, None], gaps * weights, rcond=None)[0]
+        offset = np.asarray(np.linalg.lstsq(design * weights[:, None], gaps * weights, rcond=None)[0])
         weights = np.asarray((np.abs(gaps - design @ offset) + _SMALL) ** -0.5)
     return float(offset[0])
 
