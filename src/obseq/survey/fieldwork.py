@@ -180,6 +180,7 @@ class Fieldwork:
         from obseq.survey.screening.mirrored import mirror_warning
         from obseq.survey.screening.odd_sigmas import odd_sigmas
         from obseq.survey.screening.search import blame, refuse
+        from obseq.survey.screening.shared_offsets import shared_offset_cause
 
         with computation.watch.phase("initial values"):
             self._check_datum()
@@ -206,6 +207,9 @@ class Fieldwork:
         if not errors:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
+        if not (len(errors) == 1 and errors[0].is_shared):
+            shared = shared_offset_cause(self.model(), self.point_system, given, equations, adjustment)
+            errors = shared or errors
         errors, told = self._told_best(errors, computation, given, equations, adjustment)
         if strict and errors:
             refuse(errors)
@@ -226,10 +230,11 @@ class Fieldwork:
         """
         from obseq.survey.adjustment.sequence import one_after_the_other
         from obseq.survey.screening.antennas import antenna_cause, concern_vectors, is_one_vector
-        from obseq.survey.screening.contradictions import contradiction
+        from obseq.survey.screening.contradictions import contradiction, vectors_of
         from obseq.survey.screening.known_heights import heights_cause
 
-        found, units = contradiction(equations, adjustment), self.model().units
+        units = self.model().units
+        found = contradiction(equations, adjustment) if vectors_of(adjustment) else None
         if found and (heights := heights_cause(found, units)):
             return heights, ()
         if errors and not concern_vectors(errors, adjustment):

@@ -11,29 +11,25 @@ without it, and no single vector explains nearly as much.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.joint_levels import POWER, joint_critical
 from obseq.printable import listed
-from obseq.survey.screening.contradictions import is_rejected, vectors_of
+from obseq.survey.screening.contradictions import is_rejected, parts_of, vectors_of, weighted
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.statistics.final_state import FinalState
     from obseq.report.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.contradictions import Contradiction
-
-_Part: TypeAlias = "tuple[IntArray, Any, FloatArray, Any]"
 
 _LARGEST = 6_000
 """Observations up to which this is tried."""
@@ -132,7 +128,7 @@ def is_one_vector(adjustment: Adjustment) -> bool:
 def _occupations(found: Contradiction) -> Iterator[_Occupation]:
     """What may share a shift at each station, with the tests of its height and of its whole shift."""
     book, vectors = found.adjustment.book, vectors_of(found.adjustment)
-    parts = list(_parts(found, np.concatenate(vectors)))
+    parts = list(parts_of(found.equations, found.state, np.concatenate(vectors)))
     axes = found.equations.local_axes(found.adjustment.points.coordinates)
     ends = book.observations.from_points, book.observations.to_points
     for station in np.unique([[end[rows[0]] for end in ends] for rows in vectors]).tolist():
@@ -142,7 +138,9 @@ def _occupations(found: Contradiction) -> Iterator[_Occupation]:
         columns = np.zeros((len(book.observations), len(mine), 3))
         for k, rows in enumerate(mine):
             columns[rows, k] = axes[rows] if ends[1][rows[0]] == station else -axes[rows]
-        shown, weight, whole = _weighted(found.state, parts, columns.reshape(len(columns), -1))
+        blocks = (len(mine), 3, len(mine), 3)
+        seen, *both = weighted(found.state, parts, columns.reshape(len(columns), -1))
+        shown, (weight, whole) = seen.reshape(-1, 3), (one.reshape(blocks) for one in both)
         firsts = np.array([rows[0] for rows in mine])
         for chosen in _choices(firsts, book):
             seen, kept, given = shown[chosen].sum(axis=0), _sum(weight, chosen), _sum(whole, chosen)
@@ -171,32 +169,6 @@ def _tested(
     if np.linalg.eigvalsh(weight)[0] > _UNSEEN * np.linalg.eigvalsh(whole)[-1]:
         off = np.asarray(-np.linalg.solve(weight, seen), np.float64)
         yield off, float(off @ weight @ off), 3
-
-
-def _parts(found: Contradiction, vectors: IntArray) -> Iterator[_Part]:
-    """Batches of vectors: rows of the field book, root of their weights, its residuals and Jacobian."""
-    for rows, batch in found.equations.batches.values():
-        if np.isin(vectors, rows).any():
-            root, residuals = whitening_of(batch), np.nan_to_num(found.state.result.residuals(batch)[:, 0])
-            yield rows, root.tocsc(), root @ residuals, found.state.cluster_rows(batch).T.tocsr()
-
-
-def _weighted(
-    state: FinalState, parts: list[_Part], columns: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """C' P v (k, 3), its covariance C' P Qv P C (k, 3, k, 3), and C' P C, of columns C (n, 3 k)."""
-    count = columns.shape[1]
-    shown, whole = np.zeros(count), np.zeros((count, count))
-    through = np.zeros((state.equations.n_unknowns, count))
-    for rows, root, residuals, jacobian in parts:
-        used = np.flatnonzero(columns[rows].any(axis=1))
-        if used.size:
-            white = root[:, used] @ columns[rows[used]]
-            shown += white.T @ residuals
-            whole += white.T @ white
-            through += jacobian @ white
-    weight, blocks = whole - through.T @ state.solve(through), (count // 3, 3, count // 3, 3)
-    return shown.reshape(-1, 3), weight.reshape(blocks), whole.reshape(blocks)
 
 
 def _choices(firsts: IntArray, book: FieldBook) -> Iterator[list[int]]:

@@ -1,21 +1,27 @@
-"""A rejected adjustment of vectors: where causes of many contradictions are looked for."""
+"""A rejected adjustment: where causes of many contradictions are looked for, and how one cause is tested."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
-    from obseq.arrays import IntArray
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.statistics.final_state import FinalState
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.equations import Equations
+
+Part: TypeAlias = "tuple[IntArray, Any, FloatArray, Any]"
+"""Rows of the field book, root of their weights, and their whitened residuals and Jacobian."""
 
 _ACCEPTED = 0.01
 """Level of the test of what remains without a cause."""
@@ -23,7 +29,7 @@ _ACCEPTED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Contradiction:
-    """A rejected adjustment of vectors.
+    """A rejected adjustment.
 
     Attributes:
         equations: of the network, as they were solved.
@@ -48,14 +54,14 @@ class Contradiction:
 
 
 def contradiction(equations: Equations, adjustment: Adjustment) -> Contradiction | None:
-    """What to look for causes in; None without vectors, or where the adjustment is accepted.
+    """What to look for causes in; None where the adjustment is accepted.
 
     Args:
         equations: of the network, as they were solved.
         adjustment: what came out.
     """
     solution = adjustment.solution
-    if not vectors_of(adjustment) or not is_rejected(solution.cost, solution.redundancy):
+    if not solution.converged or not is_rejected(solution.cost, solution.redundancy):
         return None
     try:
         return Contradiction(equations, adjustment, final_state(equations.system, solution))
@@ -71,3 +77,28 @@ def vectors_of(adjustment: Adjustment) -> list[IntArray]:
 def is_rejected(squares: float, redundancy: int) -> bool:
     """Whether residuals are larger than the sigmas announce: their weighted squares, and the redundancy."""
     return redundancy > 0 and squares > chi_square_limit(redundancy, above=_ACCEPTED)
+
+
+def parts_of(equations: Equations, state: FinalState, rows: IntArray) -> Iterator[Part]:
+    """The batches that have any of some rows of the field book."""
+    for own, batch in equations.batches.values():
+        if np.isin(rows, own).any():
+            root, residuals = whitening_of(batch), np.nan_to_num(state.result.residuals(batch)[:, 0])
+            yield own, root.tocsc(), root @ residuals, state.cluster_rows(batch).T.tocsr()
+
+
+def weighted(
+    state: FinalState, parts: list[Part], columns: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """C' P v (k,), its covariance C' P Qv P C (k, k), and C' P C, of columns C (n, k) over the field book."""
+    count = columns.shape[1]
+    shown, whole = np.zeros(count), np.zeros((count, count))
+    through = np.zeros((state.equations.n_unknowns, count))
+    for rows, root, residuals, jacobian in parts:
+        used = np.flatnonzero(columns[rows].any(axis=1))
+        if used.size:
+            white = root[:, used] @ columns[rows[used]]
+            shown += white.T @ residuals
+            whole += white.T @ white
+            through += jacobian @ white
+    return shown, whole - through.T @ state.solve(through), whole

@@ -65,6 +65,12 @@ class GrossError:
     points: tuple[str, ...] = ()
     is_one: bool = False
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether it is one mistake of several observations, or of points, and not noise."""
+        is_known = self.cause not in (Cause.SIGMAS, Cause.UNKNOWN)
+        return is_known and not self.is_one and max(len(self.rows), 2 * len(self.points)) > 1
+
     def record(self) -> GrossErrorRecord:
         """Its entry in the record of the adjustment."""
         return GrossErrorRecord(self.what, self.cause.value, self.text, self.size, self.points)

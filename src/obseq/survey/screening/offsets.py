@@ -77,7 +77,7 @@ def offset_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The offset that explains most, with the network in which it is corrected; None when there is none."""
     offsets = sorted(_offsets(trials.found), key=lambda one: -len(one.suspects))
     offsets = _once(found for one in offsets for found in _with_equals(trials.found, one))
-    offsets = [one for one in offsets if _is_possible(trials.found, one)]
+    offsets = [one for one in offsets if is_possible(trials.found, one)]
     explaining: list[tuple[float, Offset, Estimate]] = []
     for number, one in enumerate(offsets):
         if number == trials.most:
@@ -107,7 +107,7 @@ def _once(offsets: Iterator[Offset]) -> list[Offset]:
     return list({(one.what, one.rows.tobytes()): one for one in offsets}.values())
 
 
-def _is_possible(found: Estimate, one: Offset) -> bool:
+def is_possible(found: Estimate, one: Offset) -> bool:
     """Whether heights would be such as others of the network are, or upright and some metres at most."""
     if not one.what.is_height:
         return True
@@ -261,13 +261,13 @@ def described(found: Estimate, one: Offset) -> GrossError:
     size = float(found.ratios[one.suspects].max())
     if one.what.is_height:
         cause, text = _of_height(found, one)
-        what = f"{one.what.value} of {len(rows)} observations {_between(found, rows)} (the first: {label})"
+        what = f"{one.what.value} of {len(rows)} observations{_between(found, rows)} (the first: {label})"
     elif one.what is What.INDEX:
         cause, text = Cause.INDEX, _of_index(found, one)
-        what = f"the {len(rows)} zenith angles {_between(found, rows)} (the first: {label})"
+        what = f"the {len(rows)} zenith angles{_between(found, rows)} (the first: {label})"
     else:
         cause, text = Cause.DISTANCES, _of_distances(found, one)
-        what = f"the {len(rows)} distances {_between(found, rows)} (the first: {label})"
+        what = f"the {len(rows)} distances{_between(found, rows)} (the first: {label})"
     return GrossError(what, cause, text, size, tuple(one.suspects.tolist()), is_one=one.what.is_height)
 
 
@@ -289,11 +289,11 @@ def _of_distances(found: Estimate, one: Offset) -> str:
 
 
 def _between(found: Estimate, rows: Rows) -> str:
-    """From and to where sights go that have a point in common."""
+    """From and to where sights go that have a point in common, after a blank; else nothing."""
     observations, names = found.book.observations, found.book.point_names
     ends = (("from", observations.from_points), ("to", observations.to_points))
     common = [(word, points[rows[0]]) for word, points in ends if (points[rows] == points[rows[0]]).all()]
-    return " ".join(f"{word} {names[point]}" for word, point in common)
+    return "".join(f" {word} {names[point]}" for word, point in common)
 
 
 def _of_height(found: Estimate, one: Offset) -> tuple[Cause, str]:
