@@ -159,6 +159,21 @@ def test_residuals_of_zero_are_nothing_but_rounding(kernels, strategy):
         assert result.evaluations <= 20, seed
 
 
+@pytest.mark.parametrize("strategy", ALL)
+def test_one_unknown_that_is_known_absurdly_well_ends_no_iterations(strategy):
+    """Its last digit is worth more than all that the others still move."""
+    system = obseq.LeastSquares()
+    pillars = system.add_points(["A", "B", "C"], [[0, 0, 0], [100, 0, 0], [0, 100, 0]])
+    target = system.add_points(["P"], [[50.0, 10.0, 30.0]])
+    system.freeze(pillars)
+    distances = np.linalg.norm([[50, 50, 20], [-50, 50, 20], [50, -50, 20]], axis=1)
+    system.add("Dist3D", {"p1": pillars, "p2": target}, observations=distances, sigmas=1.0)
+    system.add_prior(system.add_scalars(["x"], [2.6e6]), [[2.6e6]], [[1e-14]])
+    result = system.solve(strategy=strategy)
+    assert result.converged
+    np.testing.assert_allclose(result.values(target), [[50, 50, 20]], atol=1e-5)
+
+
 def test_resolution_and_roughness_are_those_of_the_numbers(kernels):
     system = obseq.LeastSquares()
     a, b = system.add_scalars(["a", "b"], [3.0, 1024.0])

@@ -3,12 +3,15 @@
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from obseq.cli.network_files import add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, positive_number
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
+
+if TYPE_CHECKING:
+    from obseq.record import AdjustmentRecord
 
 Writer = TypeVar("Writer")
 RESULT = ".json"
@@ -25,7 +28,7 @@ examples:
 written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points), .obs.csv
 (observations); of a result .cor, .csv (adjusted points), .geojson, .gpkg (maps; needs pyogrio)
 
-exit code: 0 written; 2 could not run"""
+exit code: 0 written; 1 written, of a result in which something is wrong; 2 could not run"""
 
 
 def register(commands: Commands) -> None:
@@ -48,30 +51,48 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, and write all files or none."""
-    hint = ""
+    hint, doubt = "", ""
     inputs = [*arguments.project, *(arguments.obs or ()), *(arguments.cor or ())]
     check_writable(arguments.to, inputs)
     if any(path.suffix.lower() == RESULT for path in arguments.project):
         if len(inputs) > 1:
             raise InputError("convert: a result is converted by itself; give no other file")
-        texts = _of_result(arguments)
+        texts, doubt = _of_result(arguments)
     else:
         texts, hint = _of_network(arguments)
     write_all(texts)
     print("Written: " + ", ".join(str(path) for path in texts))
-    if hint:
-        print(hint)
-    return 0
+    if hint or doubt:
+        print(hint or doubt)
+    return 1 if doubt else 0
 
 
-def _of_result(arguments: argparse.Namespace) -> dict[Path, str | bytes]:
+def _of_result(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], str]:
+    """What to write, and what is wrong with the result.
+
+    Raises:
+        InputError: it is none: its iterations did not converge.
+    """
     from obseq.report.result_file import read_json
     from obseq.survey.conversion import RESULT_WRITERS
 
     writers = {path: _writer(path, RESULT_WRITERS, "a result") for path in arguments.to}
     record = read_json(arguments.project[0])
     check_writable(arguments.to, map(Path, record.files or ()))
-    return {path: write(record, arguments.ellipse_scale) for path, write in writers.items()}
+    if not record.converged:
+        raise InputError(
+            f"{arguments.project[0]}: this adjustment did not converge, and its coordinates are no result: "
+            "its report says what is suspected; put that right, and adjust again"
+        )
+    doubt = "" if record.is_complete else f"{arguments.project[0]}: {_doubt(record)}"
+    return {path: write(record, arguments.ellipse_scale) for path, write in writers.items()}, doubt
+
+
+def _doubt(record: "AdjustmentRecord") -> str:
+    """What is wrong with a result."""
+    if errors := [error.what for error in record.gross_errors]:
+        return f"gross errors are suspected, which spoil these coordinates, the worst in {errors[0]}"
+    return "something is wrong with this adjustment; its report says what"
 
 
 def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], str]:

@@ -32,6 +32,7 @@ class Orientation(enum.IntEnum):
     """How a station is turned: local axes, plumb with an unknown zero, free, or plumb along the grid.
 
     `GRID` is Comp3D's, for differences of coordinates: east and north are those of the origin of the frame.
+    Arrays are compared with its `value`: NumPy asks members for attributes, and loses interruptions then.
     """
 
     FIX = 0
@@ -294,9 +295,11 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     is_oriented = np.zeros(len(book.stations), np.bool_)
     is_oriented[observations.stations[kept]] = True
     declared = np.where(
-        book.stations.orientations == Orientation.GRID, np.int8(Orientation.FIX), book.stations.orientations
+        book.stations.orientations == Orientation.GRID.value,
+        np.int8(Orientation.FIX.value),
+        book.stations.orientations,
     )
-    return np.where(is_oriented, declared, np.int8(Orientation.FIX)).astype(np.int8)
+    return np.where(is_oriented, declared, np.int8(Orientation.FIX.value)).astype(np.int8)
 
 
 @expecting(points=instance(Points), book=instance(FieldBook))

@@ -34,6 +34,9 @@ FINE = 1e-6
 CONTRACTION = 0.7
 """Share of the step before it below which a step shrinks as it should."""
 
+LAST_DIGITS = 1e7 * EPS
+"""Share of the largest unknown within which steps remain that are rounding, of formulas that cancel, too."""
+
 NOISY = 3.0
 """Multiple of the rounding of the residuals below which a step that does not shrink is made of it."""
 
@@ -89,7 +92,8 @@ class Arrival:
             return None
         if length <= self._tolerance * unit:
             return StopReason.STEP
-        if length <= resolution(self._equations.table, weights):
+        resolved = resolution(self._equations.table, weights)
+        if length <= resolved and self._may_be_rounding(step, length, unit):
             return StopReason.ROUNDING
         if not shrinks and self.is_rounding(step, length, cost, redundancy, weights):
             return StopReason.ROUNDING
@@ -102,8 +106,19 @@ class Arrival:
         if self._tolerance < 0.0:
             return False
         resolved = resolution(self._equations.table, weights)
-        small = length <= max(NEGLIGIBLE * self.unit(cost, redundancy), FINE / EPS * resolved)
-        return small and self._is_within_roughness(step, length)
+        unit = self.unit(cost, redundancy)
+        small = length <= max(NEGLIGIBLE * unit, FINE / EPS * resolved)
+        return small and self._may_be_rounding(step, length, unit) and self._is_within_roughness(step, length)
+
+    def _may_be_rounding(self, step: FloatArray, length: float, unit: float) -> bool:
+        """Whether no unknown moves beyond its last digits, by a step that is not short anyway.
+
+        One unknown that is known absurdly well, of a point at the very centre of a camera, would hide that
+        all others still move.
+        """
+        if length <= NEGLIGIBLE * unit:
+            return True
+        return float(np.abs(step).max()) <= LAST_DIGITS * float(np.abs(sizes_of(self._equations.table)).max())
 
     def _is_within_roughness(self, step: FloatArray, length: float) -> bool:
         """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""

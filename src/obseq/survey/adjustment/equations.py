@@ -82,7 +82,7 @@ class Equations:
         self._plumb = Plumb(frame, points)
         self._book = book
         self._followed = initial.coordinates
-        self._has_grid = bool((book.stations.orientations == Orientation.GRID).any())
+        self._has_grid = bool((book.stations.orientations == Orientation.GRID.value).any())
         self.system = LeastSquares() if system is None else system
         self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
         self.instruments = Instruments(self.system, self._plumb, book, initial)
@@ -258,7 +258,7 @@ class Equations:
             return result
         stations = self._book.observations.stations[rows]
         grid = np.flatnonzero(stations >= 0)
-        grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID]
+        grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID.value]
         if grid.size and not self._frame.is_plane:
             _, radius = self._site.sphere(rows[grid])
             origins = self._book.observations.from_points[rows[grid]]

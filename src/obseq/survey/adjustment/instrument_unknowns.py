@@ -50,7 +50,7 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
         alone[cluster.rows] = False
     scaled = _with_scales(book, alone) if "frame-scale" in wanted else book
     alone &= scaled.observations.types == rows.types
-    plumb = np.append(book.stations.orientations != Orientation.BASC, np.False_)[rows.stations]
+    plumb = np.append(book.stations.orientations != Orientation.BASC.value, np.False_)[rows.stations]
     for kinds in _of_instruments(wanted - {"frame-scale"}).values():
         chosen = alone & np.isin(rows.types, list(kinds))
         is_read = any(kind.needs_station for kind in kinds.values())
@@ -76,7 +76,7 @@ def _of_instruments(wanted: frozenset[str]) -> dict[frozenset[str], dict[int, Ob
 def _with_scales(book: FieldBook, alone: BoolArray) -> FieldBook:
     """The components in the axes of stations, and the distances of polar frames, with a scale of each."""
     rows, names = book.observations, book.point_names
-    grid = np.append(book.stations.orientations == Orientation.GRID, np.True_)[rows.stations]
+    grid = np.append(book.stations.orientations == Orientation.GRID.value, np.True_)[rows.stations]
     chosen = alone & ~grid & np.isin(rows.types, list(SCALED))
     polar = alone & book.in_groups(GroupKind.FRAME) & np.isin(rows.types, list(SCALED_IN_FRAMES))
     if not ((chosen | polar) & rows.active).any():

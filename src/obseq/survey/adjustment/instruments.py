@@ -47,7 +47,7 @@ class Instruments:
         """
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
-        self._grid = book.stations.orientations == Orientation.GRID
+        self._grid = book.stations.orientations == Orientation.GRID.value
         self.turning = np.zeros(len(book.point_names), np.bool_)
         if plumb.turn:
             is_free = moves_freely(plumb.points, book, initial.orientations)

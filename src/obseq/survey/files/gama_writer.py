@@ -168,7 +168,7 @@ class _Writer(CoordinateWriter):
             if active:
                 sights = _Set(f"<obs from={quoteattr(name)}>")
                 for row in active:
-                    self._add_sight(sights, row, self._orientations[station] == Orientation.FIX)
+                    self._add_sight(sights, row, self._orientations[station] == Orientation.FIX.value)
                 yield from self._set(sights, "</obs>")
 
     def _correlated(self, sights: list[int]) -> list[int]:

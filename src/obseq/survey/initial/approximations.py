@@ -85,7 +85,7 @@ class Approximations:
         flat = np.hypot(local[:, 0], local[:, 1])
         length = np.hypot(flat, local[:, 2])
         # the last one is for observations without station
-        is_plumb = np.append(self.orientations != Orientation.BASC, True)[observations.stations[rows]]
+        is_plumb = np.append(self.orientations != Orientation.BASC.value, True)[observations.stations[rows]]
         zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
         wrong = _gives(kinds, Start.DISTANCE) & (np.abs(length - values) > _FAR * np.abs(values))
         wrong |= _gives(kinds, Start.FLAT) & (np.abs(flat - values) > _FAR * np.abs(values))
@@ -107,7 +107,7 @@ class Approximations:
         """Which readings disagree with the others of their station, given the azimuths of the coordinates."""
         observations = self.book.observations
         angles = (azimuths - observations.values[rows]).tolist()
-        is_fixed = (self.orientations == Orientation.FIX).tolist()
+        is_fixed = (self.orientations == Orientation.FIX.value).tolist()
         of_station: dict[int, list[int]] = {}
         for k, station in enumerate(observations.stations[rows].tolist()):
             of_station.setdefault(station, []).append(k)

@@ -211,7 +211,7 @@ def _computed(
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
-    plumb = np.flatnonzero(orientations == Orientation.VERT)
+    plumb = np.flatnonzero(orientations == Orientation.VERT.value)
     if len(plumb):
         first = int(book.stations.observations(int(plumb[0]))[0])
         raise InputError(

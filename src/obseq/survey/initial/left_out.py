@@ -141,7 +141,7 @@ def _zeros(given: Determined, active: BoolArray) -> IntArray:
     rows, points = given.book.observations, given.points
     readings = active & among(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
     stations = np.flatnonzero(np.bincount(rows.stations[readings]))
-    stations = stations[given.initial.orientations[stations] == Orientation.VERT]
+    stations = stations[given.initial.orientations[stations] == Orientation.VERT.value]
     count = np.bincount(given.book.stations.origins[stations], minlength=len(points))[: len(points)]
     return np.where(points.is_free.any(axis=1) & ~points.in_datum.any(axis=1), count, 0)
 

@@ -86,7 +86,7 @@ class LocalFrames:
         """Not oriented, and not bound to the real north."""
         if self.known.station_steps[station] is not None:
             return False
-        if self.graph.orientations[station] != Orientation.FIX:
+        if self.graph.orientations[station] != Orientation.FIX.value:
             return True
         return all(math.isnan(self.graph.reading_of[number]) for number in self.graph.sights_from[station])
 
@@ -100,7 +100,7 @@ class LocalFrames:
 
     def _has_vector(self, station: int) -> bool:
         """A plumb station with at least one complete vector, or one that levelling completes, can begin."""
-        if self.graph.orientations[station] != Orientation.VERT:
+        if self.graph.orientations[station] != Orientation.VERT.value:
             return False
         return any(
             not math.isnan(self.graph.length_of[number]) or self._is_levelled(self.graph.sights[number])
@@ -116,12 +116,12 @@ class LocalFrames:
     def _partner(self, station: int) -> tuple[int, float, float] | None:
         """A plumb station that it sees and that sees it, with the readings there and back."""
         graph = self.graph
-        if graph.orientations[station] != Orientation.VERT:
+        if graph.orientations[station] != Orientation.VERT.value:
             return None
         for number in graph.sights_from[station]:
             for other in graph.stations_at[graph.target_of[number]]:
                 back = graph.reading_between(other, graph.origins[station])
-                is_plumb = graph.orientations[other] == Orientation.VERT
+                is_plumb = graph.orientations[other] == Orientation.VERT.value
                 if is_plumb and not math.isnan(graph.reading_of[number]) and not math.isnan(back):
                     return other, graph.reading_of[number], back
         return None

@@ -34,9 +34,9 @@ def orient(known: Known, graph: SightGraph, station: int) -> bool:
         True when the station has just been oriented.
     """
     orientation, origin = graph.orientations[station], graph.origins[station]
-    if known.station_steps[station] is not None or orientation == Orientation.VERT:
+    if known.station_steps[station] is not None or orientation == Orientation.VERT.value:
         return False
-    if orientation == Orientation.BASC:
+    if orientation == Orientation.BASC.value:
         return _orient_free(known, graph, station)
     if not known.is_settled[origin]:
         return False

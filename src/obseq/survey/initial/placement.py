@@ -228,7 +228,7 @@ class Placement:
         placed: list[int] = []
         orientations = self.graph.orientations
         for station, sights in sorted(self._sights_around(located).items()):
-            if orientations[station] == Orientation.VERT:
+            if orientations[station] == Orientation.VERT.value:
                 self.traverse.add_azimuths(station, sorted(sights))
             else:
                 self._orient_freely(station, placed)
@@ -257,7 +257,9 @@ class Placement:
             for number in graph.sights_to[point]:
                 station = station_of[number]
                 is_free = steps[station] is None
-                if is_free and (is_settled[origin_of[number]] or orientations[station] == Orientation.BASC):
+                if is_free and (
+                    is_settled[origin_of[number]] or orientations[station] == Orientation.BASC.value
+                ):
                     found.setdefault(station, []).append(number)
         for point in located:
             for station in graph.stations_at[point]:

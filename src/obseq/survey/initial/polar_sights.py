@@ -84,7 +84,7 @@ class PolarSights:
         """Horizontal distance and rise of a plumb sight, perhaps from another plumb station on the point."""
         graph = self.graph
         for number in graph.sights_to[sight.target]:
-            is_plumb = graph.orientations[graph.station_of[number]] != Orientation.BASC
+            is_plumb = graph.orientations[graph.station_of[number]] != Orientation.BASC.value
             if is_plumb and graph.origin_of[number] == sight.origin:
                 lengths = graph.sights[number].lengths()
                 if lengths is not None:

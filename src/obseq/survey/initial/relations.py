@@ -93,7 +93,7 @@ def collect(
         if is_usable and known.is_settled[graph.origin_of[number]]:
             _add_sight_to(known, graph, graph.sights[number], found)
     for station in graph.stations_at[point]:
-        if graph.orientations[station] == Orientation.BASC or (stations and station not in stations):
+        if graph.orientations[station] == Orientation.BASC.value or (stations and station not in stations):
             continue
         for number in graph.sights_from[station]:
             if known.is_settled[graph.target_of[number]]:
@@ -116,7 +116,7 @@ def collect(
 
 def _add_sight_to(known: Known, graph: SightGraph, sight: Sight, found: list[Relation]) -> None:
     """Measures made at a known point."""
-    if graph.orientations[sight.station] == Orientation.BASC:
+    if graph.orientations[sight.station] == Orientation.BASC.value:
         _add_free_sight(known, sight, found)
         return
     g0, reading = known.g0[sight.station], sight.reading()
@@ -129,7 +129,7 @@ def _add_sight_at(known: Known, graph: SightGraph, sight: Sight, found: list[Rel
     """Measures made at the point itself."""
     reading = sight.reading()
     if reading is not None:
-        g0 = 0.0 if graph.orientations[sight.station] == Orientation.FIX else None
+        g0 = 0.0 if graph.orientations[sight.station] == Orientation.FIX.value else None
         found.append(Relation(Measured.READING_AT, sight.target, *reading, sight.station, g0))
     _add_lengths(
         known,

@@ -110,7 +110,7 @@ class SightGraph:
     @cached_property
     def is_plumb(self) -> BoolArray:
         """Of each station, whether it is plumb with an unknown zero (#VERT)."""
-        return np.asarray(np.array(self.orientations) == Orientation.VERT)
+        return np.asarray(np.array(self.orientations) == Orientation.VERT.value)
 
     @cached_property
     def station_of(self) -> array[int]:

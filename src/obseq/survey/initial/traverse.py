@@ -84,7 +84,7 @@ class Traverse:
         heapq.heappush(self.queue, (azimuth_sigma, station, next(self.count), make, arguments))
 
     def _is_open(self, station: int) -> bool:
-        is_plumb = self.graph.orientations[station] == Orientation.VERT
+        is_plumb = self.graph.orientations[station] == Orientation.VERT.value
         is_open = is_plumb and self.known.station_steps[station] is None
         return is_open and (self.stations is None or station in self.stations)
 

@@ -178,7 +178,7 @@ def explain_stations(known: Known, graph: SightGraph, book: FieldBook) -> list[U
 
 
 def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
-    if graph.orientations[station] == Orientation.BASC:
+    if graph.orientations[station] == Orientation.BASC.value:
         return "a #BASC station is oriented by two directions to placed points, or placed by three vectors"
     placed = [known.names[target] for target in graph.targets(station) if known.is_placed(target)]
     if placed:

@@ -37,8 +37,8 @@ def truth(network: Network) -> InitialValues:
     points, book = network.points, network.book
     orientations = automatic_fix(book)
     stations = len(book.stations)
-    if not network.frame.has_vertical and (orientations == Orientation.VERT).any():
-        first = int(book.stations.observations(int(np.argmax(orientations == Orientation.VERT)))[0])
+    if not network.frame.has_vertical and (orientations == Orientation.VERT.value).any():
+        first = int(book.stations.observations(int(np.argmax(orientations == Orientation.VERT.value)))[0])
         raise InputError(f"{book.label(first)}: a #VERT station needs a frame in which there is a vertical")
     verticals = network.frame.vertical(points.coordinates[book.stations.origins])
     return InitialValues(
