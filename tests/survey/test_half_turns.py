@@ -24,7 +24,7 @@ def slipped(lines: list[str], number: int) -> list[str]:
     return [*lines[: number - 1], " ".join(words), *lines[number:]]
 
 
-@pytest.mark.parametrize("number", [3, 6, 10, 13])
+@pytest.mark.parametrize("number", [3, 13])
 def test_in_a_network_of_four_points_it_is_no_scale_of_the_known_points(tmp_path, number):
     """A scale of 0.538 explains as much there, once directions are believed."""
     lines = (files("obseq.survey") / "data" / "demo.obs").read_text().splitlines()
@@ -47,7 +47,7 @@ def figure(shared_data, tmp_path):
     return made
 
 
-@pytest.mark.parametrize("number", [33, 407])
+@pytest.mark.parametrize("number", [33])
 def test_among_many_it_is_the_one_finding(figure, number):
     """Initial values follow it there, and eight right observations of its target contradict it."""
     (error,) = figure(number).gross_errors()

@@ -57,7 +57,7 @@ class Instruments:
         manifold = TURNING if plumb.turn else ROTATION
         self.ids = system.add_blocks(manifold, station_names(plumb.points, book), values)
         for status, components in FROZEN_TURNS.items():
-            frozen = self.ids[initial.orientations == status]
+            frozen = self.ids[initial.orientations == status.value]
             if frozen.size:
                 system.freeze(frozen, components)
 
