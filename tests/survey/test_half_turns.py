@@ -64,3 +64,12 @@ def test_snooping_leaves_it_out_and_nothing_else(figure, number):
     assert abs(rejection.blunder) == pytest.approx(np.pi, abs=1e-4)
     assert abs(rejection.statistic) > 1e5 and rejection.p_value < 1e-9
     assert adjustment.solution.converged and adjustment.sigma0 == pytest.approx(0.8979, abs=2e-4)
+
+
+def test_a_zenith_angle_of_a_side_shot_in_the_other_face(tmp_path):
+    """The distance was said to have no length that fits, or to be off by tens of thousands of kilometres."""
+    lines = (files("obseq.survey") / "data" / "demo.obs").read_text().splitlines()
+    lines[8:8] = ["5 PtA PtX 20.0 0.001", "6 PtA PtX 304.21151 0.001", "3 PtA PtX 12.5 0.005"]
+    (error,) = demo(lines, tmp_path).gross_errors()
+    assert error.what.startswith("Zen PtA -> PtX") and error.cause is Cause.SENSE
+    assert "304.21151 gon is no zenith angle" in error.text and "(95.78849 gon would be one)" in error.text

@@ -50,17 +50,30 @@ def beyond_nadir(book: FieldBook) -> Rows:
     return np.asarray(rows[((wrong == count) & (count >= _LEAST) & (2 * steep < count))[origins]])
 
 
-def beyond_alone(book: FieldBook, found: Estimate) -> list[GrossError]:
+def lone_beyond(book: FieldBook, *, flat: bool) -> Rows:
+    """Zenith angles below 0 or beyond the nadir by more than their sigmas allow, whatever others are.
+
+    Args:
+        book: the observations.
+        flat: only those that are near the horizon when they are put right; others may be elevations.
+    """
+    rows = np.flatnonzero(_are(book, zenith_angles()))
+    values = np.remainder(book.observations.values[rows], _TURN)
+    is_beyond = np.minimum(values - math.pi, _TURN - values) > GROSS * book.observations.sigmas[rows]
+    is_flat = np.abs(values - 1.5 * math.pi) <= _STEEPEST
+    return np.asarray(rows[is_beyond & is_flat if flat else is_beyond])
+
+
+def told_alone(book: FieldBook, rows: Rows, found: Estimate) -> list[GrossError]:
     """Single zenith angles below 0 or beyond the nadir: a reading that no place of any point explains.
 
     Args:
         book: the observations.
+        rows: of these angles.
         found: the network.
     """
-    rows = np.flatnonzero(_are(book, zenith_angles()))
     values = np.remainder(book.observations.values[rows], _TURN)
-    gaps = np.minimum(values - math.pi, _TURN - values)
-    sizes = gaps / [sigma_of(found, row) for row in rows.tolist()]
+    sizes = np.minimum(values - math.pi, _TURN - values) / [sigma_of(found, row) for row in rows.tolist()]
     return [
         GrossError(
             book.label(row),
@@ -71,7 +84,6 @@ def beyond_alone(book: FieldBook, found: Estimate) -> list[GrossError]:
             (row,),
         )
         for row, value, size in zip(rows.tolist(), values.tolist(), sizes.tolist(), strict=True)
-        if size > GROSS
     ]
 
 

@@ -12,7 +12,7 @@ from obseq.survey.adjustment.equations import sigmas_of
 from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.screening.aims import aim_cause
 from obseq.survey.screening.ambiguous import Ambiguity
-from obseq.survey.screening.beyond_nadir import beyond_alone, beyond_nadir, put_right, with_signs
+from obseq.survey.screening.beyond_nadir import beyond_nadir, lone_beyond, put_right, told_alone, with_signs
 from obseq.survey.screening.coordinate_system import coordinate_system_cause
 from obseq.survey.screening.distances import distances_cause
 from obseq.survey.screening.exchanged import exchanged_readings
@@ -85,14 +85,16 @@ def search(model: Model, system: PointSystem, points: Points, book: FieldBook) -
         book: its observations.
     """
     model, beyond = model.for_trials(), beyond_nadir(book)
+    lone = np.setdiff1d(lone_beyond(book, flat=True), beyond)
+    wrong = np.union1d(beyond, lone)
     try:
-        found = estimate(model, points, put_right(book, beyond) if len(beyond) else book)
+        found = estimate(model, points, put_right(book, wrong) if len(wrong) else book)
     except ObseqError:
         return Search()
     told, places = _errors(model, system, found, are_right=not len(beyond))
-    errors = with_signs(book, beyond, found, told)
-    if found.control <= 0.0 and not len(beyond):  # nothing is spare that would contradict them
-        errors += beyond_alone(book, found)
+    if found.control <= 0.0:  # nothing is spare that would contradict an elevation
+        lone = np.setdiff1d(lone_beyond(book, flat=False), beyond)
+    errors = [*with_signs(book, beyond, found, told), *told_alone(book, lone, found)]
     return Search(tuple(sorted(errors, key=lambda error: -error.size)), places)
 
 

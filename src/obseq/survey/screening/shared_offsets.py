@@ -20,7 +20,6 @@ from obseq.survey.screening.contradictions import contradiction, parts_of, vecto
 from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
 from obseq.survey.screening.offset_effects import Sights, What
 from obseq.survey.screening.offsets import LARGEST, Offset, described, is_possible
-from obseq.survey.screening.robust import QUICK
 from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ def shared_offset_cause(
         coordinates=adjustment.points.coordinates,
         rotations=equations.instruments.rotations(adjustment.solution),
     )
-    estimate = estimated(model, given.points, given.book, QUICK, replace(given, initial=start))
+    estimate = estimated(model, given.points, given.book, (), replace(given, initial=start))
     if estimate is None:
         return ()
     tested = [*_offsets(found, estimate), *_known_points(found, system, estimate)]
