@@ -19,6 +19,7 @@ from obseq.images import (
     refine_poses,
     resect,
 )
+from obseq.images.initial.distribution import check_spread
 
 CAMERA = Camera("c", 2000, 1500, 1800.0, degree=(2, 0, 0), distortion=[-0.08, 0.01])
 
@@ -140,3 +141,14 @@ def test_a_pose_found_again_is_the_one_that_made_the_measures():
     assert isinstance(found.poses, Poses)
     np.testing.assert_allclose(found.poses.centres[0], pose.centre, atol=1e-7)
     np.testing.assert_allclose(found.poses.rotations[0], pose.rotation, atol=1e-8)
+
+
+@pytest.mark.parametrize("change", [[0.0, 10_800_000.0, 0.0], [23_400_000.0, 0.0, 0.0]])
+def test_one_control_point_far_from_all_is_named_where_the_others_look_like_one(change):
+    """A digit too many, in national coordinates: all nine were said to be on a line."""
+    x, y = np.meshgrid([0.0, 300.0, 600.0], [0.0, 200.0, 400.0])
+    points = np.column_stack([2_600_000.0 + x.ravel(), 1_200_000.0 + y.ravel(), np.linspace(400.0, 420.0, 9)])
+    points[4] += change
+    told = r"^the block: control point T4 is \S+e\+0\d from the others, which are within"
+    with pytest.raises(InputError, match=told):
+        check_spread(points, "the block", [f"T{k}" for k in range(9)])

@@ -24,6 +24,8 @@ COLLINEAR = 1e-4
 """Below this linearity, points are on a line for a resection."""
 DEGREES = 1e-3
 """Share of their range in height that x and y of points in degrees do not reach."""
+LEAST = 3
+"""Points that tell what is far from them."""
 NAMED = 5
 """Names of points in a message."""
 
@@ -108,12 +110,33 @@ def check_spread(points: FloatArray, what: str, names: Sequence[str] = ()) -> No
     """
     linearity, _ = spread_indices(points)
     if not linearity > COLLINEAR:
+        _refuse_far_one(points, what, names)
         first = ", ".join([*names[:NAMED], "..."] if len(names) > NAMED else names)
         listed = f" ({first})" if names else ""
         raise InputError(
             f"{what}: its {len(points)} control points{listed} are on a line, which leaves the rotation "
             f"about it undetermined; {_remedy(points)}"
         )
+
+
+def _refuse_far_one(points: FloatArray, what: str, names: Sequence[str]) -> None:
+    """Refuses the point of points (n, 3) that is so far from the others that these look like one.
+
+    Raises:
+        InputError: the others are on no line by themselves.
+    """
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    far = int(np.argmax(away))
+    others = np.delete(points, far, axis=0)
+    if len(others) < LEAST or not spread_indices(others)[0] > COLLINEAR:
+        return
+    size = float(np.linalg.norm(np.ptp(others, axis=0)))
+    named = names[far] if names else f"the {far + 1}th"
+    raise InputError(
+        f"{what}: control point {named} is {away[far]:.6g} from the others, which are within {size:.4g} "
+        "of each other and would do without it: likely a digit, the unit or an axis of its coordinates is "
+        "wrong"
+    )
 
 
 def _remedy(points: FloatArray) -> str:
