@@ -67,6 +67,7 @@ def test_a_known_point_that_moved_in_plan_is_one_finding(adjusted):
     (error,) = adjusted(4, moved=(0.06, -0.04)).gross_errors
     assert error.points == ("P2",) and error.cause == Cause.MISTYPED
     words = error.text.split()
+    assert words[words.index("x") + 2] == "m,"  # a length, whatever the unit of the coordinates
     x, y = (float(words[words.index(axis) + 1].strip(",")) for axis in "xy")
     assert (x, y) == (pytest.approx(0.06, abs=0.015), pytest.approx(-0.04, abs=0.015))
 

@@ -208,7 +208,7 @@ class Fieldwork:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
         if not (len(errors) == 1 and errors[0].is_shared):
-            shared = shared_offset_cause(self.model(), self.point_system, given, equations, adjustment)
+            shared = shared_offset_cause(self.model(), given, equations, adjustment)
             errors = shared or errors
         errors, told = self._told_best(errors, computation, given, equations, adjustment)
         if strict and errors:

@@ -17,7 +17,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.joint_levels import POWER, joint_critical, joint_p_value
 from obseq.survey.screening.contradictions import contradiction, parts_of, vectors_of, weighted
-from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told
+from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.offset_effects import Sights, What
 from obseq.survey.screening.offsets import LARGEST, Offset, described, is_possible
 from obseq.survey.screening.trials import estimated
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.screening.contradictions import Contradiction
     from obseq.survey.screening.robust import Estimate, Model
@@ -69,13 +68,12 @@ class _Candidate:
 
 
 def shared_offset_cause(
-    model: Model, system: PointSystem, given: Determined, equations: Equations, adjustment: Adjustment
+    model: Model, given: Determined, equations: Equations, adjustment: Adjustment
 ) -> tuple[GrossError, ...]:
     """The shared offset, or known point, without which an adjustment is accepted; none else.
 
     Args:
         model: how the network is estimated.
-        system: the coordinates of the point files.
         given: the network.
         equations: its equations, as they were solved.
         adjustment: what came out.
@@ -93,7 +91,7 @@ def shared_offset_cause(
     estimate = estimated(model, given.points, given.book, (), replace(given, initial=start))
     if estimate is None:
         return ()
-    tested = [*_offsets(found, estimate), *_known_points(found, system, estimate)]
+    tested = [*_offsets(found, estimate), *_known_points(found, estimate)]
     level = _LEVEL / max(len(tested), 1)
     explaining = [one for one in tested if _explains(found, one, level)]
     if not explaining:
@@ -167,7 +165,7 @@ def _rows(mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Rows:
     return np.flatnonzero(mask).astype(np.intp)
 
 
-def _known_points(found: Contradiction, system: PointSystem, estimate: Estimate) -> Iterator[_Candidate]:
+def _known_points(found: Contradiction, estimate: Estimate) -> Iterator[_Candidate]:
     """Known points whose coordinates are wrong, or that have moved."""
     adjustment, state = found.adjustment, found.state
     known, places = adjustment.known, found.equations.known.places()
@@ -187,12 +185,11 @@ def _known_points(found: Contradiction, system: PointSystem, estimate: Estimate)
         along = axes.T @ normalised
         off = -known.sigmas[mine] * (axes @ (along / shares))
         statistic = float(np.sum(along**2 / shares))
-        yield _Candidate(_moved(found, system, estimate, mine, off, statistic), statistic, len(mine))
+        yield _Candidate(_moved(found, estimate, mine, off, statistic), statistic, len(mine))
 
 
 def _moved(
     found: Contradiction,
-    system: PointSystem,
     estimate: Estimate,
     mine: IntArray,
     off: FloatArray,
@@ -203,7 +200,7 @@ def _moved(
     point = int(known.points[mine[0]])
     axis = ("x", "y", "height")
     told = ", ".join(
-        f"{axis[component]} {next(coordinates_told(estimate.units, system, component, value))}"
+        f"{axis[component]} {estimate.units.length.text(value)}"
         for component, value in zip(known.components[mine].tolist(), off.tolist(), strict=True)
     )
     name = points.names[point]
