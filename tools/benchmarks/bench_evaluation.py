@@ -9,7 +9,9 @@ no user of the original has, is not the rival; nor are its checked accessors, en
 Neither pays for fresh pages: both write to memory that they have used before.
 CPU time, interleaved rounds, both on one processor. Where the public call shares its rows among two threads,
 a second figure is what users see: both by the clock, ours on two processors; the rival, as the original, on
-one. Without names, the middle formula of every family.
+one. Rows that leave the caches pass through memory whoever evaluates them: the share of our time that NumPy
+takes to add up the same arguments and to fill the same results, and do nothing else, is shown as well. Ours
+divided by it is as far as any evaluation could go. Without names, the middle formula of every family.
 
     python tools/benchmarks/bench_evaluation.py
     python tools/benchmarks/bench_evaluation.py Dist3D BlocRigid --rows 1 100 --json evaluation.json
@@ -38,6 +40,8 @@ from obseq.kernels.calculator import THREADED_ROWS
 from obseq.pools import processors
 
 ROWS = (1, 100, 1_000, 10_000, 100_000)
+LARGE = 10_000
+"""Rows whose arguments and results, of most formulas, are more than the second cache holds."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +53,14 @@ class Row:
         nanoseconds: Ours, per row, on one processor.
         ratios: Times as long as that the rival takes.
         shared: The same by the clock, ours with two threads; where rows are shared.
+        memory: Share of our time that reading the arguments and writing results takes; where rows are many.
     """
 
     name: str
     nanoseconds: dict[int, float]
     ratios: dict[int, float]
     shared: dict[int, float]
+    memory: dict[int, float]
 
 
 def one_of_each_family() -> list[Formula]:
@@ -71,17 +77,20 @@ def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> 
     ours = calculator(formula.name)
     text = cpp_contenders.rival_text(rival.build(formula), formula)
     library = cpp_contenders.build(text, folder)
-    nanoseconds, ratios, shared = {}, {}, {}
+    row = Row(formula.name, {}, {}, {}, {})
     for n in sizes:
-        both = contenders(ours, formula, n, library)
+        all_three = contenders(ours, formula, n, library)
+        memory = all_three.pop("memory")
         with one_processor():
-            timings = race(both, rounds)
-        nanoseconds[n] = 1e9 * timings["obseq"].median / n
-        ratios[n] = ratio(timings["rival"], timings["obseq"])
+            timings = race(all_three | {"memory": memory} if n >= LARGE else all_three, rounds)
+        row.nanoseconds[n] = 1e9 * timings["obseq"].median / n
+        row.ratios[n] = ratio(timings["rival"], timings["obseq"])
+        if n >= LARGE:
+            row.memory[n] = ratio(timings["memory"], timings["obseq"])
         if n >= THREADED_ROWS and processors() > 1:
-            timings = race(both, rounds, time.perf_counter)
-            shared[n] = ratio(timings["rival"], timings["obseq"])
-    return Row(formula.name, nanoseconds, ratios, shared)
+            timings = race(all_three, rounds, time.perf_counter)
+            row.shared[n] = ratio(timings["rival"], timings["obseq"])
+    return row
 
 
 @contextmanager
@@ -99,7 +108,7 @@ def one_processor() -> Iterator[None]:
 
 
 def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL) -> dict[str, Repeat]:
-    """Both on the same n random inputs."""
+    """Both on the same n random inputs, and what only reads and writes the same arrays."""
     u, o = derivatives.draw(ours.kernel, n, np.random.default_rng(1))
     u, o = np.ascontiguousarray(u), np.ascontiguousarray(o)
     out = ours.values_and_jacobian(u, o)
@@ -108,17 +117,28 @@ def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL)
         for _ in range(repeats):
             ours.values_and_jacobian(u, o, out)
 
+    def read_and_write(repeats: int) -> None:
+        for _ in range(repeats):
+            for given in (u, o):
+                given.sum()
+            for written in out:
+                written.fill(0.0)
+
     theirs = cpp_contenders.filled_and_copied(library, "rival", formula, len(ours.residuals), u, o)
-    return {"obseq": run, "rival": theirs}
+    return {"obseq": run, "rival": theirs, "memory": read_and_write}
 
 
 def columns_of(rows: Sequence[Row], sizes: Sequence[int]) -> list[tuple[str, list[float]]]:
-    """Titles and ratios of the columns: a second one for a size that two threads share."""
+    """Titles and ratios of the columns: more than one for large sizes, and for those that two threads share."""
     columns = []
     for n in sizes:
-        columns.append((f"{n:,}", [row.ratios[n] for row in rows]))
-        if all(n in row.shared for row in rows):
-            columns.append((f"{n:,} shared", [row.shared[n] for row in rows]))
+        for more, ratios in (
+            ("", [row.ratios for row in rows]),
+            (" shared", [row.shared for row in rows]),
+            (" memory", [row.memory for row in rows]),
+        ):
+            if all(n in each for each in ratios):
+                columns.append((f"{n:,}{more}", [each[n] for each in ratios]))
     return columns
 
 
