@@ -129,7 +129,7 @@ def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL)
 
 
 def columns_of(rows: Sequence[Row], sizes: Sequence[int]) -> list[tuple[str, list[float]]]:
-    """Titles and ratios of the columns: more than one for large sizes, and for those that two threads share."""
+    """Titles and ratios of the columns: more than one for large sizes."""
     columns = []
     for n in sizes:
         for more, ratios in (
