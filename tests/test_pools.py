@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from obseq.pools import do_both, processors, thread_pool
+from obseq.pools import processors, thread_pool
 
 
 @pytest.mark.skipif(
@@ -54,46 +54,3 @@ def test_what_python_makes_of_an_interruption_while_a_thread_starts():
 def test_other_errors_stay_what_they_are():
     with pytest.raises(RuntimeError, match="something else"), thread_pool(1):
         raise RuntimeError("something else")
-
-
-def test_two_pieces_of_work_are_done_by_two_threads():
-    names: list[str] = []
-    do_both(*[lambda: names.append(threading.current_thread().name)] * 2)
-    assert threading.current_thread().name in names
-    assert any(name.startswith("obseq-") for name in names)
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-def test_two_pieces_of_work_have_ended_when_either_fails(error):
-    ended = []
-
-    def fail():
-        raise error
-
-    def slow():
-        time.sleep(0.05)
-        ended.append(True)
-
-    with pytest.raises(error):
-        do_both(fail, slow)
-    with pytest.raises(error):
-        do_both(slow, fail)
-    assert ended == [True, True]
-
-
-def test_a_thread_that_starts_during_an_interruption_ends_before_it_is_told(monkeypatch):
-    ended = []
-
-    def slow():
-        time.sleep(0.05)
-        ended.append(True)
-
-    def interrupted(thread: threading.Thread) -> None:
-        start(thread)
-        raise KeyboardInterrupt
-
-    start = threading.Thread.start
-    monkeypatch.setattr(threading.Thread, "start", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        do_both(lambda: ended.append(False), slow)
-    assert ended == [True]

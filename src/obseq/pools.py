@@ -11,7 +11,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
 NUMBERS = count()
 
@@ -42,34 +42,6 @@ def thread_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
         if isinstance(error, RuntimeError) and isinstance(error.__context__, KeyboardInterrupt):
             raise KeyboardInterrupt from None
         raise
-
-
-def do_both(first: Callable[[], None], second: Callable[[], None]) -> None:
-    """Does two pieces of work at once; both have ended when it returns, whatever happens.
-
-    The second is done by a thread of its own, which costs half of what a pool does.
-
-    Raises:
-        BaseException: what either raised, or an interruption.
-    """
-    raised: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            second()
-        except BaseException as error:
-            raised.append(error)
-
-    thread = threading.Thread(target=work, name=f"obseq-{next(NUMBERS)}-")
-    try:
-        thread.start()
-        first()
-        thread.join()
-    except BaseException:
-        _wait_for(thread.name)
-        raise
-    if raised:
-        raise raised[0]
 
 
 def _wait_for(prefix: str) -> None:

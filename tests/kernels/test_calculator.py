@@ -175,17 +175,6 @@ def test_what_goes_past_the_caches_is_the_same(name: str, n: int, monkeypatch: p
         assert (room[:shift] == 7.0).all() and (room[shift + size :] == 7.0).all()
 
 
-def test_two_threads_give_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    formula = obseq.calculator("TopoHz")
-    u, o = np.random.default_rng(7).uniform(0.5, 1.0, (2000, 9)), np.ones((2000, 10))
-    alone = formula.values_and_jacobian(u, o)
-    monkeypatch.setitem(formula.values.__func__.__globals__, "THREADED_ROWS", 100)
-    monkeypatch.setitem(formula.values.__func__.__globals__, "processors", lambda: 2)
-    together = formula.values_and_jacobian(u, o)
-    np.testing.assert_array_equal(alone[0], together[0])
-    np.testing.assert_array_equal(alone[1], together[1])
-
-
 @pytest.mark.parametrize("name", ["Dist3D", "TopoSubFrame", "EqDist_Dist_Base_Rad3_Dec1_XY1", "BlocRigid"])
 def test_few_rows_give_what_many_give(name: str) -> None:
     """Up to a thousand rows are evaluated in another way than more."""

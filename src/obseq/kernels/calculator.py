@@ -4,7 +4,7 @@ import functools
 import math
 import threading
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,10 @@ from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
-from obseq.pools import do_both, processors
+from obseq.pools import processors
+
+if TYPE_CHECKING:
+    from obseq.kernels.companion import Companion
 
 FLOAT = np.dtype(np.float64)
 
@@ -28,7 +31,7 @@ STREAMED_BYTES = 2 << 20
 QUICK_ROWS = 1024
 """Up to so many rows are evaluated without letting go of Python's lock, which costs more than it gives."""
 
-THREADED_ROWS = 32768
+THREADED_ROWS = 8192
 """So many rows and more are shared by two threads, where there are two processors."""
 
 
@@ -238,15 +241,13 @@ class Calculator:
         if not values.size:
             return
         n = len(u)
-        if n < THREADED_ROWS or processors() < 2:
-            _evaluate_rows(run, u, o, values, derivatives)
-            return
-
-        def evaluate_part(first: int, last: int) -> None:
-            _evaluate_rows(run, *(array[first:last] for array in (u, o, values, derivatives)))
-
-        middle = n // (2 * LANES) * LANES
-        do_both(lambda: evaluate_part(0, middle), lambda: evaluate_part(middle, n))
+        helper = _companion() if n >= THREADED_ROWS and processors() > 1 else None
+        streams = derivatives.nbytes >= STREAMED_BYTES * (1 if helper is None else 2)
+        rows = np.empty((LANES if streams else 0, derivatives.shape[1]))
+        arrays, scratch = (u, o, values, derivatives), (_scratch(run), rows)
+        make = functools.partial(_new_scratch, run)
+        if helper is None or not helper.evaluate(run.address, run.rows, arrays, scratch, make):
+            _tiles().evaluate_rows(run.address, scratch[0], run.rows, *arrays, 0, n, rows)
 
     def _result(self, out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
         """The array that results are written to: a new one, or the one given if it is as it must be."""
@@ -260,16 +261,6 @@ class Calculator:
 
 
 _KEPT = threading.local()
-
-
-def _evaluate_rows(run: _Run, *arrays: FloatArray) -> None:
-    """Runs a kernel over rows of unknowns and observations; writes residuals and derivatives."""
-    derivatives = arrays[-1]
-    if derivatives.nbytes < STREAMED_BYTES:
-        _tiles().evaluate(run.address, _scratch(run), run.rows, *arrays)
-        return
-    rows = np.empty((LANES, derivatives.shape[1]))
-    _tiles().evaluate_to_memory(run.address, _scratch(run), run.rows, *arrays, rows)
 
 
 def _scratch(run: _Run) -> FloatArray:
@@ -297,6 +288,13 @@ def _tiles() -> Any:
     import obseq.kernels.tiles as tiles
 
     return tiles
+
+
+def _companion() -> "Companion | None":
+    """The thread that shares rows, with its module, imported when it is first needed."""
+    from obseq.kernels.companion import companion
+
+    return companion()
 
 
 @expecting(name=TEXT)

@@ -112,6 +112,8 @@ def evaluate(
     observations: FloatRows,
     values: FloatRows,
     derivatives: FloatRows,
+    first: int,
+    last: int,
 ) -> None:
     """Runs a kernel over rows of arguments, a few tiles at a time, and copies rows of results out.
 
@@ -123,11 +125,13 @@ def evaluate(
         observations: (n, n_observations), or what else the kernel reads after the unknowns.
         values: (n, n_residuals), written.
         derivatives: (n, what the kernel writes after the residuals), written.
+        first: First row of arguments; the others are left alone.
+        last: The row after the last one: n, or so many after `first` that they fill all tiles each time.
     """
     tile_size = n_rows * STRIDE
     residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
     derived = residuals + values.shape[1] * STRIDE
-    for start in range(0, unknowns.shape[0], tiles.size // tile_size * LANES):
+    for start in range(first, last, tiles.size // tile_size * LANES):
         for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start, 0)):
             read_lanes(tiles, k * tile_size + residuals, values, start + k * LANES)
             read_lanes(tiles, k * tile_size + derived, derivatives, start + k * LANES)
@@ -165,31 +169,47 @@ def evaluate_to_memory(
     observations: FloatRows,
     values: FloatRows,
     derivatives: FloatRows,
+    first: int,
+    last: int,
     rows: FloatRows,
 ) -> None:
     """Does what `evaluate` does, for derivatives that no cache holds: they go straight to memory.
 
-    Args:
-        address: Address of the kernel.
-        tiles: Aligned scratch tiles.
-        n_rows: Rows of a tile.
-        unknowns: (n, n_unknowns).
-        observations: (n, n_observations), or what else the kernel reads after the unknowns.
-        values: (n, n_residuals), written.
-        derivatives: (n, what the kernel writes after the residuals), written.
-        rows: (LANES, the same), scratch.
+    Args: those of `evaluate`, and rows: (LANES, what the kernel writes after the residuals), scratch.
     """
     tile_size, width = n_rows * STRIDE, derivatives.shape[1]
     residuals = (unknowns.shape[1] + observations.shape[1]) * STRIDE
     derived = residuals + values.shape[1] * STRIDE
     ahead = tiles.size // tile_size * LANES
-    for start in range(0, unknowns.shape[0], ahead):
+    for start in range(first, last, ahead):
         for k in range(run_tiles(address, tiles, tile_size, unknowns, observations, start, ahead)):
-            first = start + k * LANES
-            read_lanes(tiles, k * tile_size + residuals, values, first)
+            place = start + k * LANES
+            read_lanes(tiles, k * tile_size + residuals, values, place)
             read_lanes(tiles, k * tile_size + derived, rows, 0)
-            stream(rows, derivatives, first * width, min(LANES, len(derivatives) - first) * width)
+            stream(rows, derivatives, place * width, min(LANES, len(derivatives) - place) * width)
     finish_streams()
+
+
+@compiled
+def evaluate_rows(
+    address: int,
+    tiles: FloatArray,
+    n_rows: int,
+    unknowns: FloatRows,
+    observations: FloatRows,
+    values: FloatRows,
+    derivatives: FloatRows,
+    first: int,
+    last: int,
+    rows: FloatRows,
+) -> None:
+    """Either: straight to memory where there are scratch rows, `evaluate` where there are none."""
+    if len(rows) == 0:
+        evaluate(address, tiles, n_rows, unknowns, observations, values, derivatives, first, last)
+    else:
+        evaluate_to_memory(
+            address, tiles, n_rows, unknowns, observations, values, derivatives, first, last, rows
+        )
 
 
 @compiled
@@ -226,7 +246,7 @@ def evaluate_values(
     """
     if not fits(plan, unknowns, observations, values):
         return 1
-    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, nothing)
+    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, nothing, 0, len(unknowns))
     return 0
 
 
@@ -243,5 +263,5 @@ def evaluate_jacobian(
     n, m, k = jacobian.shape
     if not fits(plan, unknowns, observations, values) or n != len(values) or m != plan[5] or k != plan[3]:
         return 1
-    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, rows_of(jacobian))
+    evaluate(plan[0], tiles, plan[1], unknowns, observations, values, rows_of(jacobian), 0, n)
     return 0
