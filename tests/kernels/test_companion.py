@@ -49,7 +49,7 @@ def test_the_helper_alone_evaluates_every_row_once(streams: bool) -> None:
     values, jacobian = formula.values_and_jacobian(u, o)
     found, derived = np.zeros_like(values), np.zeros((n, len(formula.unknowns)))
     tiles = aligned_tiles(kernel.rows, 1, kernel.constant_rows)
-    rows, board = np.empty((LANES if streams else 0, derived.shape[1])), shared_rows.new_board()
+    rows, board = np.empty((LANES if streams else 0, derived.shape[1])), shared_rows.new_board(0)
     address = kernel.value_and_jacobian_address
     shared_rows.offer(board, chunk, address, kernel.rows, u, o, found, derived, tiles, rows)
     assert shared_rows.help_with_rows(board, 1) == 4
@@ -65,7 +65,7 @@ def test_what_is_taken_is_left_to_who_took_it() -> None:
     formula, n = obseq.calculator("Dist3D"), 4 * LANES
     kernel, (u, o) = formula.kernel, derivatives.draw(formula.kernel, n, np.random.default_rng(4))
     values, derived = np.zeros((n, 1)), np.zeros((n, 6))
-    board, tiles, rows = shared_rows.new_board(), aligned_tiles(kernel.rows, 1), np.empty((0, 6))
+    board, tiles, rows = shared_rows.new_board(0), aligned_tiles(kernel.rows, 1), np.empty((0, 6))
     address = kernel.value_and_jacobian_address
     shared_rows.offer(board, LANES, address, kernel.rows, u, o, values, derived, tiles, rows)
     board[shared_rows.LEFT] = 3
@@ -157,3 +157,20 @@ def test_copies_of_a_process_have_companions_of_their_own_and_processes_end() ->
         check=False,
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "done\n", "")
+
+
+def test_who_keeps_others_waiting_is_not_called_for_a_while() -> None:
+    """Each time for twice as long and one more; being called in vain is forgiven seven times."""
+    helper = Companion()
+    helper.end()
+    for expected in (1, 3, 7):
+        helper._judge(-1)
+        assert [helper._stays_alone() for _ in range(expected + 1)] == [True] * expected + [False]
+    for _ in range(7):
+        helper._judge(0)
+        assert not helper._stays_alone()
+    helper._judge(2)
+    for expected in (False, True):
+        for _ in range(7 if not expected else 1):
+            helper._judge(0)
+        assert helper._stays_alone() is expected

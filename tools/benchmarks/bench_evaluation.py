@@ -34,6 +34,7 @@ import rival
 from command import command_line, write_json
 from interleaved import Repeat, race, ratio
 
+from obseq.arrays import FloatArray
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives
 from obseq.kernels.calculator import THREADED_ROWS
@@ -79,16 +80,15 @@ def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> 
     library = cpp_contenders.build(text, folder)
     row = Row(formula.name, {}, {}, {}, {})
     for n in sizes:
-        all_three = contenders(ours, formula, n, library)
-        memory = all_three.pop("memory")
+        all_of_them = contenders(ours, formula, n, library)
         with one_processor():
-            timings = race(all_three | {"memory": memory} if n >= LARGE else all_three, rounds)
+            timings = race(all_of_them, rounds)
         row.nanoseconds[n] = 1e9 * timings["obseq"].median / n
         row.ratios[n] = ratio(timings["rival"], timings["obseq"])
-        if n >= LARGE:
-            row.memory[n] = ratio(timings["memory"], timings["obseq"])
+        if memory := timings.get("memory"):
+            row.memory[n] = ratio(memory, timings["obseq"])
         if n >= THREADED_ROWS and processors() > 1:
-            timings = race(all_three, rounds, time.perf_counter)
+            timings = race(all_of_them, rounds, time.perf_counter)
             row.shared[n] = ratio(timings["rival"], timings["obseq"])
     return row
 
@@ -108,7 +108,7 @@ def one_processor() -> Iterator[None]:
 
 
 def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL) -> dict[str, Repeat]:
-    """Both on the same n random inputs, and what only reads and writes the same arrays."""
+    """Both on n random inputs; where these are many, also what only reads and writes the same arrays."""
     u, o = derivatives.draw(ours.kernel, n, np.random.default_rng(1))
     u, o = np.ascontiguousarray(u), np.ascontiguousarray(o)
     out = ours.values_and_jacobian(u, o)
@@ -117,15 +117,22 @@ def contenders(ours: Calculator, formula: Formula, n: int, library: ctypes.CDLL)
         for _ in range(repeats):
             ours.values_and_jacobian(u, o, out)
 
-    def read_and_write(repeats: int) -> None:
-        for _ in range(repeats):
-            for given in (u, o):
-                given.sum()
-            for written in out:
-                written.fill(0.0)
-
     theirs = cpp_contenders.filled_and_copied(library, "rival", formula, len(ours.residuals), u, o)
-    return {"obseq": run, "rival": theirs, "memory": read_and_write}
+    found = {"obseq": run, "rival": theirs}
+    return found | {"memory": reading_and_writing((u, o), out)} if n >= LARGE else found
+
+
+def reading_and_writing(given: Sequence[FloatArray], written: Sequence[FloatArray]) -> Repeat:
+    """Adds up some arrays, and fills others."""
+
+    def run(repeats: int) -> None:
+        for _ in range(repeats):
+            for array in given:
+                array.sum()
+            for array in written:
+                array.fill(0.0)
+
+    return run
 
 
 def columns_of(rows: Sequence[Row], sizes: Sequence[int]) -> list[tuple[str, list[float]]]:

@@ -14,7 +14,7 @@ import threading
 import time
 from contextlib import suppress
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,6 +38,12 @@ PATIENCE = 2000
 NAP = 5e-5
 """Seconds that the caller sleeps then between looks."""
 
+MOST_VAIN = 8
+"""So many times the thread may be called in vain, one after the other."""
+
+MOST_ALONE = 255
+"""Evaluations that the caller then does alone, at most."""
+
 
 UNKNOWN = -1
 """The processor that a thread runs on, where the system does not say."""
@@ -47,12 +53,13 @@ class Companion:
     """The thread, and what it knows."""
 
     def __init__(self) -> None:
-        self._board = shared_rows.new_board()
+        self._board = shared_rows.new_board(_give_way())
         self._is_free, self._wake = threading.Lock(), threading.Lock()
         self._wake.acquire()
         self._sleeps, self._ends = True, False
         self._held: tuple[FloatArray, ...] = ()
         self._caller = UNKNOWN
+        self._vain, self._alone, self._most_alone = 0, 0, 0
         self._scratch: dict[int, FloatArray] = {}
         shared_rows.help_with_rows(self._board, 0)  # it is compiled now
         self._thread = threading.Thread(target=self._work, name="obseq-companion", daemon=True)
@@ -67,7 +74,10 @@ class Companion:
         scratch: tuple[FloatArray, FloatArray],
         new_scratch: Callable[[], FloatArray],
     ) -> bool:
-        """Evaluates rows of arguments together; false where it is helping somebody else.
+        """Evaluates rows of arguments together; false where the caller is to do it alone.
+
+        That is so while the thread helps somebody else; and for a while, each time for longer, after it kept
+        the caller waiting, or came too late again and again: others keep the processors busy.
 
         Args:
             address: Address of the kernel.
@@ -82,7 +92,7 @@ class Companion:
         is_mine = False
         try:
             is_mine = self._is_free.acquire(blocking=False)
-            if not is_mine:
+            if not is_mine or self._stays_alone():
                 return False
             tiles, rows = scratch
             if address not in self._scratch:
@@ -93,7 +103,10 @@ class Companion:
             self._settle()
             self._held = (*arrays, *others)
             self._call()
-            shared_rows.share_rows(self._board, chunk, PATIENCE, address, n_rows, *arrays, *scratch, *others)
+            helped = shared_rows.share_rows(
+                self._board, chunk, PATIENCE, address, n_rows, *arrays, *scratch, *others
+            )
+            self._judge(helped)
         finally:
             if is_mine:
                 self._leave_off()
@@ -104,6 +117,21 @@ class Companion:
         self._ends = True
         self._rouse()
         self._thread.join()
+
+    def _stays_alone(self) -> bool:
+        """Whether the thread is not asked this time."""
+        self._alone -= 1
+        return self._alone >= 0
+
+    def _judge(self, helped: int) -> None:
+        """Takes note of how many chunks the thread has done, -1 when it kept the caller waiting."""
+        if helped > 0:
+            self._vain = self._most_alone = 0
+            return
+        self._vain += 1 if helped == 0 else MOST_VAIN
+        if self._vain >= MOST_VAIN:
+            self._vain, self._most_alone = 0, min(2 * self._most_alone + 1, MOST_ALONE)
+            self._alone = self._most_alone
 
     def _call(self) -> None:
         """Wakes the thread if it sleeps; if it is about to sleep, it will not be there this time."""
@@ -149,12 +177,18 @@ def companion() -> Companion | None:
 
 
 @cache
-def _system() -> Any:
+def _system() -> ctypes.CDLL | None:
     """Functions of the system, where it says which processor a thread runs on, and can be told; else None."""
     if not hasattr(os, "sched_setaffinity"):
         return None
     system = ctypes.CDLL(None)
     return system if hasattr(system, "sched_getcpu") else None
+
+
+def _give_way() -> int:
+    """Address of the function by which a thread lets others have its processor, or 0."""
+    system = _system()
+    return 0 if system is None else ctypes.cast(system.sched_yield, ctypes.c_void_p).value or 0
 
 
 def _processor() -> int:

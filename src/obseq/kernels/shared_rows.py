@@ -17,9 +17,9 @@ from obseq.kernels.tiles import evaluate_rows
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray
 
-seen, show, add, rest, address_of, rows_at = (
+seen, show, add, rest, call, address_of, rows_at = (
     Instruction("obseq.kernels.sharing_instructions", name)
-    for name in ("seen", "show", "add", "rest", "address_of", "rows_at")
+    for name in ("seen", "show", "add", "rest", "call", "address_of", "rows_at")
 )
 LINE = 8
 """Whole numbers of a line of the caches: what both threads change lies in lines of its own."""
@@ -27,13 +27,23 @@ LINE = 8
 LEFT, AT_WORK, AT_THE_END, JOB = 0, LINE, 2 * LINE, 3 * LINE
 """Places on the board: chunks left; whether the helper is at work; chunks before its last one; the work."""
 
-SIZE = JOB + 20
+GIVE_WAY = JOB + 16
+"""Place of the address of the system's `sched_yield`, or 0."""
+
+SIZE = JOB + 24
+OFTEN = 64
+"""After so many looks a thread lets others have its processor, who may be those that it waits for."""
 
 
-def new_board() -> IntArray:
-    """A board with nothing to do, on a boundary of the lines of the caches."""
+def new_board(give_way: int) -> IntArray:
+    """A board with nothing to do, on a boundary of the lines of the caches.
+
+    Args:
+        give_way: Address of the system's `sched_yield`, or 0 where there is none.
+    """
     raw = np.zeros(SIZE + LINE, np.int64)
     board: IntArray = raw[(-raw.ctypes.data // LINE) % LINE :][:SIZE]
+    board[GIVE_WAY] = give_way
     return board
 
 
@@ -52,13 +62,16 @@ def share_rows(
     rows: FloatRows,
     tiles_of_helper: FloatArray,
     rows_of_helper: FloatRows,
-) -> None:
+) -> int:
     """Evaluates rows of arguments from the first one on, until all have been taken.
 
     Args: those of `tiles.evaluate_rows`, with the scratch of each thread, and
         board: What both threads know.
         chunk: Rows that are taken at a time; they fill all tiles each time.
         patience: How often it is looked whether the helper has finished, too.
+
+    Returns:
+        How many chunks the helper has evaluated; -1 when it is not seen to finish.
     """
     n = len(unknowns)
     offer(
@@ -78,10 +91,20 @@ def share_rows(
         last = min(n, first + chunk)
         evaluate_rows(address, tiles, n_rows, unknowns, observations, values, derivatives, first, last, rows)
         first = last
-    for _ in range(patience):
+    for looked in range(patience):
         if seen(board, AT_WORK) == 0:
-            break
-        rest()
+            left: int = board[AT_THE_END]
+            return (n + chunk - 1) // chunk - left
+        wait(board, looked)
+    return -1
+
+
+@compiled
+def wait(board: IntArray, looked: int) -> None:
+    """Lets a moment pass before the next look; the number of looks says whether others have their turn."""
+    rest()
+    if looked % OFTEN == OFTEN - 1 and board[GIVE_WAY] != 0:
+        call(board[GIVE_WAY])
 
 
 @compiled
@@ -128,7 +151,7 @@ def help_with_rows(board: IntArray, patience: int) -> int:
                 done += 1
             add(board, AT_WORK, -1)
             looked = 0
-        rest()
+        wait(board, looked)
     return done
 
 

@@ -65,6 +65,18 @@ def rest(typing_context: Context) -> Emitter:
 
 
 @intrinsic
+def call(typing_context: Context, address: NumbaType) -> Emitter:
+    """Calls the function of the system at an address, which takes nothing and returns an `int`."""
+
+    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
+        function = ir.FunctionType(ir.IntType(32), [])
+        result = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), [])
+        return builder.sext(result, ir.IntType(64))
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
 def address_of(typing_context: Context, array: NumbaType) -> Emitter:
     """Where an array begins in memory."""
 
