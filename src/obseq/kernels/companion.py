@@ -116,7 +116,8 @@ class Companion:
         """Ends the thread: when Python itself ends, it must not run any more."""
         self._ends = True
         self._rouse()
-        self._thread.join()
+        with suppress(KeyboardInterrupt):  # the program ends already
+            self._thread.join()
 
     def _stays_alone(self) -> bool:
         """Whether the thread is not asked this time."""
