@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from obseq.arguments import expecting, instance
 from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
@@ -10,6 +11,7 @@ from obseq.kernels.ondemand import folder, in_memory
 from obseq.writing import write_text
 
 
+@expecting(formula=instance(Formula, what="a formula, an object of a class derived from Formula"))
 def compile_formula(formula: Formula) -> Kernel:
     """The kernel of a formula, in memory; only its machine code is kept for other processes.
 
@@ -17,6 +19,7 @@ def compile_formula(formula: Formula) -> Kernel:
 
     Raises:
         FormulaError: The formula cannot be generated.
+        InputError: It is something else: the class itself, or a name.
     """
     return describe(in_memory(formula.name, generate(formula, on_demand=True).text))
 

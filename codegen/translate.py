@@ -1,5 +1,6 @@
 """From the sympy expressions of a formula to its expression graph."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import sympy
@@ -44,7 +45,7 @@ class _Translator:
         if isinstance(expression, sympy.Symbol):
             return graph.input(expression.name)
         if isinstance(expression, sympy.Number | sympy.NumberSymbol):
-            return graph.constant(float(expression))
+            return graph.constant(self._double(expression))
         if isinstance(expression, sympy.Add):
             return self._fold(graph.add, expression.args)
         if isinstance(expression, sympy.Mul):
@@ -56,6 +57,17 @@ class _Translator:
         if type(expression) in SYMBOLIC:
             return graph.apply(SYMBOLIC[type(expression)], *(self.visit(a) for a in expression.args))
         raise self._refusal(expression)
+
+    def _double(self, number: sympy.Basic) -> float:
+        try:
+            value = float(number)
+        except OverflowError:
+            value = math.inf
+        if not math.isfinite(value):
+            raise FormulaError(
+                f"{self.formula}: a number is too large for double precision: {number!s:.20}..."
+            )
+        return value
 
     def _fold(self, operation: Callable[[int, int], int], arguments: tuple[sympy.Basic, ...]) -> int:
         result = self.visit(arguments[0])

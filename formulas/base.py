@@ -3,6 +3,7 @@
 import functools
 import inspect
 import re
+import traceback
 import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -64,7 +65,13 @@ class Formula(Patterned):
 
     @functools.cached_property
     def arguments(self) -> tuple[Argument, ...]:
-        """The arguments of `residual`, in the order of its signature."""
+        """The arguments of `residual`, in the order of its signature.
+
+        Raises:
+            FormulaError: There is no `residual`, or an argument of it is no block.
+        """
+        if not hasattr(type(self), "residual"):
+            raise FormulaError(f"{self.name}: the class has no method `residual`, which gives the residuals")
         hints = typing.get_type_hints(type(self).residual, include_extras=True)
         parameters = list(inspect.signature(type(self).residual).parameters.values())[1:]
         return tuple(
@@ -128,13 +135,16 @@ class Formula(Patterned):
                 positional.append(built)
             else:
                 keyword[argument.name] = built
-        return _flatten(self.residual(*positional, **keyword))
+        residual = self.residual(*positional, **keyword)
+        if residual is None:
+            raise FormulaError(f"{self.name}: its `residual` gives nothing: does it end without `return`?")
+        return _flatten(residual)
 
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """The residuals as unevaluated sympy expressions of the named unknowns and observations.
 
         Raises:
-            FormulaError: `residual` takes symbols for numbers.
+            FormulaError: `residual` fails, gives nothing, or takes symbols for numbers.
         """
         self.check_names()
         unknowns, observations = (
@@ -147,6 +157,11 @@ class Formula(Patterned):
                 raise FormulaError(
                     f"{self.name}: its residual is no equation of symbols: {error}. It is written with the "
                     "functions of obseq.formulas.functions, not those of math or numpy, and has no conditions"
+                ) from error
+            except (ArithmeticError, AttributeError, LookupError, NameError, ValueError) as error:
+                place = traceback.extract_tb(error.__traceback__)[-1]
+                raise FormulaError(
+                    f"{self.name}: its residual fails: {error} ({place.filename}, line {place.lineno})"
                 ) from error
 
     def check_names(self) -> None:

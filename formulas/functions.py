@@ -5,11 +5,14 @@ computed in their own precision, anything else in double precision. What a funct
 (its kernel function, its derivative) is said in `obseq.codegen.operators`, under the same name.
 """
 
+import keyword
 import math
 from typing import Any
 
 import mpmath
 import sympy
+
+from obseq.errors import FormulaError
 
 Scalar = Any
 """A float, an mpmath number or a sympy expression: the three readings of a formula."""
@@ -185,7 +188,13 @@ def normalised_ratio(first: Scalar, second: Scalar) -> Scalar:
 
 
 def let(name: str, value: Any) -> Any:
-    """The value, under a name that survives into the generated code; points name their components."""
+    """The value, under a name that survives into the generated code; points name their components.
+
+    Raises:
+        FormulaError: the name is no identifier of Python.
+    """
     if hasattr(value, "with_names"):
         return value.with_names(name)
+    if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
+        raise FormulaError(f"let({name!r}, ...): the name is not an identifier")
     return Named(sympy.Symbol(name), value) if _is_symbolic(value) else value

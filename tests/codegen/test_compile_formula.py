@@ -1,5 +1,6 @@
 """A formula compiled in memory: the same object as a generated one, and no module on the disk."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +11,9 @@ import obseq
 from obseq.codegen import compile_formula
 from obseq.codegen.main import main
 from obseq.formulas import Formula
-from obseq.formulas.blocks import Length, Point2, norm
+from obseq.formulas.blocks import Length, Number, Point2, norm
 from obseq.formulas.distortion import Degree, Distortion
-from obseq.formulas.functions import Scalar
+from obseq.formulas.functions import Scalar, let
 from obseq.formulas.space import Dist3D
 from obseq.kernels.loading import routine
 
@@ -48,6 +49,63 @@ def test_machine_code_is_kept_for_other_processes_and_no_module_is(
     assert len(set(symbols)) == 2
     files = [path.name for path in tmp_path.rglob("*") if path.is_file()]
     assert sorted(files) == sorted(f"{symbol}.nbc" for symbol in symbols)
+
+
+def test_formulas_of_one_name_have_nothing_of_each_other() -> None:
+    """Made one after the other, and first used then: each keeps its own text, by which code is filed."""
+    kernels = [compile_formula(multiple(factor)) for factor in (2.0, 3.0, 2.0)]
+    found = [obseq.Calculator(kernel).values_and_jacobian([[1.0]], [[0.5]]) for kernel in kernels]
+    assert [(float(values[0, 0]), float(jacobian[0, 0, 0])) for values, jacobian in found] == [
+        (1.5, 2.0),
+        (2.5, 3.0),
+        (1.5, 2.0),
+    ]
+
+
+def multiple(factor: float) -> Formula:
+    class Times(Formula):
+        """Some multiple of x."""
+
+        def residual(self, x: Number, *, a: Number) -> Scalar:
+            return factor * x - a
+
+    return Times()
+
+
+def failing(how: Callable[[Scalar], object]) -> Formula:
+    class Failing(Formula):
+        """A residual that is written wrongly."""
+
+        def residual(self, x: Number, *, a: Number) -> object:
+            return how(x - a)
+
+    return Failing()
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (
+            lambda x: x.yy,
+            r"Failing: its residual fails: .*no attribute 'yy' \(.*test_compile_formula.py, line",
+        ),
+        (lambda x: (x,)[1], r"Failing: its residual fails: tuple index out of range"),
+        (lambda x: None, "Failing: its `residual` gives nothing: does it end without `return`"),
+        (lambda x: let("my name", x), "the name is not an identifier"),
+        (lambda x: let("lambda", x), "the name is not an identifier"),
+        (lambda x: x * 10**400, r"Failing: a number is too large for double precision: 1000"),
+    ],
+)
+def test_a_residual_that_is_written_wrongly_is_told_with_its_place(how, message: str) -> None:
+    with pytest.raises(obseq.FormulaError, match=message):
+        compile_formula(failing(how))
+
+
+def test_what_is_no_formula_is_refused() -> None:
+    with pytest.raises(obseq.InputError, match="an object of a class derived from Formula, not"):
+        compile_formula(Dist2D)  # type: ignore[arg-type]
+    with pytest.raises(obseq.FormulaError, match="Formula: the class has no method `residual`"):
+        compile_formula(Formula())
 
 
 def test_it_is_the_kernel_of_the_generated_module() -> None:

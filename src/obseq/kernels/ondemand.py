@@ -45,9 +45,9 @@ def find(name: str) -> ModuleType | None:
 
 
 def in_memory(name: str, text: str) -> ModuleType:
-    """The module of a text that is in no file."""
-    module = ModuleType(name)
-    place = f"<generated {name}>"
+    """The module of a text that is in no file; another text of the same name is another module."""
+    place = f"<generated {name} {hashlib.sha256(text.encode()).hexdigest()}>"
+    module = ModuleType(f"{PREFIX}{name}")
     linecache.cache[place] = (len(text), None, text.splitlines(keepends=True), place)
     exec(compile(text, place, "exec"), module.__dict__)  # the one place that executes text
     module.__dict__[TEXT] = text
