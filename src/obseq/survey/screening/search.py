@@ -29,6 +29,7 @@ from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 from obseq.survey.screening.standpoints import standpoint_cause
+from obseq.survey.screening.target_names import is_told_by_names_alone, target_name_cause
 from obseq.survey.screening.trials import Trials, estimated
 from obseq.survey.screening.vector_systems import vector_system_cause
 
@@ -193,7 +194,10 @@ def _cause_of_many(
     if not len(found.suspects):
         return None
     trials = Trials(model, found, untried)
-    steps = [group_cause(trials)]
+    names = target_name_cause(trials)
+    if names is not None and is_told_by_names_alone(trials, names):
+        return names
+    steps = [names, group_cause(trials)]
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]

@@ -91,7 +91,7 @@ def _set_ups(found: Estimate) -> Iterator[_SetUp]:
     count = np.bincount(named, minlength=len(found.book.point_names))
     read = codes_for(Start.HZ, Start.ZENITH, Start.DISTANCE, Start.FLAT, Start.ANGLE)
     chosen = observations.active & np.isin(observations.types, read) & (count[ends[0]] >= _LEAST)
-    for rows in _blocks(found.book, np.flatnonzero(chosen)):
+    for rows in blocks_of(found.book, np.flatnonzero(chosen)):
         point = int(ends[0][rows[0]])
         mine = suspects & (ends[1] == point)
         mine[rows] = suspects[rows]
@@ -100,7 +100,7 @@ def _set_ups(found: Estimate) -> Iterator[_SetUp]:
             yield _SetUp(point, rows, np.flatnonzero(mine))
 
 
-def _blocks(book: FieldBook, rows: Rows) -> Iterator[Rows]:
+def blocks_of(book: FieldBook, rows: Rows) -> Iterator[Rows]:
     """Rows that follow each other in one file, from one point and of one station."""
     observations = book.observations
     origins, files, stations = (
