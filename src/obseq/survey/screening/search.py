@@ -29,6 +29,7 @@ from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 from obseq.survey.screening.standpoints import standpoint_cause
+from obseq.survey.screening.station_names import station_name_cause
 from obseq.survey.screening.target_names import is_told_by_names_alone, target_name_cause
 from obseq.survey.screening.trials import Trials, estimated
 from obseq.survey.screening.vector_systems import vector_system_cause
@@ -194,10 +195,13 @@ def _cause_of_many(
     if not len(found.suspects):
         return None
     trials = Trials(model, found, untried)
-    names = target_name_cause(trials)
-    if names is not None and is_told_by_names_alone(trials, names):
-        return names
-    steps = [names, group_cause(trials)]
+    steps: list[tuple[GrossError, Estimate] | None] = []
+    for of_names in (target_name_cause, station_name_cause):
+        step = of_names(trials)
+        if step is not None and is_told_by_names_alone(trials, step):
+            return step
+        steps += [step]
+    steps += [group_cause(trials)]
     if len(found.suspects) > 1:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]

@@ -15,7 +15,9 @@ import numpy as np
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Stations, group_by_station
 from obseq.survey.screening.findings import Cause, GrossError
-from obseq.survey.screening.robust import GROSS
+from obseq.survey.screening.robust import GROSS, QUICK
+from obseq.survey.screening.substitutes import sigma_of
+from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,8 +32,11 @@ if TYPE_CHECKING:
 _LEAST = 2
 """Directions that a set-up needs for its turn to show."""
 _MOST_TOLD = 5
-_LEFT = 0.1
-"""Share of the misfits that may be left when each part of a set-up has its own turn."""
+_LEFT, _WRONG = 0.1, 0.2
+"""Share of a turn by which directions of a part may differ, and share of those that may differ by more."""
+_MOST_BESIDE, _GAIN = 4, 0.2
+"""Set-ups that are tried where other things are wrong too; contradictions that must go for each suspect of
+one: other errors may show only then."""
 
 
 def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
@@ -47,13 +52,32 @@ def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         left = corrected.disagreement(GROSS)
         if best is None or left < best[0]:
             best = left, rows, first, corrected
+    if best is None and len(splits) > 1 and (several := _several(trials, splits)):
+        return several
+    best = best or _beside_others(trials, splits)
     if best is None:
-        return _several(trials, splits) if len(splits) > 1 else None
+        return None
     _, rows, first, corrected = best
     size = float(trials.found.ratios[rows].max())
     what, text = _described(trials.found, rows, first, corrected, -1)
     text = f"{text}: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
     return GrossError(what, Cause.NEW_SETUP, text, size, tuple(rows[first:].tolist())), corrected
+
+
+def _beside_others(
+    trials: Trials, splits: list[tuple[Rows, int]]
+) -> tuple[float, Rows, int, Estimate] | None:
+    """The set-up that is two where other things are wrong as well, which leave much unexplained; or None."""
+    found = trials.found
+    for rows, first in splits[: min(_MOST_BESIDE, trials.most)]:
+        corrected = estimated(trials.model, found.points, _split(found.book, int(rows[first])), QUICK)
+        if corrected is None or corrected.lost > found.lost:
+            continue
+        left = corrected.disagreement(GROSS)
+        was, still = (np.count_nonzero(one.ratios[rows] > one.limit) for one in (found, corrected))
+        if still <= _LEFT * was and trials.before - left >= _GAIN * was:
+            return left, rows, first, corrected
+    return None
 
 
 def _several(trials: Trials, splits: list[tuple[Rows, int]]) -> tuple[GrossError, Estimate] | None:
@@ -86,21 +110,39 @@ def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
         rows = members[chosen[members]].astype(np.intp)
         if len(rows) < 2 * _LEAST:
             continue
-        misfits = _turned(found.misfits[rows])
-        parts = [(misfits[:k], misfits[k:]) for k in range(_LEAST, len(rows) - _LEAST + 1)]
-        sums = [_sum_of_deviations(before) + _sum_of_deviations(after) for before, after in parts]
-        if min(sums) <= _LEFT * _sum_of_deviations(misfits):
-            yield rows, _LEAST + int(np.argmin(sums))
+        first = _turn_of(_turned(found.misfits[rows]), _tolerances(found, rows))
+        if first is not None:
+            yield rows, first
+
+
+def _tolerances(found: Estimate, rows: Rows) -> FloatArray:
+    """(n,) how far a good direction may be from the others."""
+    return np.array([found.limit * sigma_of(found, row) for row in rows.tolist()])
+
+
+def _turn_of(misfits: FloatArray, tolerances: FloatArray) -> int | None:
+    """The first of some directions from which on nearly all are turned by one angle; None for no turn.
+
+    Others among them may be wrong on their own; of equal choices that with the smallest deviations is taken.
+    """
+    choices = []
+    for first in range(_LEAST, len(misfits) - _LEAST + 1):
+        parts = misfits[:first], misfits[first:]
+        turn = abs(float(np.median(parts[1]) - np.median(parts[0])))
+        off = np.concatenate([np.abs(part - np.median(part)) for part in parts])
+        is_off = off > np.maximum(tolerances, _LEFT * turn)
+        agree = min(np.count_nonzero(~is_off[:first]), np.count_nonzero(~is_off[first:]))
+        if turn > 2.0 * tolerances.max() and agree >= _LEAST:
+            choices.append((int(np.count_nonzero(is_off)), float(off.sum()), first))
+    if not choices:
+        return None
+    wrong, _, first = min(choices)
+    return first if wrong <= _WRONG * len(misfits) else None
 
 
 def _turned(angles: FloatArray) -> FloatArray:
     """Angles from the first of them, in [-pi, pi]."""
     return np.asarray(np.remainder(angles - angles[0] + math.pi, 2.0 * math.pi) - math.pi)
-
-
-def _sum_of_deviations(values: FloatArray) -> float:
-    """Of values from their median."""
-    return float(np.abs(values - np.median(values)).sum())
 
 
 def _split(book: FieldBook, first: int) -> FieldBook:

@@ -124,7 +124,7 @@ def blocks_of(book: FieldBook, rows: Rows) -> Iterator[Rows]:
 def _moved(trials: Trials, one: _SetUp) -> _Moved | None:
     """A set-up with a place of its own, where that explains what contradicts at its point."""
     points, name = _with_another(trials.found.points, one.point)
-    points, book = join(points, _renamed(trials.found.book, one.rows, name))
+    points, book = join(points, renamed(trials.found.book, one.rows, name))
     estimate = trials.explaining(points, book)
     if estimate is None or (estimate.ratios[one.rows] > estimate.limit).any():
         return None
@@ -143,7 +143,7 @@ def _with_another(points: Points, row: int) -> tuple[Points, str]:
     return merge_points([points, replace(other, coordinates=coordinates, sigmas=sigmas)]), name
 
 
-def _renamed(book: FieldBook, rows: Rows, name: str) -> FieldBook:
+def renamed(book: FieldBook, rows: Rows, name: str) -> FieldBook:
     """The observations, with some of one station made at another point, in a set-up of their own."""
     names = book.point_names if name in book.point_names else (*book.point_names, name)
     observations, number, n = book.observations, names.index(name), len(book.stations)
@@ -171,7 +171,7 @@ def _on_another_point(trials: Trials, moved: _Moved) -> tuple[GrossError, Estima
     for row in np.flatnonzero(away < _SAME).tolist():
         if row == one.point or row in seen:
             continue
-        fits = trials.explaining(found.points, _renamed(found.book, one.rows, found.points.names[row]))
+        fits = trials.explaining(found.points, renamed(found.book, one.rows, found.points.names[row]))
         if fits is not None and not (fits.ratios[one.rows] > fits.limit).any():
             names = found.points.names[one.point], found.points.names[row]
             text = f"they fit {names[1]}, not {names[0]}: the name of the station is wrong"

@@ -72,7 +72,7 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes |
         return None
     fits, chance = _candidates(found, rows), 1.0
     for row, kind in zip(rows, kinds, strict=True):
-        values, value = _with_every_point(found, row, end), float(observations.values[row])
+        values, value = with_every_point(found, row, end), float(observations.values[row])
         tolerance = 2.0 * tolerance_of(found, row)
         gaps = np.abs(values - value)
         if kind.is_angle:
@@ -100,8 +100,8 @@ def _candidates(found: Estimate, rows: Sequence[int]) -> BoolArray:
     return fits
 
 
-def _with_every_point(found: Estimate, row: int, end: End) -> FloatArray:
-    """(n,) what one observation would have been with every point at one end; NaN where it cannot be said."""
+def with_every_point(found: Estimate, row: int, end: End) -> FloatArray:
+    """(n,) what an observation would have been with every point at one end; NaN where it cannot be said."""
     kind = BY_CODE[int(found.book.observations.types[row])]
     if kind.start is Start.ANGLE:
         return _angles(found, row, end)

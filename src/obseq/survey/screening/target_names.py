@@ -41,7 +41,7 @@ _CHANCE = 0.01
 _FEW = 3
 """Targets of a set-up of which each two are tried: what it measures says little of its own."""
 _GAIN = 0.65
-"""Contradictions, for each suspect of the sights, that another name must remove."""
+"""Share of the contradictions of the sights that another name must remove in all."""
 _EQUAL = 0.1
 """Contradictions by which two names may differ that explain a network equally well."""
 _LISTED = 6
@@ -189,8 +189,8 @@ def _tried(trials: Trials, names: _Names) -> _Tried | None:
     if corrected is None or corrected.lost > found.lost or (corrected.ratios[names.rows] > corrected.limit).any():
         return None
     left = corrected.disagreement(GROSS)
-    is_better = trials.before - left >= _GAIN * max(names.suspects, _LEAST)
-    return _Tried(names, left, corrected) if is_better else None
+    explained = found.contradictions(GROSS)[names.rows].sum()
+    return _Tried(names, left, corrected) if trials.before - left >= _GAIN * explained else None
 
 
 def _with(book: FieldBook, names: _Names) -> FieldBook:
