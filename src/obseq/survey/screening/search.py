@@ -19,7 +19,7 @@ from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.half_turns import half_turn_cause
-from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.known_points import known_point_cause, swapped_point_cause
 from obseq.survey.screening.known_scale import known_scale_cause
 from obseq.survey.screening.mirrored import mirrored_cause
 from obseq.survey.screening.offsets import offset_cause
@@ -202,7 +202,9 @@ def _cause_of_many(
             return step
         steps += [step]
     steps += [group_cause(trials)]
-    if len(found.suspects) > 1:
+    if len(found.suspects) == 1:
+        steps += [swapped_point_cause(trials, system)]
+    else:
         steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
         steps += [offset_cause(trials)]
     if len(found.suspects) > 1 and not any(step and trials.explains(step[1]) for step in steps):

@@ -75,7 +75,7 @@ def _beside_others(
             continue
         left = corrected.disagreement(GROSS)
         was, still = (np.count_nonzero(one.ratios[rows] > one.limit) for one in (found, corrected))
-        if still <= _LEFT * was and trials.before - left >= _GAIN * was:
+        if still <= _WRONG * len(rows) and was - still >= _LEAST and trials.before - left >= _GAIN * was:
             return left, rows, first, corrected
     return None
 

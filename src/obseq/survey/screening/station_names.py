@@ -17,7 +17,7 @@ from obseq.survey.kinds.registry import codes_for
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.robust import GROSS, QUICK
 from obseq.survey.screening.standpoints import blocks_of, renamed
-from obseq.survey.screening.substitutes import End, tolerance_of, with_every_point
+from obseq.survey.screening.substitutes import End, near_approximate, tolerance_of, with_every_point
 from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ _SHARE = 0.4
 """Share of suspects in a network beyond which more is wrong than a name."""
 _MOST = 6
 """Names that are tried, those of set-ups with most suspects first."""
+_LEAST_NEAR = 4
+"""Distances that must fit approximate coordinates, which say less."""
 _FIT = 0.7
 """Share of the distances, or of the directions, that must fit."""
 _GAIN = 0.65
@@ -127,7 +129,9 @@ def _fit_at(found: Estimate, lengths: Rows) -> BoolArray:
     for row in lengths.tolist():
         gaps = np.abs(with_every_point(found, row, End.ORIGIN) - found.book.observations.values[row])
         count += gaps <= 2.0 * tolerance_of(found, row)
-    return np.asarray(count >= max(_LEAST, _FIT * len(lengths)))
+    near = near_approximate(found, lengths.tolist(), End.ORIGIN)
+    least = _FIT * len(lengths)
+    return np.asarray((count >= max(_LEAST, least)) | (near >= max(_LEAST_NEAR, least)))
 
 
 def _turn_at(found: Estimate, turns: Rows) -> BoolArray:

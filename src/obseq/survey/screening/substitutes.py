@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 5.0
 """Sigmas within which an explanation must hit."""
+_NEAR, _WIDEST = 1.0, 0.1
+"""How far from its place approximate coordinates (m) may put a point, and angles (rad) to it at most."""
 _LEAST_SIGHT = 1e-6
 """Length of a sight (m) below which it has no direction."""
 
@@ -81,6 +84,25 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes |
         chance *= 2.0 * tolerance / (2.0 * math.pi if kind.is_angle else max(2.0 * abs(value), tolerance))
     located = np.count_nonzero(np.isfinite(found.coordinates).all(axis=1))
     return Substitutes(tuple(rows), end, tuple(np.flatnonzero(fits[:n]).tolist()), float(located * chance))
+
+
+def near_approximate(found: Estimate, rows: Sequence[int], end: End) -> IntArray:
+    """(n,) how many observations fit each point that nothing determines, by its approximate coordinates."""
+    points, is_located = found.points, np.isfinite(found.coordinates).all(axis=1)
+    count, is_given = np.zeros(len(points), np.int32), np.isfinite(points.coordinates).all(axis=1)
+    if not (is_given & ~is_located).any():
+        return count
+    there = replace(found, coordinates=np.where(is_located[:, None], found.coordinates, points.coordinates))
+    for row in rows:
+        kind, value = BY_CODE[int(found.book.observations.types[row])], float(found.book.observations.values[row])
+        gaps = np.abs(with_every_point(there, row, end) - value)
+        allowed = np.full(len(points), _NEAR)
+        if kind.is_angle:
+            gaps = np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi)
+            lengths = np.linalg.norm(_offsets(there, row, end), axis=1)
+            allowed = np.minimum(_NEAR / np.maximum(lengths, _LEAST_SIGHT), _WIDEST)
+        count += gaps <= allowed + 2.0 * tolerance_of(found, row)
+    return np.asarray(np.where(is_given & ~is_located, count, 0))
 
 
 def _names(end: End, start: Start, row: int, observations: Observations) -> bool:

@@ -20,7 +20,7 @@ from obseq.survey.kinds.registry import BY_CODE, codes_for
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.robust import GROSS, QUICK
 from obseq.survey.screening.standpoints import blocks_of
-from obseq.survey.screening.substitutes import End, substitutes
+from obseq.survey.screening.substitutes import End, near_approximate, substitutes
 from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ _CHANCE = 0.01
 """Points that may fit a sight by accident."""
 _FEW = 3
 """Targets of a set-up of which each two are tried: what it measures says little of its own."""
+_WHOLE = 3
+"""Observations of a sight that must fit approximate coordinates, which say less."""
 _GAIN = 0.65
 """Share of the contradictions of the sights that another name must remove in all."""
 _EQUAL = 0.1
@@ -142,7 +144,12 @@ def _fitting(found: Estimate, rows: list[int]) -> frozenset[int]:
     if any(start in (Start.DISTANCE, Start.FLAT) for start in starts):
         checks = [row for row, start in zip(rows, starts, strict=True) if start not in (Start.HZ, Start.ANGLE)]
     fits = substitutes(found, checks, End.TARGET)
-    return frozenset(fits.points) if fits is not None and fits.chance <= _CHANCE else frozenset()
+    if fits is not None and fits.points:
+        return frozenset(fits.points) if fits.chance <= _CHANCE else frozenset()
+    if len(rows) < _WHOLE:
+        return frozenset()
+    near = near_approximate(found, rows, End.TARGET)
+    return frozenset(np.flatnonzero(near == len(rows)).tolist())
 
 
 def _renamed(found: Estimate, set_ups: list[dict[int, list[_Sight]]]) -> Iterator[_Names]:
