@@ -59,19 +59,27 @@ class _Sight:
 
 
 @dataclass(frozen=True, eq=False)
+class _SetUp:
+    """Observations that follow each other from one point, and the sights among them by their targets."""
+
+    rows: Rows
+    sights: dict[int, list[_Sight]]
+
+
+@dataclass(frozen=True, eq=False)
 class _Names:
     """Sights from one point under other names.
 
     Attributes:
         rows: their observations.
-        right: (k,) the target that each of them would have.
+        backsights: observations of their set-ups whose backsights they name.
         pair: the written target and the right one; of exchanged ones both.
         is_exchange: whether the two are exchanged.
         suspects: how many of the observations are suspected.
     """
 
     rows: Rows
-    right: Rows
+    backsights: Rows
     pair: tuple[int, int]
     is_exchange: bool
     suspects: int
@@ -90,7 +98,7 @@ def target_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     most = min(_MOST_SUSPECTS, _SHARE * np.count_nonzero(found.book.observations.active))
     if not _LEAST <= len(found.suspects) <= most:
         return None
-    choices = sorted(_choices(found), key=lambda one: -one.suspects)
+    choices = sorted(_of_one_point(found, list(_choices(found))), key=lambda one: -one.suspects)
     tried = [one for names in choices[: min(_MOST, trials.most)] if (one := _tried(trials, names))]
     if not tried:
         return None
@@ -107,6 +115,19 @@ def is_told_by_names_alone(trials: Trials, step: tuple[GrossError, Estimate]) ->
     return trials.is_decisive(corrected) and not is_of_file
 
 
+def _of_one_point(found: Estimate, choices: list[_Names]) -> list[_Names]:
+    """The names without those of known points that fit as well at several others: the file has them wrong."""
+    known, origins = ~found.points.is_free.all(axis=1), found.book.observations.from_points
+    points: dict[tuple[int, int, bool], set[int]] = {}
+    for one in choices:
+        points.setdefault((*one.pair, one.is_exchange), set()).add(int(origins[one.rows[0]]))
+    return [
+        one
+        for one in choices
+        if len(points[*one.pair, one.is_exchange]) == 1 or not known[list(one.pair)].all()
+    ]
+
+
 def _choices(found: Estimate) -> Iterator[_Names]:
     """Names that fit sights in place of what is written, at each point with suspects."""
     observations = found.book.observations
@@ -115,9 +136,10 @@ def _choices(found: Estimate) -> Iterator[_Names]:
     suspects = chosen & (found.ratios > found.limit)
     for origin in np.unique(observations.from_points[suspects]).tolist():
         rows = np.flatnonzero(chosen & (observations.from_points == origin))
-        set_ups = [_sights(found, block) for block in blocks_of(found.book, rows) if suspects[block].any()]
+        blocks = [block for block in blocks_of(found.book, rows) if suspects[block].any()]
+        set_ups = [_SetUp(block, _sights(found, block)) for block in blocks]
         names = [*_renamed(found, set_ups), *_exchanged(found, set_ups)]
-        yield from (one for one in names if suspects[one.rows].any())
+        yield from (one for one in names if one.suspects)
 
 
 def _sights(found: Estimate, rows: Rows) -> dict[int, list[_Sight]]:
@@ -152,30 +174,33 @@ def _fitting(found: Estimate, rows: list[int]) -> frozenset[int]:
     return frozenset(np.flatnonzero(near == len(rows)).tolist())
 
 
-def _renamed(found: Estimate, set_ups: list[dict[int, list[_Sight]]]) -> Iterator[_Names]:
-    """One target under another name, in all sights that this fits."""
-    rows: dict[tuple[int, int], list[Rows]] = {}
-    for sights in set_ups:
-        for target, members in sights.items():
+def _renamed(found: Estimate, set_ups: list[_SetUp]) -> Iterator[_Names]:
+    """One target under another name, in all sights that this fits; as backsight too, or as target alone."""
+    fitting: dict[tuple[int, int], list[tuple[Rows, _SetUp]]] = {}
+    for one in set_ups:
+        for target, members in one.sights.items():
             for sight in members:
                 for point in sight.fits:
-                    rows.setdefault((target, point), []).append(sight.rows)
-    for pair, parts in rows.items():
-        mine = np.concatenate(parts)
-        yield _names(found, mine, np.full(len(mine), pair[1]), pair, is_exchange=False)
+                    fitting.setdefault((target, point), []).append((sight.rows, one))
+    for pair, sights in fitting.items():
+        rows, whole = [part for part, _ in sights], [one.rows for _, one in sights]
+        names = _names(found, rows, whole, pair, is_exchange=False)
+        yield names
+        if len(names.backsights):
+            yield _names(found, rows, [], pair, is_exchange=False)
 
 
-def _exchanged(found: Estimate, set_ups: list[dict[int, list[_Sight]]]) -> Iterator[_Names]:
+def _exchanged(found: Estimate, set_ups: list[_SetUp]) -> Iterator[_Names]:
     """Two targets under each other's names, in all set-ups in which a sight to one of them fits the other."""
     rows: dict[tuple[int, int], list[Rows]] = {}
-    for sights in set_ups:
-        for pair in itertools.combinations(sorted(sights), 2):
-            if len(sights) <= _FEW or any(_fit(sights[one], other) for one, other in (pair, pair[::-1])):
-                rows.setdefault(pair, []).extend(sight.rows for end in pair for sight in sights[end])
+    whole: dict[tuple[int, int], list[Rows]] = {}
+    for one in set_ups:
+        for pair in itertools.combinations(sorted(one.sights), 2):
+            if len(one.sights) <= _FEW or any(_fit(one.sights[a], b) for a, b in (pair, pair[::-1])):
+                rows.setdefault(pair, []).extend(sight.rows for end in pair for sight in one.sights[end])
+                whole.setdefault(pair, []).append(one.rows)
     for pair, parts in rows.items():
-        mine = np.concatenate(parts)
-        right = np.where(found.book.observations.to_points[mine] == pair[0], pair[1], pair[0])
-        yield _names(found, mine, right, pair, is_exchange=True)
+        yield _names(found, parts, whole[pair], pair, is_exchange=True)
 
 
 def _fit(sights: list[_Sight], point: int) -> bool:
@@ -183,10 +208,13 @@ def _fit(sights: list[_Sight], point: int) -> bool:
 
 
 def _names(
-    found: Estimate, rows: Rows, right: Rows, pair: tuple[int, int], *, is_exchange: bool
+    found: Estimate, parts: list[Rows], set_ups: list[Rows], pair: tuple[int, int], *, is_exchange: bool
 ) -> _Names:
-    suspects = int(np.count_nonzero(found.ratios[rows] > found.limit))
-    return _Names(rows, right, pair, is_exchange, suspects)
+    rows, whole = np.concatenate(parts), np.unique(np.concatenate([np.zeros(0, np.intp), *set_ups]))
+    written = pair if is_exchange else pair[:1]
+    backsights = whole[np.isin(found.book.observations.backsights[whole], written)]
+    suspects = int(np.count_nonzero(found.ratios[np.union1d(rows, backsights)] > found.limit))
+    return _Names(rows, backsights, pair, is_exchange, suspects)
 
 
 def _tried(trials: Trials, names: _Names) -> _Tried | None:
@@ -201,10 +229,15 @@ def _tried(trials: Trials, names: _Names) -> _Tried | None:
 
 
 def _with(book: FieldBook, names: _Names) -> FieldBook:
-    """The observations with other targets."""
-    targets = book.observations.to_points.copy()
-    targets[names.rows] = names.right
-    return replace(book, observations=replace(book.observations, to_points=targets))
+    """The observations with other targets, and these as backsights."""
+    observations, right = book.observations, np.arange(len(book.point_names), dtype=np.int32)
+    right[names.pair[0]] = names.pair[1]
+    if names.is_exchange:
+        right[names.pair[1]] = names.pair[0]
+    targets, backsights = observations.to_points.copy(), observations.backsights.copy()
+    targets[names.rows] = right[targets[names.rows]]
+    backsights[names.backsights] = right[backsights[names.backsights]]
+    return replace(book, observations=replace(observations, to_points=targets, backsights=backsights))
 
 
 def _described(found: Estimate, names: _Names) -> GrossError:
