@@ -22,7 +22,7 @@ from obseq.survey.screening.trials import estimated
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.robust import Estimate
     from obseq.survey.screening.trials import Trials
@@ -105,14 +105,29 @@ def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
     of_circle = codes_where(lambda kind: kind.is_of_circle)
     chosen = observations.active & np.isin(observations.types, of_circle) & np.isfinite(found.misfits)
     suspects = chosen & (found.ratios > GROSS)
-    for station in np.unique(observations.stations[suspects & (observations.stations >= 0)]).tolist():
+    stations = np.unique(observations.stations[suspects & (observations.stations >= 0)]).tolist()
+    is_controlled = _controlled(found) if stations else np.zeros(0, np.bool_)
+    for station in stations:
         members = found.book.stations.observations(station)
         rows = members[chosen[members]].astype(np.intp)
         if len(rows) < 2 * _LEAST:
             continue
-        first = _turn_of(_turned(found.misfits[rows]), _tolerances(found, rows))
+        telling = rows[is_controlled[observations.to_points[rows]]]
+        if len(telling) < 2 * _LEAST:
+            continue
+        first = _turn_of(_turned(found.misfits[telling]), _tolerances(found, telling))
         if first is not None:
-            yield rows, first
+            yield rows, int(np.searchsorted(rows, telling[first]))
+
+
+def _controlled(found: Estimate) -> BoolArray:
+    """(n,) the points that are known, or that observations join to two others: directions to them say something."""
+    observations, n = found.book.observations, len(found.book.point_names)
+    ends = np.stack([observations.from_points, observations.to_points], axis=1)[observations.active]
+    pairs = np.unique(np.sort(ends, axis=1), axis=0)
+    is_known = np.zeros(n, np.bool_)
+    is_known[: len(found.points)] = ~found.points.is_free.all(axis=1)
+    return np.asarray(is_known | (np.bincount(pairs.ravel(), minlength=n) > 1))
 
 
 def _tolerances(found: Estimate, rows: Rows) -> FloatArray:

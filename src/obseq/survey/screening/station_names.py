@@ -14,11 +14,11 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import codes_for
+from obseq.survey.screening.field_blocks import blocks_of
 from obseq.survey.screening.findings import Cause, GrossError, any_of
-from obseq.survey.screening.robust import GROSS, QUICK
-from obseq.survey.screening.standpoints import blocks_of, renamed
+from obseq.survey.screening.robust import GROSS, WELL_CONTROLLED
+from obseq.survey.screening.standpoints import renamed
 from obseq.survey.screening.substitutes import End, near_approximate, tolerance_of, with_every_point
-from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,14 +74,13 @@ def station_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     tried: list[tuple[float, _Name, Estimate]] = []
     if not _LEAST <= len(found.suspects) <= _SHARE * np.count_nonzero(found.book.observations.active):
         return None
-    for name in sorted(_names(found), key=lambda one: -one.suspects)[: min(_MOST, trials.most)]:
-        corrected = estimated(trials.model, found.points, _with(found.book, name), QUICK)
-        if corrected is None or corrected.lost > found.lost:
-            continue
-        left, explained = corrected.disagreement(GROSS), found.contradictions(GROSS)[name.rows].sum()
-        is_right = not (corrected.ratios[name.rows] > corrected.limit).any()
-        if is_right and trials.before - left >= _GAIN * explained:
-            tried.append((left, name, corrected))
+    names = list(_names(found, _set_ups(found), found))
+    if not names and found.control <= WELL_CONTROLLED:
+        names = list(_names_without(trials))
+    for name in sorted(names, key=lambda one: -one.suspects)[: min(_MOST, trials.most)]:
+        corrected = trials.put_right(_with(found.book, name), name.rows, _GAIN)
+        if corrected is not None:
+            tried.append((corrected.disagreement(GROSS), name, corrected))
     if not tried:
         return None
     least = min(left for left, _, _ in tried)
@@ -89,21 +88,40 @@ def station_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     return any_of([_described(found, name) for name, _ in equal]), equal[0][1]
 
 
-def _names(found: Estimate) -> Iterator[_Name]:
-    """Points that set-ups with suspects fit, other than the one that is written."""
+def _set_ups(found: Estimate) -> list[Rows]:
+    """The set-ups with suspects."""
     observations = found.book.observations
     read = codes_for(Start.HZ, Start.ZENITH, Start.DISTANCE, Start.FLAT, Start.ANGLE)
     chosen = observations.active & np.isin(observations.types, read)
-    is_suspect = chosen & (found.ratios > found.limit)
-    for origin in np.unique(observations.from_points[is_suspect]).tolist():
-        parts: dict[int, list[Rows]] = {}
-        for rows in blocks_of(found.book, np.flatnonzero(chosen & (observations.from_points == origin))):
-            if np.count_nonzero(is_suspect[rows]) >= _LEAST:
-                for point in np.flatnonzero(_fitting(found, rows)).tolist():
-                    parts.setdefault(point, []).append(rows)
-        for point, set_ups in parts.items():
-            count = int(sum(np.count_nonzero(is_suspect[rows]) for rows in set_ups))
-            yield _Name(tuple(set_ups), origin, point, count)
+    origins = np.unique(observations.from_points[chosen & (found.ratios > found.limit)])
+    blocks = blocks_of(found.book, np.flatnonzero(chosen & np.isin(observations.from_points, origins)))
+    return [rows for rows in blocks if _suspects(found, rows) >= _LEAST]
+
+
+def _suspects(found: Estimate, rows: Rows) -> int:
+    return int(np.count_nonzero(found.ratios[rows] > found.limit))
+
+
+def _names(found: Estimate, set_ups: list[Rows], places: Estimate) -> Iterator[_Name]:
+    """Points that set-ups fit, other than the one that is written, where a network has its points."""
+    parts: dict[tuple[int, int], list[Rows]] = {}
+    for rows in set_ups:
+        origin = int(found.book.observations.from_points[rows[0]])
+        for point in np.flatnonzero(_fitting(places, rows)).tolist():
+            parts.setdefault((origin, point), []).append(rows)
+    for (origin, point), members in parts.items():
+        yield _Name(tuple(members), origin, point, sum(_suspects(found, rows) for rows in members))
+
+
+def _names_without(trials: Trials) -> Iterator[_Name]:
+    """The same where hardly anything is redundant, and a wrong name moves all: by the others without a set-up."""
+    found = trials.found
+    for rows in sorted(_set_ups(found), key=lambda rows: -_suspects(found, rows))[: min(_MOST, trials.most)]:
+        mask = np.zeros(len(found.book.observations), np.bool_)
+        mask[rows] = True
+        without = trials.explaining(found.points, found.book.without(mask))
+        if without is not None:
+            yield from _names(found, [rows], without)
 
 
 def _fitting(found: Estimate, rows: Rows) -> BoolArray:

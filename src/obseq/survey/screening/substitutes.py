@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import IntArray, Observations
     from obseq.survey.screening.robust import Estimate
 
@@ -66,8 +67,15 @@ def sigma_of(found: Estimate, row: int) -> float:
     return float(found.book.observations.sigmas[row])
 
 
-def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes | None:
-    """What fits, within twice the tolerance, at one end of observations; None where that cannot be said."""
+def substitutes(found: Estimate, rows: Sequence[int], end: End, *, near: float = 0.0) -> Substitutes | None:
+    """What fits, within twice the tolerance, at one end of observations; None where that cannot be said.
+
+    Args:
+        found: the network.
+        rows: the observations.
+        end: which of their points is another.
+        near: how far (m) from their places points may be.
+    """
     observations, n = found.book.observations, len(found.points)
     kinds = [BY_CODE[int(observations.types[row])] for row in rows]
     if any(kind.start is Start.NOTHING or not _names(end, kind.start, row, observations)
@@ -77,10 +85,7 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes |
     for row, kind in zip(rows, kinds, strict=True):
         values, value = with_every_point(found, row, end), float(observations.values[row])
         tolerance = 2.0 * tolerance_of(found, row)
-        gaps = np.abs(values - value)
-        if kind.is_angle:
-            gaps = np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi)
-        fits &= gaps <= tolerance
+        fits &= _gaps(kind, values, value) <= tolerance + _seen(found, row, end, near)
         chance *= 2.0 * tolerance / (2.0 * math.pi if kind.is_angle else max(2.0 * abs(value), tolerance))
     located = np.count_nonzero(np.isfinite(found.coordinates).all(axis=1))
     return Substitutes(tuple(rows), end, tuple(np.flatnonzero(fits[:n]).tolist()), float(located * chance))
@@ -88,21 +93,30 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes |
 
 def near_approximate(found: Estimate, rows: Sequence[int], end: End) -> IntArray:
     """(n,) how many observations fit each point that nothing determines, by its approximate coordinates."""
-    points, is_located = found.points, np.isfinite(found.coordinates).all(axis=1)
+    points, observations, is_located = found.points, found.book.observations, np.isfinite(found.coordinates).all(axis=1)
     count, is_given = np.zeros(len(points), np.int32), np.isfinite(points.coordinates).all(axis=1)
     if not (is_given & ~is_located).any():
         return count
     there = replace(found, coordinates=np.where(is_located[:, None], found.coordinates, points.coordinates))
     for row in rows:
-        kind, value = BY_CODE[int(found.book.observations.types[row])], float(found.book.observations.values[row])
-        gaps = np.abs(with_every_point(there, row, end) - value)
-        allowed = np.full(len(points), _NEAR)
-        if kind.is_angle:
-            gaps = np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi)
-            lengths = np.linalg.norm(_offsets(there, row, end), axis=1)
-            allowed = np.minimum(_NEAR / np.maximum(lengths, _LEAST_SIGHT), _WIDEST)
-        count += gaps <= allowed + 2.0 * tolerance_of(found, row)
+        kind, value = BY_CODE[int(observations.types[row])], float(observations.values[row])
+        allowed = _seen(there, row, end, _NEAR) + 2.0 * tolerance_of(found, row)
+        count += _gaps(kind, with_every_point(there, row, end), value) <= allowed
     return np.asarray(np.where(is_given & ~is_located, count, 0))
+
+
+def _gaps(kind: ObservationKind, computed: FloatArray, value: float) -> FloatArray:
+    """(n,) how far a value is from what it would have been (m, rad)."""
+    gaps = np.abs(computed - value)
+    return np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi) if kind.is_angle else gaps
+
+
+def _seen(found: Estimate, row: int, end: End, near: float) -> FloatArray | float:
+    """(n,) what a shift (m) of each point at one end may change in an observation (m, rad)."""
+    if not near or not BY_CODE[int(found.book.observations.types[row])].is_angle:
+        return near
+    lengths = np.linalg.norm(_offsets(found, row, end), axis=1)
+    return np.asarray(np.minimum(near / np.maximum(lengths, _LEAST_SIGHT), _WIDEST))
 
 
 def _names(end: End, start: Start, row: int, observations: Observations) -> bool:

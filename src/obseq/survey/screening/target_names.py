@@ -17,11 +17,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE, codes_for
+from obseq.survey.screening.field_blocks import blocks_of
 from obseq.survey.screening.findings import Cause, GrossError, any_of
-from obseq.survey.screening.robust import GROSS, QUICK
-from obseq.survey.screening.standpoints import blocks_of
+from obseq.survey.screening.robust import GROSS
 from obseq.survey.screening.substitutes import End, near_approximate, substitutes
-from obseq.survey.screening.trials import estimated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,6 +39,8 @@ _CHANCE = 0.01
 """Points that may fit a sight by accident."""
 _FEW = 3
 """Targets of a set-up of which each two are tried: what it measures says little of its own."""
+_NEAR = 0.01
+"""How far from where they were found points may be (m) that a short sight fits."""
 _WHOLE = 3
 """Observations of a sight that must fit approximate coordinates, which say less."""
 _GAIN = 0.65
@@ -165,7 +166,7 @@ def _fitting(found: Estimate, rows: list[int]) -> frozenset[int]:
     checks = rows
     if any(start in (Start.DISTANCE, Start.FLAT) for start in starts):
         checks = [row for row, start in zip(rows, starts, strict=True) if start not in (Start.HZ, Start.ANGLE)]
-    fits = substitutes(found, checks, End.TARGET)
+    fits = substitutes(found, checks, End.TARGET, near=_NEAR)
     if fits is not None and fits.points:
         return frozenset(fits.points) if fits.chance <= _CHANCE else frozenset()
     if len(rows) < _WHOLE:
@@ -219,13 +220,8 @@ def _names(
 
 def _tried(trials: Trials, names: _Names) -> _Tried | None:
     """The network with other names, where that puts these sights right."""
-    found = trials.found
-    corrected = estimated(trials.model, found.points, _with(found.book, names), QUICK)
-    if corrected is None or corrected.lost > found.lost or (corrected.ratios[names.rows] > corrected.limit).any():
-        return None
-    left = corrected.disagreement(GROSS)
-    explained = found.contradictions(GROSS)[names.rows].sum()
-    return _Tried(names, left, corrected) if trials.before - left >= _GAIN * explained else None
+    corrected = trials.put_right(_with(trials.found.book, names), names.rows, _GAIN)
+    return corrected and _Tried(names, corrected.disagreement(GROSS), corrected)
 
 
 def _with(book: FieldBook, names: _Names) -> FieldBook:

@@ -128,6 +128,23 @@ class Trials:
         corrected = self.tried(points, book, start, most_lost=most_lost)
         return corrected if corrected is not None and self.explains(corrected) else None
 
+    def put_right(self, book: FieldBook, rows: IntArray, gain: float) -> Estimate | None:
+        """The network with some observations put right beside which others may be wrong; None where that fails.
+
+        They must fit, and a share of their contradictions must be gone in all. It is computed from where the
+        network was found, and anew where that may be astray.
+        """
+        self._tell()
+        found, start = self.found, self.start(self.found.points, book)
+        if start is None or lost(book, start) > found.lost:
+            return None
+        most = self.before - gain * float(found.contradictions(GROSS)[rows].sum())
+        for begin in (found.places_in(start), start):
+            one = estimated(self.model, found.points, book, QUICK, begin)
+            if one and not (one.ratios[rows] > one.limit).any() and one.disagreement(GROSS) <= most:
+                return one
+        return None
+
     @property
     def is_mostly_right(self) -> bool:
         """Whether suspects are few in a network whose majority is right."""
