@@ -101,7 +101,7 @@ def free_stations():
     places |= {"F1": (20.0, 30.0, 0.5), "F2": (70.0, 35.0, 0.7), "F3": (45.0, 80.0, 0.2)}
     places |= {"E0": (80.0, 23.0, 2.0), "E1": (58.0, 20.0, 5.0), "E2": (21.0, 77.0, 4.0)}
     seen = [name for name in places if name[0] != "F"]
-    return Site(places, {name: seen for name in ("F1", "F2", "F3")}, ("C0", "C1", "C2", "C3"), ("F1", "F2", "F3"))
+    return Site(places, dict.fromkeys(("F1", "F2", "F3"), seen), ("C0", "C1", "C2", "C3"), ("F1", "F2", "F3"))
 
 
 def traverse():

@@ -126,7 +126,7 @@ class Ambiguity:
         return GrossError(f"one of {names}{more}", cause, text, size, concerned, points, is_one=True)
 
     def _or_height(self, places: list[Alternative]) -> str:
-        """The height of a target that does what the error of its zenith angle does, in words; else nothing."""
+        """The height of a target that does what an error of its zenith angle does, in words; or nothing."""
         heights = (height_error(self.found, one.row, [one.row]) for one in places if one.row >= 0)
         height = next(filter(None, heights), None)
         return "" if height is None else f"; or the {height.what}: {height.text}"

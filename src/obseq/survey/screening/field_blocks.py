@@ -1,4 +1,4 @@
-"""Set-ups as they stand in a field book: what follows each other from one point, distances without a station too."""
+"""Set-ups as they stand in a field book: what follows each other from one point, distances too."""
 
 from __future__ import annotations
 

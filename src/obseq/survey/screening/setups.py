@@ -121,7 +121,7 @@ def _splits(found: Estimate) -> Iterator[tuple[Rows, int]]:
 
 
 def _controlled(found: Estimate) -> BoolArray:
-    """(n,) the points that are known, or that observations join to two others: directions to them say something."""
+    """(n,) the points that are known, or joined to two others: to these, directions say something."""
     observations, n = found.book.observations, len(found.book.point_names)
     ends = np.stack([observations.from_points, observations.to_points], axis=1)[observations.active]
     pairs = np.unique(np.sort(ends, axis=1), axis=0)

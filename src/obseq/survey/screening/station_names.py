@@ -114,7 +114,7 @@ def _names(found: Estimate, set_ups: list[Rows], places: Estimate) -> Iterator[_
 
 
 def _names_without(trials: Trials) -> Iterator[_Name]:
-    """The same where hardly anything is redundant, and a wrong name moves all: by the others without a set-up."""
+    """The same where little is redundant, and a wrong name moves all: by the others without a set-up."""
     found = trials.found
     for rows in sorted(_set_ups(found), key=lambda rows: -_suspects(found, rows))[: min(_MOST, trials.most)]:
         mask = np.zeros(len(found.book.observations), np.bool_)

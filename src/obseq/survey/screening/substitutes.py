@@ -93,8 +93,12 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End, *, near: float =
 
 def near_approximate(found: Estimate, rows: Sequence[int], end: End) -> IntArray:
     """(n,) how many observations fit each point that nothing determines, by its approximate coordinates."""
-    points, observations, is_located = found.points, found.book.observations, np.isfinite(found.coordinates).all(axis=1)
-    count, is_given = np.zeros(len(points), np.int32), np.isfinite(points.coordinates).all(axis=1)
+    points, observations = found.points, found.book.observations
+    count, is_located = (
+        np.zeros(len(points), np.int32),
+        np.asarray(np.isfinite(found.coordinates).all(axis=1)),
+    )
+    is_given = np.asarray(np.isfinite(points.coordinates).all(axis=1))
     if not (is_given & ~is_located).any():
         return count
     there = replace(found, coordinates=np.where(is_located[:, None], found.coordinates, points.coordinates))

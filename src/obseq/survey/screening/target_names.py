@@ -25,6 +25,7 @@ from obseq.survey.screening.substitutes import End, near_approximate, substitute
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from obseq.arrays import BoolArray
     from obseq.survey.model import FieldBook
     from obseq.survey.screening.robust import Estimate
     from obseq.survey.screening.trials import Trials
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 _LEAST = 2
 """Suspects from which names are thought of: one alone is told by what its value may be."""
 _MOST_SUSPECTS, _SHARE, _MOST = 300, 0.4, 12
-"""Suspects up to which names are thought of, and their share; names that are tried, those of most suspects first."""
+"""Suspects up to which names are thought of, and their share; names that are tried, those that explain most
+suspects first."""
 _CHANCE = 0.01
 """Points that may fit a sight by accident."""
 _FEW = 3
@@ -94,7 +96,7 @@ class _Tried:
 
 
 def target_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
-    """The targets of a set-up whose names are wrong, with the network in which they are put right, or None."""
+    """The targets of a set-up whose names are wrong, with the network where they are put right, or None."""
     found = trials.found
     most = min(_MOST_SUSPECTS, _SHARE * np.count_nonzero(found.book.observations.active))
     if not _LEAST <= len(found.suspects) <= most:
@@ -109,23 +111,24 @@ def target_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
 
 
 def is_told_by_names_alone(trials: Trials, step: tuple[GrossError, Estimate]) -> bool:
-    """Whether no other cause need be tried: the exchanged names of two known points may be those of a file."""
+    """Whether no other cause need be tried: exchanged names of two known points may be those of a file."""
     error, corrected = step
-    known = {name for name, free in zip(trials.found.points.names, trials.found.points.is_free) if not free.all()}
-    is_of_file = error.cause is Cause.SWAPPED_NAMES and set(error.points) <= known
+    points = trials.found.points
+    is_free = points.is_free[[points.index[name] for name in error.points]].all(axis=1)
+    is_of_file = error.cause is Cause.SWAPPED_NAMES and not is_free.any()
     return trials.is_decisive(corrected) and not is_of_file
 
 
 def _of_one_point(found: Estimate, choices: list[_Names]) -> list[_Names]:
-    """The names without those of known points that fit as well at several others: the file has them wrong."""
-    known, origins = ~found.points.is_free.all(axis=1), found.book.observations.from_points
+    """The names without those of two known points that fit from several others: the file is wrong."""
+    origins, is_free = found.book.observations.from_points, np.asarray(found.points.is_free.all(axis=1))
     points: dict[tuple[int, int, bool], set[int]] = {}
     for one in choices:
         points.setdefault((*one.pair, one.is_exchange), set()).add(int(origins[one.rows[0]]))
     return [
         one
         for one in choices
-        if len(points[*one.pair, one.is_exchange]) == 1 or not known[list(one.pair)].all()
+        if len(points[*one.pair, one.is_exchange]) == 1 or is_free[list(one.pair)].any()
     ]
 
 
@@ -134,7 +137,7 @@ def _choices(found: Estimate) -> Iterator[_Names]:
     observations = found.book.observations
     read = codes_for(Start.HZ, Start.ZENITH, Start.DISTANCE, Start.FLAT, Start.ANGLE)
     chosen = observations.active & np.isin(observations.types, read)
-    suspects = chosen & (found.ratios > found.limit)
+    suspects: BoolArray = np.asarray(chosen & (found.ratios > found.limit), np.bool_)
     for origin in np.unique(observations.from_points[suspects]).tolist():
         rows = np.flatnonzero(chosen & (observations.from_points == origin))
         blocks = [block for block in blocks_of(found.book, rows) if suspects[block].any()]
@@ -165,7 +168,9 @@ def _fitting(found: Estimate, rows: list[int]) -> frozenset[int]:
     starts = [BY_CODE[int(found.book.observations.types[row])].start for row in rows]
     checks = rows
     if any(start in (Start.DISTANCE, Start.FLAT) for start in starts):
-        checks = [row for row, start in zip(rows, starts, strict=True) if start not in (Start.HZ, Start.ANGLE)]
+        checks = [
+            row for row, start in zip(rows, starts, strict=True) if start not in (Start.HZ, Start.ANGLE)
+        ]
     fits = substitutes(found, checks, End.TARGET, near=_NEAR)
     if fits is not None and fits.points:
         return frozenset(fits.points) if fits.chance <= _CHANCE else frozenset()
@@ -221,7 +226,7 @@ def _names(
 def _tried(trials: Trials, names: _Names) -> _Tried | None:
     """The network with other names, where that puts these sights right."""
     corrected = trials.put_right(_with(trials.found.book, names), names.rows, _GAIN)
-    return corrected and _Tried(names, corrected.disagreement(GROSS), corrected)
+    return None if corrected is None else _Tried(names, corrected.disagreement(GROSS), corrected)
 
 
 def _with(book: FieldBook, names: _Names) -> FieldBook:

@@ -129,7 +129,7 @@ class Trials:
         return corrected if corrected is not None and self.explains(corrected) else None
 
     def put_right(self, book: FieldBook, rows: IntArray, gain: float) -> Estimate | None:
-        """The network with some observations put right beside which others may be wrong; None where that fails.
+        """The network with some observations put right, where others may be wrong too; None if they are not.
 
         They must fit, and a share of their contradictions must be gone in all. It is computed from where the
         network was found, and anew where that may be astray.
