@@ -95,13 +95,14 @@ class Site:
         ]
 
 
-def free_stations():
-    """Three free stations that see the same known and new points."""
+def free_stations(stations=("F1", "F2", "F3")):
+    """Free stations that see the same known and new points."""
     places = {f"C{k}": place for k, place in enumerate(((0, 0, 4), (100, -5, 2), (110, 60, 3), (55, 110, 7)))}
     places |= {"F1": (20.0, 30.0, 0.5), "F2": (70.0, 35.0, 0.7), "F3": (45.0, 80.0, 0.2)}
     places |= {"E0": (80.0, 23.0, 2.0), "E1": (58.0, 20.0, 5.0), "E2": (21.0, 77.0, 4.0)}
     seen = [name for name in places if name[0] != "F"]
-    return Site(places, dict.fromkeys(("F1", "F2", "F3"), seen), ("C0", "C1", "C2", "C3"), ("F1", "F2", "F3"))
+    places = {name: place for name, place in places.items() if name[0] != "F" or name in stations}
+    return Site(places, dict.fromkeys(stations, seen), ("C0", "C1", "C2", "C3"), stations)
 
 
 def traverse():
@@ -115,9 +116,9 @@ def traverse():
     return Site(places, sights, ("A", "B", "C", "D"))
 
 
-def resection(north=48.6):
-    """One set-up that sees known and new points, and is in the middle of them."""
-    places = {"K1": (120.0, 5.5, 11.0), "K2": (32.1, 104.1, 15.4), "K3": (-102.8, north, 5.4)}
-    places |= {"K4": (-87.1, -73.3, 17.5), "K5": (56.2, -100.0, 11.9), "P": (0.0, 0.1, 9.9)}
+def resection():
+    """One set-up, at the origin of coordinates, that sees known and new points around it."""
+    places = {"K1": (120.0, 5.5, 11.0), "K2": (32.1, 104.1, 15.4), "K3": (-102.8, 48.6, 5.4)}
+    places |= {"K4": (-87.1, -73.3, 17.5), "K5": (56.2, -100.0, 11.9), "P": (0.0, 0.0, 9.9)}
     places |= {"N1": (-35.1, 30.2, 14.0), "N2": (38.9, 48.9, 14.1)}
     return Site(places, {"P": [name for name in places if name != "P"]}, ("K1", "K2", "K3", "K4", "K5"))
