@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import Stations, group_by_station
 from obseq.survey.screening.findings import Cause, GrossError
@@ -32,16 +33,28 @@ if TYPE_CHECKING:
 _LEAST = 2
 """Directions that a set-up needs for its turn to show."""
 _MOST_TOLD = 5
-_LEFT, _WRONG = 0.1, 0.2
+_LEFT, _WRONG = 0.1, 0.3
 """Share of a turn by which directions of a part may differ, and share of those that may differ by more."""
+_BETTER = 0.5
+"""Contradictions that must go where another direction is the first."""
 _MOST_BESIDE, _GAIN = 4, 0.2
 """Set-ups that are tried where other things are wrong too; contradictions that must go for each suspect of
 one: other errors may show only then."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """Directions of a set-up with a turn of their own from `first` on: what is left, and the network so."""
+
+    left: float
+    rows: Rows
+    first: int
+    estimate: Estimate
+
+
 def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     """The set-up that is two, or several that all are, with the network in which they are; None without."""
-    best: tuple[float, Rows, int, Estimate] | None = None
+    best: _Split | None = None
     splits = list(_splits(trials.found))
     if len(splits) > trials.most:
         trials.untried.append("set-ups that are two")
@@ -50,23 +63,36 @@ def setup_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
         if corrected is None:
             continue
         left = corrected.disagreement(GROSS)
-        if best is None or left < best[0]:
-            best = left, rows, first, corrected
+        if best is None or left < best.left:
+            best = _Split(left, rows, first, corrected)
     if best is None and len(splits) > 1 and (several := _several(trials, splits)):
         return several
     best = best or _beside_others(trials, splits)
     if best is None:
         return None
-    _, rows, first, corrected = best
+    best = _improved(trials, best)
+    rows, first, corrected = best.rows, best.first, best.estimate
     size = float(trials.found.ratios[rows].max())
     what, text = _described(trials.found, rows, first, corrected, -1)
     text = f"{text}: likely a new set-up, or the circle was turned (in an OBS file, code 7 on that line)"
     return GrossError(what, Cause.NEW_SETUP, text, size, tuple(rows[first:].tolist())), corrected
 
 
-def _beside_others(
-    trials: Trials, splits: list[tuple[Rows, int]]
-) -> tuple[float, Rows, int, Estimate] | None:
+def _improved(trials: Trials, best: _Split) -> _Split:
+    """A set-up that is two, from where least contradicts: turned directions may have moved their targets."""
+    if trials.is_decisive(best.estimate):
+        return best
+    found, rows = trials.found, best.rows
+    for step in (-1, 1):
+        while _LEAST <= (first := best.first + step) <= len(rows) - _LEAST:
+            corrected = estimated(trials.model, found.points, _split(found.book, int(rows[first])), QUICK)
+            if corrected is None or corrected.disagreement(GROSS) > best.left - _BETTER:
+                break
+            best = _Split(corrected.disagreement(GROSS), rows, first, corrected)
+    return best
+
+
+def _beside_others(trials: Trials, splits: list[tuple[Rows, int]]) -> _Split | None:
     """The set-up that is two where other things are wrong as well, which leave much unexplained; or None."""
     found = trials.found
     for rows, first in splits[: min(_MOST_BESIDE, trials.most)]:
@@ -76,7 +102,7 @@ def _beside_others(
         left = corrected.disagreement(GROSS)
         was, still = (np.count_nonzero(one.ratios[rows] > one.limit) for one in (found, corrected))
         if still <= _WRONG * len(rows) and was - still >= _LEAST and trials.before - left >= _GAIN * was:
-            return left, rows, first, corrected
+            return _Split(left, rows, first, corrected)
     return None
 
 

@@ -54,7 +54,7 @@ class _Name:
         set_ups: the observations of each.
         written: the point of the file.
         right: the point that fits.
-        suspects: how many of the observations are suspected.
+        suspects: how many observations that name the written point are suspected.
     """
 
     set_ups: tuple[Rows, ...]
@@ -78,7 +78,8 @@ def station_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
     if not names and found.control <= WELL_CONTROLLED:
         names = list(_names_without(trials))
     for name in sorted(names, key=lambda one: -one.suspects)[: min(_MOST, trials.most)]:
-        corrected = trials.put_right(_with(found.book, name), name.rows, _GAIN)
+        least = _GAIN * float(found.contradictions(GROSS)[_naming(found, name.written)].sum())
+        corrected = trials.put_right(_with(found.book, name), name.rows, least)
         if corrected is not None:
             tried.append((corrected.disagreement(GROSS), name, corrected))
     if not tried:
@@ -89,17 +90,20 @@ def station_name_cause(trials: Trials) -> tuple[GrossError, Estimate] | None:
 
 
 def _set_ups(found: Estimate) -> list[Rows]:
-    """The set-ups with suspects."""
-    observations = found.book.observations
+    """The set-ups of points that suspects name: if wrong ones are more, those that are right contradict."""
+    observations, n = found.book.observations, len(found.book.point_names)
     read = codes_for(Start.HZ, Start.ZENITH, Start.DISTANCE, Start.FLAT, Start.ANGLE)
     chosen = observations.active & np.isin(observations.types, read)
-    origins = np.unique(observations.from_points[chosen & (found.ratios > found.limit)])
-    blocks = blocks_of(found.book, np.flatnonzero(chosen & np.isin(observations.from_points, origins)))
-    return [rows for rows in blocks if _suspects(found, rows) >= _LEAST]
+    named = [part[found.suspects] for part in (observations.from_points, observations.to_points)]
+    is_named = np.bincount(np.concatenate(named), minlength=n)[observations.from_points] >= _LEAST
+    return list(blocks_of(found.book, np.flatnonzero(chosen & is_named)))
 
 
-def _suspects(found: Estimate, rows: Rows) -> int:
-    return int(np.count_nonzero(found.ratios[rows] > found.limit))
+def _naming(found: Estimate, point: int) -> BoolArray:
+    """(k,) the observations that name a point."""
+    mask = np.zeros(len(found.book.point_names), np.bool_)
+    mask[point] = True
+    return found.book.naming(mask)
 
 
 def _names(found: Estimate, set_ups: list[Rows], places: Estimate) -> Iterator[_Name]:
@@ -110,13 +114,15 @@ def _names(found: Estimate, set_ups: list[Rows], places: Estimate) -> Iterator[_
         for point in np.flatnonzero(_fitting(places, rows)).tolist():
             parts.setdefault((origin, point), []).append(rows)
     for (origin, point), members in parts.items():
-        yield _Name(tuple(members), origin, point, sum(_suspects(found, rows) for rows in members))
+        suspects = np.count_nonzero(found.ratios[_naming(found, origin)] > found.limit)
+        yield _Name(tuple(members), origin, point, int(suspects))
 
 
 def _names_without(trials: Trials) -> Iterator[_Name]:
     """The same where little is redundant, and a wrong name moves all: by the others without a set-up."""
     found = trials.found
-    for rows in sorted(_set_ups(found), key=lambda rows: -_suspects(found, rows))[: min(_MOST, trials.most)]:
+    set_ups = sorted(_set_ups(found), key=lambda rows: -np.count_nonzero(found.ratios[rows] > found.limit))
+    for rows in set_ups[: min(_MOST, trials.most)]:
         mask = np.zeros(len(found.book.observations), np.bool_)
         mask[rows] = True
         without = trials.explaining(found.points, found.book.without(mask))
@@ -182,5 +188,5 @@ def _described(found: Estimate, name: _Name) -> GrossError:
     label = found.book.label(int(rows[0]))
     what = f"the {len(rows)} observations of {many} of {written} (the first: {label})"
     text = f"they fit {right}, not {written}: the name of the station is wrong"
-    size = float(found.ratios[rows].max())
+    size = float(found.ratios[_naming(found, name.written)].max())
     return GrossError(what, Cause.WRONG_POINT, text, size, tuple(rows.tolist()), (written, right))

@@ -25,6 +25,8 @@ _TOLERANCE = 5.0
 """Sigmas within which an explanation must hit."""
 _NEAR, _WIDEST = 1.0, 0.1
 """How far from its place approximate coordinates (m) may put a point, and angles (rad) to it at most."""
+_BENT = 1e-7
+"""What the curvature of the Earth and refraction may change in a zenith angle (rad for each m)."""
 _LEAST_SIGHT = 1e-6
 """Length of a sight (m) below which it has no direction."""
 
@@ -116,11 +118,13 @@ def _gaps(kind: ObservationKind, computed: FloatArray, value: float) -> FloatArr
 
 
 def _seen(found: Estimate, row: int, end: End, near: float) -> FloatArray | float:
-    """(n,) what a shift (m) of each point at one end may change in an observation (m, rad)."""
-    if not near or not BY_CODE[int(found.book.observations.types[row])].is_angle:
+    """(n,) what a shift (m) of each point at one end, and refraction, may change (m, rad)."""
+    kind = BY_CODE[int(found.book.observations.types[row])]
+    if not near or not kind.is_angle:
         return near
     lengths = np.linalg.norm(_offsets(found, row, end), axis=1)
-    return np.asarray(np.minimum(near / np.maximum(lengths, _LEAST_SIGHT), _WIDEST))
+    bent = _BENT * lengths if kind.is_refracted else 0.0
+    return np.asarray(np.minimum(near / np.maximum(lengths, _LEAST_SIGHT) + bent, _WIDEST))
 
 
 def _names(end: End, start: Start, row: int, observations: Observations) -> bool:

@@ -225,7 +225,8 @@ def _names(
 
 def _tried(trials: Trials, names: _Names) -> _Tried | None:
     """The network with other names, where that puts these sights right."""
-    corrected = trials.put_right(_with(trials.found.book, names), names.rows, _GAIN)
+    least = _GAIN * float(trials.found.contradictions(GROSS)[names.rows].sum())
+    corrected = trials.put_right(_with(trials.found.book, names), names.rows, least)
     return None if corrected is None else _Tried(names, corrected.disagreement(GROSS), corrected)
 
 
