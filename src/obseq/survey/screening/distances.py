@@ -62,7 +62,7 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
 
 
 def _equal(explaining: list[tuple[str, Rows, Estimate]]) -> list[tuple[str, Rows, Estimate]]:
-    """What explains the distances best, the best first; what estimates nothing alone, where it is as good."""
+    """What explains the distances best; what estimates nothing alone, where it is as good."""
     if not explaining:
         return []
     left = [one.disagreement(GROSS) for *_, one in explaining]
@@ -70,8 +70,7 @@ def _equal(explaining: list[tuple[str, Rows, Estimate]]) -> list[tuple[str, Rows
     if likely[0][0] == _HORIZONTAL:
         return likely[:1]
     squares = [float(np.nansum((one.ratios / one.scale) ** 2)) for *_, one in likely]
-    order = np.argsort(squares, kind="stable").tolist()
-    return [likely[k] for k in order if squares[k] <= min(squares) + _AS_GOOD]
+    return [one for one, each in zip(likely, squares, strict=True) if each <= min(squares) + _AS_GOOD]
 
 
 def _told(found: Estimate, what: str, rows: Rows, corrected: Estimate, system: PointSystem) -> GrossError:
