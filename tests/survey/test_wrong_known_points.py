@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from set_ups import resection
 
 from obseq.survey import Network, Quality, network_from_tables
 from obseq.survey.screening.findings import Cause
@@ -134,3 +135,19 @@ def test_a_known_point_that_is_right_is_not_accused_where_initial_values_follow_
     adjustment = network_from_tables(points, columns, angles="gon").adjust(quality=Quality(snooping="w"))
     assert [error.what for error in adjustment.gross_errors] == ["Hz A -> Q (observations:7)"]
     assert [item.row for item in adjustment.record().rejections] == [6]
+
+
+def test_swapped_coordinates_that_one_direction_alone_contradicts(tmp_path):
+    """From the origin of coordinates a point is as far, and as high, with easting and northing swapped."""
+    site = resection()
+    site.places["K2"] = (104.1, 32.1, 15.4)
+    ((error, lines),) = site.errors(tmp_path)
+    assert error.cause is Cause.SWAPPED_COORDINATES and error.points == ("K2",)
+    assert {site.lines[line - 1].target for line in lines} == {"K2"} and len(lines) == 1
+
+
+def test_a_direction_that_is_off_by_itself_blames_no_coordinates(tmp_path):
+    site = resection()
+    lines = site.change(lambda line: {"value": line.value + 43.21}, "5", target=("K2",))
+    ((error, told),) = site.errors(tmp_path)
+    assert error.cause is not Cause.SWAPPED_COORDINATES and lines <= told

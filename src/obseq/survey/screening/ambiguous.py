@@ -18,6 +18,7 @@ from obseq.survey.screening.findings import (
     units_of_coordinate,
 )
 from obseq.survey.screening.levelling import errors_of_levelling
+from obseq.survey.screening.sight_heights import height_error
 from obseq.survey.screening.values import COORDINATE, Explanation, difference, explain
 
 if TYPE_CHECKING:
@@ -121,7 +122,14 @@ class Ambiguity:
             )
         else:
             text += f"{self._gaps(places)}; no usual slip points to one of them"
+        text += self._or_height(places)
         return GrossError(f"one of {names}{more}", cause, text, size, concerned, points, is_one=True)
+
+    def _or_height(self, places: list[Alternative]) -> str:
+        """The height of a target that does what an error of its zenith angle does, in words; or nothing."""
+        heights = (height_error(self.found, one.row, [one.row]) for one in places if one.row >= 0)
+        height = next(filter(None, heights), None)
+        return "" if height is None else f"; or the {height.what}: {height.text}"
 
     def _name(self, one: Alternative) -> str:
         if one.row >= 0:

@@ -32,6 +32,8 @@ LEAST = 4
 LARGEST_CONSTANT, LARGEST_SCALE = 2.0, 0.5
 """Constant (m) and scale beyond which they are none: of prisms these are centimetres, of a torn tape a metre;
 feet, and what else differs more from a metre, are tried as such."""
+_SAME, _AS_GOOD = 0.3, 25.0
+"""Contradictions, and squares of ratios, by which explanations that are as good may differ."""
 _MAP_SCALE = 3e-3
 """Scales of maps, and reductions to height 0, differ from 1 by less than this."""
 
@@ -41,25 +43,40 @@ def distances_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Es
     mine = distances_of(trials.found.book)
     if len(mine) < LEAST or not (trials.found.ratios[mine] > GROSS).any():
         return None
-    best: tuple[float, str, Rows, Estimate] | None = None
+    explaining: list[tuple[str, Rows, Estimate]] = []
     for what in (_HORIZONTAL, "constant", "scale"):
         rows = _slopes_of(trials.found.book, mine) if what == _HORIZONTAL else mine
         book = changed(trials.found.book, rows, what) if len(rows) else None
         if book is None:
             continue
         corrected = trials.explaining(trials.found.points, book, _start(trials.found, rows, what))
-        if corrected is None or not may_be(what, values_of(corrected, what)):
-            continue
-        left = corrected.disagreement(GROSS)
-        if best is None or left < best[0] - 0.3:
-            best = left, what, rows, corrected
-    if best is None:
+        if corrected is not None and may_be(what, values_of(corrected, what)):
+            explaining.append((what, rows, corrected))
+    equal = _equal(explaining)
+    if not equal:
         return None
-    _, what, rows, corrected = best
-    size = float(trials.found.ratios[rows].max())
-    values, units = values_of(corrected, what), trials.found.units
-    told = described(trials.found.book, rows, what, values, size, system, units)
-    return or_known_points(told, what, trials.found.points), corrected
+    told = [_told(trials.found, *one, system) for one in equal]
+    text = "; or ".join(error.text for error in told)
+    text = f"{text}; nothing tells these apart" if len(told) > 1 else text
+    return replace(told[0], text=text), equal[0][2]
+
+
+def _equal(explaining: list[tuple[str, Rows, Estimate]]) -> list[tuple[str, Rows, Estimate]]:
+    """What explains the distances best; what estimates nothing alone, where it is as good."""
+    if not explaining:
+        return []
+    left = [one.disagreement(GROSS) for *_, one in explaining]
+    likely = [one for one, each in zip(explaining, left, strict=True) if each <= min(left) + _SAME]
+    if likely[0][0] == _HORIZONTAL:
+        return likely[:1]
+    squares = [float(np.nansum((one.ratios / one.scale) ** 2)) for *_, one in likely]
+    return [one for one, each in zip(likely, squares, strict=True) if each <= min(squares) + _AS_GOOD]
+
+
+def _told(found: Estimate, what: str, rows: Rows, corrected: Estimate, system: PointSystem) -> GrossError:
+    size, values = float(found.ratios[rows].max()), values_of(corrected, what)
+    told = described(found.book, rows, what, values, size, system, found.units)
+    return or_known_points(told, what, found.points)
 
 
 def or_known_points(told: GrossError, what: str, points: Points) -> GrossError:

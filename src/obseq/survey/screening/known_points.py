@@ -15,9 +15,12 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError, any_of, coordinates_told, units_of_coordinate
 from obseq.survey.screening.robust import GROSS, Estimate, solved
-from obseq.survey.screening.values import COORDINATE, FEET, are_feet, explain
+from obseq.survey.screening.substitutes import End, tolerance_of, with_every_point
+from obseq.survey.screening.values import COORDINATE, FEET, are_feet, difference, explain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -76,6 +79,31 @@ def known_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, 
     told = [(*_described(trials, system, trial, there), there) for trial, there in equal]
     likely = [one for one in told if one[1]] or told
     return any_of([error for error, *_ in likely]), likely[0][2]
+
+
+def swapped_point_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
+    """The known point whose swapped easting and northing one observation alone contradicts; None for none.
+
+    A point at about the same distance when they are swapped shows it in one direction only.
+    """
+    found, row = trials.found, int(trials.found.suspects[0])
+    observations, value = found.book.observations, float(found.book.observations.values[row])
+    kind = BY_CODE[int(observations.types[row])]
+    if kind.start not in (Start.HZ, Start.ANGLE, Start.DISTANCE, Start.FLAT):
+        return None
+    for end, which in ((End.TARGET, observations.to_points), (End.ORIGIN, observations.from_points)):
+        point = int(which[row])
+        is_known = not found.points.is_free[point].all() and found.points.has_coordinates[point]
+        for trial in _swapped(system, found.points, np.array([point]), "") if is_known else ():
+            there = replace(found, coordinates=found.coordinates.copy())
+            there.coordinates[point] = trial.points.coordinates[point]
+            expected = float(with_every_point(there, row, end)[point])
+            if not abs(difference(kind, value, expected)) <= 2.0 * tolerance_of(found, row):
+                continue
+            corrected = trials.explaining(trial.points, found.book)
+            if corrected is not None and trials.is_decisive(corrected):
+                return _described(trials, system, trial, corrected)[0], corrected
+    return None
 
 
 def _may_be(trials: Trials, trial: _Trial) -> bool:

@@ -19,7 +19,7 @@ from obseq.survey.screening.exchanged import exchanged_readings
 from obseq.survey.screening.findings import Cause, GrossError, any_of
 from obseq.survey.screening.groups import group_cause
 from obseq.survey.screening.half_turns import half_turn_cause
-from obseq.survey.screening.known_points import known_point_cause
+from obseq.survey.screening.known_points import known_point_cause, swapped_point_cause
 from obseq.survey.screening.known_scale import known_scale_cause
 from obseq.survey.screening.mirrored import mirrored_cause
 from obseq.survey.screening.offsets import offset_cause
@@ -29,6 +29,8 @@ from obseq.survey.screening.sight import sight_cause
 from obseq.survey.screening.sights import single_errors
 from obseq.survey.screening.sigmas import sigmas_cause
 from obseq.survey.screening.standpoints import standpoint_cause
+from obseq.survey.screening.station_names import station_name_cause
+from obseq.survey.screening.target_names import is_told_by_names_alone, target_name_cause
 from obseq.survey.screening.trials import Trials, estimated
 from obseq.survey.screening.vector_systems import vector_system_cause
 
@@ -193,13 +195,7 @@ def _cause_of_many(
     if not len(found.suspects):
         return None
     trials = Trials(model, found, untried)
-    steps = [group_cause(trials)]
-    if len(found.suspects) > 1:
-        steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
-        steps += [offset_cause(trials)]
-    if len(found.suspects) > 1 and not any(step and trials.explains(step[1]) for step in steps):
-        steps += [aim_cause(trials)]
-    best = _best([step for step in steps if step is not None]) or half_turn_cause(trials)
+    best = _tried(trials, system)
     if best is None and Ambiguity(system, found).levelling(model):
         return None  # these are told as they are
     if best is None and len(found.suspects) > 1:
@@ -208,6 +204,25 @@ def _cause_of_many(
         return sigmas_cause(trials)
     elsewhere = _from_places(trials, best[1])
     return best if elsewhere is None else (None, elsewhere)
+
+
+def _tried(trials: Trials, system: PointSystem) -> tuple[GrossError, Estimate] | None:
+    """The mistake of names, of a group, of a known point, ... that explains most; None where none does."""
+    steps: list[tuple[GrossError, Estimate] | None] = []
+    for of_names in (target_name_cause, station_name_cause):
+        step = of_names(trials)
+        if step is not None and is_told_by_names_alone(trials, step):
+            return step
+        steps += [step]
+    steps += [group_cause(trials)]
+    if len(trials.found.suspects) == 1:
+        steps += [swapped_point_cause(trials, system)]
+    else:
+        steps += [known_point_cause(trials, system), setup_cause(trials), distances_cause(trials, system)]
+        steps += [offset_cause(trials)]
+        if not any(step and trials.explains(step[1]) for step in steps):
+            steps += [aim_cause(trials)]
+    return _best([step for step in steps if step is not None]) or half_turn_cause(trials)
 
 
 def _from_places(trials: Trials, corrected: Estimate) -> Estimate | None:

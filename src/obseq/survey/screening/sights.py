@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.screening.findings import Cause, GrossError, gap_of
+from obseq.survey.screening.sight_heights import height_error
 from obseq.survey.screening.substitutes import End, Substitutes, substitutes, tolerance_of
 from obseq.survey.screening.values import LIKELY, Explanation, difference, explain
 
@@ -34,7 +36,15 @@ def _error_of(found: Estimate, row: int, suspects: dict[int, None]) -> GrossErro
     rows = _of_same_sight(found, row, suspects)
     wrong = [one for end in End if (one := substitutes(found, rows, end)) and len(one.points) == 1]
     wrong = [one for one in wrong if len(wrong) * one.chance < best]
-    return _wrong_point(found, wrong) if wrong else _wrong_value(found, row, value_cause)
+    if wrong:
+        return _wrong_point(found, wrong)
+    height = height_error(found, row, suspects)
+    if height is not None and len(height.rows) > 1:
+        return height
+    told = _wrong_value(found, row, value_cause)
+    if height is None or value_cause is not None:
+        return told
+    return replace(told, text=f"{told.text}, unless the height of the target is wrong: {height.text}")
 
 
 def explanation_of(found: Estimate, row: int) -> Explanation | None:

@@ -16,9 +16,12 @@ from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import codes_for
 from obseq.survey.model import Stations, group_by_station, join
 from obseq.survey.points import merge_points
+from obseq.survey.screening.field_blocks import blocks_of
 from obseq.survey.screening.findings import Cause, GrossError, coordinates_told
 from obseq.survey.screening.known_points import sought_at
-from obseq.survey.screening.robust import GROSS
+from obseq.survey.screening.robust import GROSS, QUICK
+from obseq.survey.screening.target_names import target_name_cause
+from obseq.survey.screening.trials import Trials, estimated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,14 +30,11 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import FieldBook, Points
     from obseq.survey.screening.robust import Estimate
-    from obseq.survey.screening.trials import Trials
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _LEAST = 3
 """Suspects at a point from which its set-ups are thought of."""
-_APART = 4
-"""Rows from one observation to the next beyond which they are not of one set-up."""
 _SPARE = 3
 """Observations that a set-up needs beyond those that give it its place and its turn."""
 _MOST = 4
@@ -43,6 +43,8 @@ _GAIN = 0.65
 """Contradictions, for each suspect at its point, that another place of a set-up must remove."""
 _SAME = 0.5
 """Distance (m) from a point within which a set-up is tried on it."""
+_EQUAL = 0.1
+"""Contradictions by which two explanations may differ that are as good."""
 _BESIDE = 5.0
 """Distance (m) up to which an instrument is said to stand beside its point."""
 
@@ -79,7 +81,7 @@ def standpoint_cause(trials: Trials, system: PointSystem) -> tuple[GrossError, E
     if not found:
         return None
     best = min(found, key=lambda one: one.left)
-    return _on_another_point(trials, best) or _described(trials, system, best)
+    return _on_another_point(trials, best) or _seen_wrongly(trials, best) or _described(trials, system, best)
 
 
 def _set_ups(found: Estimate) -> Iterator[_SetUp]:
@@ -91,7 +93,7 @@ def _set_ups(found: Estimate) -> Iterator[_SetUp]:
     count = np.bincount(named, minlength=len(found.book.point_names))
     read = codes_for(Start.HZ, Start.ZENITH, Start.DISTANCE, Start.FLAT, Start.ANGLE)
     chosen = observations.active & np.isin(observations.types, read) & (count[ends[0]] >= _LEAST)
-    for rows in _blocks(found.book, np.flatnonzero(chosen)):
+    for rows in blocks_of(found.book, np.flatnonzero(chosen)):
         point = int(ends[0][rows[0]])
         mine = suspects & (ends[1] == point)
         mine[rows] = suspects[rows]
@@ -100,31 +102,10 @@ def _set_ups(found: Estimate) -> Iterator[_SetUp]:
             yield _SetUp(point, rows, np.flatnonzero(mine))
 
 
-def _blocks(book: FieldBook, rows: Rows) -> Iterator[Rows]:
-    """Rows that follow each other in one file, from one point and of one station."""
-    observations = book.observations
-    origins, files, stations = (
-        column[rows].tolist()
-        for column in (observations.from_points, observations.file_indices, observations.stations)
-    )
-    block: dict[tuple[int, int], list[int]] = {}
-    station: dict[tuple[int, int], int] = {}
-    for row, origin, file, own in zip(rows.tolist(), origins, files, stations, strict=True):
-        key = origin, file
-        mine, before = block.setdefault(key, []), station.get(key, -1)
-        if mine and (row - mine[-1] > _APART or (own >= 0 and before >= 0 and own != before)):
-            yield np.array(mine, np.intp)
-            mine, before = [], -1
-            block[key] = mine
-        mine.append(row)
-        station[key] = own if own >= 0 else before
-    yield from (np.array(mine, np.intp) for mine in block.values())
-
-
 def _moved(trials: Trials, one: _SetUp) -> _Moved | None:
     """A set-up with a place of its own, where that explains what contradicts at its point."""
     points, name = _with_another(trials.found.points, one.point)
-    points, book = join(points, _renamed(trials.found.book, one.rows, name))
+    points, book = join(points, renamed(trials.found.book, one.rows, name))
     estimate = trials.explaining(points, book)
     if estimate is None or (estimate.ratios[one.rows] > estimate.limit).any():
         return None
@@ -143,7 +124,7 @@ def _with_another(points: Points, row: int) -> tuple[Points, str]:
     return merge_points([points, replace(other, coordinates=coordinates, sigmas=sigmas)]), name
 
 
-def _renamed(book: FieldBook, rows: Rows, name: str) -> FieldBook:
+def renamed(book: FieldBook, rows: Rows, name: str) -> FieldBook:
     """The observations, with some of one station made at another point, in a set-up of their own."""
     names = book.point_names if name in book.point_names else (*book.point_names, name)
     observations, number, n = book.observations, names.index(name), len(book.stations)
@@ -171,12 +152,25 @@ def _on_another_point(trials: Trials, moved: _Moved) -> tuple[GrossError, Estima
     for row in np.flatnonzero(away < _SAME).tolist():
         if row == one.point or row in seen:
             continue
-        fits = trials.explaining(found.points, _renamed(found.book, one.rows, found.points.names[row]))
+        fits = trials.explaining(found.points, renamed(found.book, one.rows, found.points.names[row]))
         if fits is not None and not (fits.ratios[one.rows] > fits.limit).any():
             names = found.points.names[one.point], found.points.names[row]
             text = f"they fit {names[1]}, not {names[0]}: the name of the station is wrong"
             return _error(found, one, Cause.WRONG_POINT, text, names), fits
     return None
+
+
+def _seen_wrongly(trials: Trials, moved: _Moved) -> tuple[GrossError, Estimate] | None:
+    """The sights to the point of a set-up that are to another, where it is they that put it elsewhere."""
+    found = trials.found
+    start = trials.start(found.points, found.book)
+    if start is None:
+        return None
+    start = found.places_in(start)
+    start.initial.coordinates[start.points.index[found.points.names[moved.set_up.point]]] = moved.place
+    there = estimated(trials.model, found.points, found.book, QUICK, start)
+    step = None if there is None else target_name_cause(Trials(trials.model, there))
+    return step if step and step[1].disagreement(GROSS) <= moved.left + _EQUAL else None
 
 
 def _described(trials: Trials, system: PointSystem, moved: _Moved) -> tuple[GrossError, Estimate]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +17,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import IntArray, Observations
     from obseq.survey.screening.robust import Estimate
 
 _TOLERANCE = 5.0
 """Sigmas within which an explanation must hit."""
+_NEAR, _WIDEST = 1.0, 0.1
+"""How far from its place approximate coordinates (m) may put a point, and angles (rad) to it at most."""
+_BENT = 1e-7
+"""What the curvature of the Earth and refraction may change in a zenith angle (rad for each m)."""
 _LEAST_SIGHT = 1e-6
 """Length of a sight (m) below which it has no direction."""
 
@@ -63,8 +69,15 @@ def sigma_of(found: Estimate, row: int) -> float:
     return float(found.book.observations.sigmas[row])
 
 
-def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes | None:
-    """What fits, within twice the tolerance, at one end of observations; None where that cannot be said."""
+def substitutes(found: Estimate, rows: Sequence[int], end: End, *, near: float = 0.0) -> Substitutes | None:
+    """What fits, within twice the tolerance, at one end of observations; None where that cannot be said.
+
+    Args:
+        found: the network.
+        rows: the observations.
+        end: which of their points is another.
+        near: how far (m) from their places points may be.
+    """
     observations, n = found.book.observations, len(found.points)
     kinds = [BY_CODE[int(observations.types[row])] for row in rows]
     if any(kind.start is Start.NOTHING or not _names(end, kind.start, row, observations)
@@ -72,15 +85,46 @@ def substitutes(found: Estimate, rows: Sequence[int], end: End) -> Substitutes |
         return None
     fits, chance = _candidates(found, rows), 1.0
     for row, kind in zip(rows, kinds, strict=True):
-        values, value = _with_every_point(found, row, end), float(observations.values[row])
+        values, value = with_every_point(found, row, end), float(observations.values[row])
         tolerance = 2.0 * tolerance_of(found, row)
-        gaps = np.abs(values - value)
-        if kind.is_angle:
-            gaps = np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi)
-        fits &= gaps <= tolerance
+        fits &= _gaps(kind, values, value) <= tolerance + _seen(found, row, end, near)
         chance *= 2.0 * tolerance / (2.0 * math.pi if kind.is_angle else max(2.0 * abs(value), tolerance))
     located = np.count_nonzero(np.isfinite(found.coordinates).all(axis=1))
     return Substitutes(tuple(rows), end, tuple(np.flatnonzero(fits[:n]).tolist()), float(located * chance))
+
+
+def near_approximate(found: Estimate, rows: Sequence[int], end: End) -> IntArray:
+    """(n,) how many observations fit each point that nothing determines, by its approximate coordinates."""
+    points, observations = found.points, found.book.observations
+    count, is_located = (
+        np.zeros(len(points), np.int32),
+        np.asarray(np.isfinite(found.coordinates).all(axis=1)),
+    )
+    is_given = np.asarray(np.isfinite(points.coordinates).all(axis=1))
+    if not (is_given & ~is_located).any():
+        return count
+    there = replace(found, coordinates=np.where(is_located[:, None], found.coordinates, points.coordinates))
+    for row in rows:
+        kind, value = BY_CODE[int(observations.types[row])], float(observations.values[row])
+        allowed = _seen(there, row, end, _NEAR) + 2.0 * tolerance_of(found, row)
+        count += _gaps(kind, with_every_point(there, row, end), value) <= allowed
+    return np.asarray(np.where(is_given & ~is_located, count, 0))
+
+
+def _gaps(kind: ObservationKind, computed: FloatArray, value: float) -> FloatArray:
+    """(n,) how far a value is from what it would have been (m, rad)."""
+    gaps = np.abs(computed - value)
+    return np.abs(np.remainder(gaps + math.pi, 2.0 * math.pi) - math.pi) if kind.is_angle else gaps
+
+
+def _seen(found: Estimate, row: int, end: End, near: float) -> FloatArray | float:
+    """(n,) what a shift (m) of each point at one end, and refraction, may change (m, rad)."""
+    kind = BY_CODE[int(found.book.observations.types[row])]
+    if not near or not kind.is_angle:
+        return near
+    lengths = np.linalg.norm(_offsets(found, row, end), axis=1)
+    bent = _BENT * lengths if kind.is_refracted else 0.0
+    return np.asarray(np.minimum(near / np.maximum(lengths, _LEAST_SIGHT) + bent, _WIDEST))
 
 
 def _names(end: End, start: Start, row: int, observations: Observations) -> bool:
@@ -100,8 +144,8 @@ def _candidates(found: Estimate, rows: Sequence[int]) -> BoolArray:
     return fits
 
 
-def _with_every_point(found: Estimate, row: int, end: End) -> FloatArray:
-    """(n,) what one observation would have been with every point at one end; NaN where it cannot be said."""
+def with_every_point(found: Estimate, row: int, end: End) -> FloatArray:
+    """(n,) what an observation would have been with every point at one end; NaN where it cannot be said."""
     kind = BY_CODE[int(found.book.observations.types[row])]
     if kind.start is Start.ANGLE:
         return _angles(found, row, end)

@@ -128,6 +128,26 @@ class Trials:
         corrected = self.tried(points, book, start, most_lost=most_lost)
         return corrected if corrected is not None and self.explains(corrected) else None
 
+    def put_right(self, book: FieldBook, rows: IntArray, least: float) -> Estimate | None:
+        """The network with some observations put right, where others may be wrong too; None if they are not.
+
+        They must fit, and at least so many contradictions must be gone in all. It is computed from where the
+        network was found, and anew where that may be astray.
+        """
+        self._tell()
+        found, start = self.found, self.start(self.found.points, book)
+        if start is None or lost(book, start) > found.lost:
+            return None
+        for begin in (found.places_in(start), start):
+            one = estimated(self.model, found.points, book, QUICK, begin)
+            if (
+                one
+                and not (one.ratios[rows] > one.limit).any()
+                and one.disagreement(GROSS) <= self.before - least
+            ):
+                return one
+        return None
+
     @property
     def is_mostly_right(self) -> bool:
         """Whether suspects are few in a network whose majority is right."""
