@@ -77,6 +77,16 @@ class AddedUnknowns:
         along = axes.T @ (self.shown[own] / root)
         return float(np.sum(along**2 / shares)), -(axes @ (along / shares)) / root
 
+    def with_each(self, chosen: Sequence[int]) -> FloatArray:
+        """(k,) T of some of the unknowns together with each other one; NaN where nothing shows that."""
+        own = list(chosen)
+        across = np.linalg.solve(self.weights[np.ix_(own, own)], self.weights[own])
+        left = self.shown - self.shown[own] @ across
+        weight = np.diag(self.weights) - np.einsum("ik,ik->k", self.weights[own], across)
+        seen = weight > _UNSEEN * self.whole
+        alone = float(self.shown[own] @ np.linalg.solve(self.weights[np.ix_(own, own)], self.shown[own]))
+        return np.where(seen, alone + left**2 / np.where(seen, weight, 1.0), np.nan)
+
     def with_one_observation(self, chosen: Sequence[int], redundancy: FloatArray) -> float:
         """The largest T of some of the unknowns together with a gross error in one observation.
 

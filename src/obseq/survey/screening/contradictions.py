@@ -47,6 +47,12 @@ class Contradiction:
         return not is_rejected(solution.cost - statistic, solution.redundancy - degrees)
 
     @property
+    def needed(self) -> float:
+        """T without which the adjustment is rejected, whatever the degrees of freedom."""
+        solution = self.adjustment.solution
+        return solution.cost - chi_square_limit(solution.redundancy, above=_ACCEPTED)
+
+    @property
     def suspected(self) -> float:
         """The square of the test of the one observation that is suspected; 0 where none is."""
         suspicion = self.adjustment.suspicion

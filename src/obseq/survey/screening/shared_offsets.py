@@ -259,8 +259,12 @@ def _pairs(tests: _Tests) -> Iterator[_Pair]:
     alone = [(found[0], one) for one in tests.causes if (found := tests.test((one,)))]
     alone.sort(key=lambda pair: -pair[0])
     level = _LEVEL / max(len(alone) * (len(alone) - 1) // 2, 1)
+    least = max(tests.found.needed, tests.found.suspected)
     for k, (of_one, one) in enumerate(alone[:_FIRST]):
+        reached = tests.unknowns.with_each(one.columns)
         for of_other, other in alone[k + 1 :]:
+            if len(other.columns) == 1 and not reached[other.columns[0]] >= least:
+                continue
             tested = None if one.is_same(other) else tests.test((one, other))
             if tested is None:
                 continue
@@ -291,7 +295,7 @@ def _is_of_observations(tests: _Tests, pair: _Pair) -> bool:
 
 
 def _groups(estimate: Estimate, sights: Sights) -> Iterator[tuple[What, Rows, bool]]:
-    """Sights that may share an offset, each set once, and whether it is tried alone; all before some."""
+    """Sights that may share an offset, each set once, and whether it is tried alone."""
     observations, seen = estimate.book.observations, set[tuple[str, bytes]]()
     every = np.flatnonzero(observations.active & np.isfinite(estimate.misfits)).astype(np.intp)
     ends = (np.unique(end[every]).tolist() for end in (observations.from_points, observations.to_points))
