@@ -114,7 +114,10 @@ def survey_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         "point_format": None,
         "point_options": None,
         "ignore": (),
+        "refraction": 0.12,
+        "geoid": None,
     }
+    planned = {"network": site.network, "with_gains": False, "farthest": None, "counted": None, "seed": 0}
 
     def read_with(**changes: Any) -> survey.Points:
         return survey.read_points("demo.cor", "ANXYZBla", dataclasses.replace(options, **changes))
@@ -132,6 +135,8 @@ def survey_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (survey.merge_points, {"parts": [site.points]}),
         (survey.join, {"points": site.points, "book": site.book}),
         (survey.compare, {"first": site.adjusted, "second": site.adjusted}),
+        (survey.plan, planned),
+        (survey.simulate, {"network": site.network, "seed": 1, "noise": True}),
         (survey.automatic_fix, {"book": site.book}),
         (
             survey.initial_values,

@@ -75,6 +75,7 @@ class ComparisonRecord:
             are relative to these.
         congruence: of all points that are tested together.
         moved: reference or known points that were found to have moved, in the order in which that was found.
+        undecided: reference or known points some of which have moved, and nothing tells which.
         displacements: of the common points, the most significant first.
         only_first: points of the first epoch alone.
         only_second: points of the second epoch alone.
@@ -101,6 +102,7 @@ class ComparisonRecord:
     runs: tuple[RunRecord, RunRecord]
     obstacles: tuple[str, ...] = ()
     reservations: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION

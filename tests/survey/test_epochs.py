@@ -13,8 +13,8 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.report.comparison import comparison_summary
 from obseq.survey import Network, compare, simulate
-from obseq.survey.epochs.congruence import relative_to
 from obseq.survey.epochs.displacements import displacements
+from obseq.survey.epochs.together import relative_to, similarities
 from obseq.survey.planning.simulation import Simulation
 
 SHIFT = np.array([0.006, -0.004, 0.003])
@@ -94,7 +94,7 @@ def test_reference_points_take_the_datum_out(tmp_path):
     turn = 1e-3 * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     rigid = moved.vectors + np.array([1.0, 2.0, 3.0]) + moved.places @ turn.T
     one, two = (
-        relative_to(replace(moved, vectors=vectors), reference, is_spatial=False)
+        relative_to(replace(moved, vectors=vectors), reference, similarities(moved.places)[:, :4])
         for vectors in (moved.vectors, rigid)
     )
     np.testing.assert_allclose(one.vectors, two.vectors, rtol=0.0, atol=1e-9)

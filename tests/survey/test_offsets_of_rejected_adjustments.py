@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from obseq.survey import Network
+from obseq.survey.screening import shared_offsets
+from obseq.survey.screening.added_unknowns import AddedUnknowns
 from obseq.survey.screening.findings import Cause
 
 PLACES = np.array(
@@ -18,7 +20,9 @@ GON, ANGLE, LENGTH, POINT = np.pi / 200.0, 0.6e-3, 0.004, 0.004
 def adjusted(tmp_path):
     """The adjustment of six points that all see each other, with noise, with something wrong, and what is."""
 
-    def made(seed, *, constant=0.0, index=0.0, height=0.0, moved=(0.0, 0.0), noise=1.0):
+    def made(
+        seed, *, constant=0.0, prism=0.0, index=0.0, height=0.0, moved=(0.0, 0.0), blunder=0.0, noise=1.0
+    ):
         random, lines = np.random.default_rng(seed), []
         for i, here in enumerate(PLACES):
             turn = random.uniform(0.0, 400.0)
@@ -27,11 +31,17 @@ def adjusted(tmp_path):
                 flat = np.hypot(x, y)
                 hz = (np.arctan2(x, y) / GON - turn + noise * random.normal(0, ANGLE)) % 400.0
                 zenith = np.arctan2(flat, z) / GON + index + noise * random.normal(0, ANGLE)
-                length = np.hypot(flat, z) + (constant if i == 4 else 0.0) + noise * random.normal(0, LENGTH)
+                length = (
+                    np.hypot(flat, z)
+                    + prism
+                    + (constant if i == 4 else 0.0)
+                    + noise * random.normal(0, LENGTH)
+                )
+                length += blunder if (i, j) == (3, 5) else 0.0
                 lines.append(f"{7 if n == 0 else 5} P{i} P{j} {hz:.5f} {ANGLE}")
                 lines += [f"6 P{i} P{j} {zenith:.5f} {ANGLE}", f"3 P{i} P{j} {length:.4f} {LENGTH}"]
         given = PLACES + np.random.default_rng(seed + 1).normal(0, POINT, PLACES.shape)
-        given[2, :2] += moved
+        given[2, : len(moved)] += moved
         rows = [
             f"{1 if k in KNOWN else 0} P{k} {x:.4f} {y:.4f} {z:.4f}" + f" {POINT}" * 3 * (k in KNOWN)
             for k, (x, y, z) in enumerate(given)
@@ -75,3 +85,44 @@ def test_a_known_point_that_moved_in_plan_is_one_finding(adjusted):
 @pytest.mark.parametrize("noise", [1.0, 3.0])
 def test_nothing_is_accused_where_nothing_or_all_sigmas_are_wrong(adjusted, noise):
     assert [adjusted(seed, noise=noise).gross_errors for seed in range(10, 22)] == [()] * 12
+
+
+def test_a_bench_mark_and_the_prism_are_told_together(adjusted):
+    """Neither is enough by itself: the sigmas of the distances were blamed, with exit code 0."""
+    prism, mark = adjusted(5, prism=0.035, moved=(0.0, 0.0, 0.06)).gross_errors
+    assert prism.cause == Cause.DISTANCES and prism.what.startswith("the 30 distances")
+    assert float(prism.text.split()[0]) == pytest.approx(-0.035, abs=0.004)
+    assert mark.points == ("P2",) and mark.text.startswith(
+        "without its height the adjustment is accepted, where"
+    )
+    words = mark.text.split()
+    assert float(words[words.index("off") + 3]) == pytest.approx(0.06, abs=0.02)
+
+
+def test_two_offsets_are_told_together(adjusted):
+    """Right angles and the scatter of all of them were told."""
+    index, constant = adjusted(6, index=0.006, constant=0.04).gross_errors
+    assert index.cause == Cause.INDEX and index.what.startswith("the 30 zenith angles")
+    assert constant.cause == Cause.DISTANCES and constant.what.startswith("the 5 distances from P4")
+
+
+def test_an_offset_and_one_wrong_observation_are_no_two_offsets(adjusted):
+    """The distance from P3 to P5 is wrong; with the prism, offsets of either point take up a part of that."""
+    found = adjusted(7, prism=0.03, blunder=0.05).gross_errors
+    assert all(
+        "30 Dist" in error.what or "30 distances" in error.what or "P3 -> P5" in error.what for error in found
+    )
+
+
+def test_an_observation_beside_an_offset_is_tested_as_a_column_with_one_entry(adjusted, monkeypatch):
+    seen = []
+    monkeypatch.setattr(shared_offsets, "_two", lambda tests: seen.append(tests) or ())
+    adjusted(5, prism=0.035, moved=(0.0, 0.0, 0.06))
+    (tests,) = seen
+    columns, quality = tests.unknowns.columns[:, :1], tests.found.adjustment.quality.observations
+    every = np.hstack([columns, np.eye(len(columns))])
+    both = AddedUnknowns.of(tests.found, every, np.zeros(0, np.int64))
+    largest = max(both.test((0, 1 + row))[0] for row in range(len(columns)))
+    found = tests.unknowns.with_one_observation((0,), quality.redundancy)
+    assert found == pytest.approx(largest, rel=1e-9)
+    assert found > tests.unknowns.test((0,))[0] + 1.0

@@ -258,6 +258,14 @@ def test_options_are_abbreviated_and_instruments_named(tmp_path):
     assert rows(network)[-1][4] == pytest.approx(0.002)
 
 
+@pytest.mark.parametrize(
+    ("given", "metres"), [("distance=0.006ft", 0.0018288), ("distance=2us-ft", 2 * 1200 / 3937)]
+)
+def test_sigmas_may_be_in_feet(tmp_path, given, metres):
+    network = read(tmp_path, SPACE.format("D A-P 50"), sigmas=[given])
+    assert rows(network)[-1][4] == pytest.approx(metres, rel=1e-12)
+
+
 VECTORS = """.3D
 .UNITS Meters DMS
 .ORDER EN

@@ -91,7 +91,9 @@ def _reasons(record: "ComparisonRecord", incomplete: list[int]) -> "Iterator[str
     moved = [*record.moved, *(row.point for row in record.displacements if row.is_significant)]
     if moved:
         yield f"moved: {listed(list(dict.fromkeys(moved)), MOST)}"
-    elif not record.congruence.passed:
+    if record.undecided:
+        yield f"moved, undecided which: one or more of {listed(record.undecided, MOST)}"
+    elif not moved and not record.congruence.passed:
         yield "the points together have moved"
     if incomplete:
         yield f"incomplete, as warned above: {', '.join(f'epoch {number}' for number in incomplete)}"

@@ -143,7 +143,7 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
         "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
-        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m)",
+        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
     )
     computation.add_argument(
         "--ignore",

@@ -71,7 +71,11 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     kind = "known" if record.datum == KNOWN else "reference"
     if record.moved:
         yield f"  {kind} points that have MOVED, the worst first: {', '.join(record.moved)}"
-    others = f"the other {kind} points" if record.moved else f"the {kind} points"
+    if record.undecided:
+        also = " too" if record.moved else ""
+        names = ", ".join(record.undecided)
+        yield f"  one or more of the {kind} points {names} MOVED{also}, and nothing tells which"
+    others = f"the other {kind} points" if record.moved or record.undecided else f"the {kind} points"
     which = "the points together" if record.datum == "as adjusted" else others
     state = "have stayed" if record.congruence.passed else "have MOVED"
     yield f"  {which} {state}: {_tested(record.congruence)}"
@@ -104,12 +108,14 @@ def _table(record: ComparisonRecord, chosen: Sequence[DisplacementRecord]) -> Ta
     small = units.Units(record.units).small_length
     title = f"Displacements, second epoch minus first ({small.name}), tested at {100 * record.level:g} %"
     header = ("point", "east", "north", "up", "s east", "s north", "s up", "length", "statistic", "limit", "")
-    return Table(title, header, tuple(_cells(row, small) for row in chosen))
+    open_ = set() if record.obstacles else set(record.undecided)
+    return Table(title, header, tuple(_cells(row, small, is_undecided=row.point in open_) for row in chosen))
 
 
-def _cells(row: DisplacementRecord, small: units.Scale) -> tuple[str, ...]:
+def _cells(row: DisplacementRecord, small: units.Scale, *, is_undecided: bool) -> tuple[str, ...]:
     numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
     verdict = "moved" if row.is_significant else "reference" if row.is_reference else ""
+    verdict = "undecided" if is_undecided else verdict
     if row.test is None:
         return (row.point, *map(small.number, numbers), units.ABSENT, units.ABSENT, "held")
     statistic, limit = f"{row.test.statistic:.2f}", f"{row.test.limit:.2f}"

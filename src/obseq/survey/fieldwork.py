@@ -207,9 +207,7 @@ class Fieldwork:
         if not errors:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
-        if not (len(errors) == 1 and errors[0].is_shared):
-            shared = shared_offset_cause(self.model(), given, equations, adjustment)
-            errors = shared or errors
+        errors = shared_offset_cause(self.model(), given, equations, adjustment, errors) or errors
         errors, told = self._told_best(errors, computation, given, equations, adjustment)
         if strict and errors:
             refuse(errors)

@@ -123,6 +123,7 @@ class Network:
         point_format=TEXT | NOTHING,
         point_options=instance(PointFileOptions) | NOTHING,
         ignore=WORDS,
+        refraction=NUMBER,
         geoid=PATH | NOTHING,
     )
     def read(
@@ -177,6 +178,7 @@ class Network:
     @expecting(
         paths=PATHS,
         frame=TEXT | NOTHING,
+        refraction=NUMBER | NOTHING,
         encoding=TEXT,
         outside=TRUTH,
         geoid=PATH | NOTHING,

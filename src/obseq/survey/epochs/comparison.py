@@ -19,10 +19,21 @@ from obseq.record import EllipseRecord
 from obseq.shown_units import METRIC
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.frame import Frame
-from obseq.survey.epochs.congruence import Tester, congruence, relative_to, stable
+from obseq.survey.epochs.congruence import Tester, congruence
 from obseq.survey.epochs.displacements import Displacements, displacements
-from obseq.survey.epochs.grounds import at_odds, fits, obstacles, reservations, taken_for_granted
+from obseq.survey.epochs.grounds import (
+    at_odds,
+    fits,
+    obstacles,
+    reservations,
+    taken_for_granted,
+    told_by_others,
+    undecided,
+    without_explained,
+)
 from obseq.survey.epochs.known_points import by_observations, known_points
+from obseq.survey.epochs.localisation import moved_references
+from obseq.survey.epochs.together import determine, motions_of, relative_to
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -47,6 +58,7 @@ class Comparison:
         congruence: of all that are tested together.
         reference: (n,) the points that are taken to have stayed; None when the datum is that of the epochs.
         moved: names of reference points that were found to have moved.
+        undecided: names of reference points some of which have moved, and nothing tells which.
         same_precision: test of the two variance factors; None where one is undefined or not used.
         tester: the level of the tests and what stands behind them.
         epochs: the two adjustments.
@@ -63,6 +75,7 @@ class Comparison:
     same_precision: TestRecord | None
     tester: Tester
     epochs: tuple[Adjustment, Adjustment]
+    undecided: tuple[str, ...] = ()
     is_known: bool = False
     doubts: tuple[str, ...] = ()
     reservations: tuple[str, ...] = ()
@@ -70,9 +83,7 @@ class Comparison:
     @property
     def obstacles(self) -> tuple[str, ...]:
         """Why there is no verdict, one sentence per reason: gross errors, an epoch that did not converge."""
-        names = np.array(self.displacements.names)
-        staying = () if self.reference is None else names[self.reference].tolist()
-        return (*self.doubts, *obstacles(self.epochs, self.moved, (*staying, *self.moved)))
+        return (*self.doubts, *obstacles(self.epochs))
 
     @property
     def is_quiet(self) -> bool:
@@ -82,7 +93,7 @@ class Comparison:
 
     @property
     def significant(self) -> tuple[str, ...]:
-        """Names of the points that have moved; none where obstacles forbid a verdict."""
+        """Names of the points that have moved for certain; none where obstacles forbid a verdict."""
         if self.obstacles:
             return ()
         names = self.displacements.names
@@ -92,7 +103,8 @@ class Comparison:
         """Whether a point fails its test; reference points that have stayed were tested together."""
         test = self.tests[row]
         has_stayed = self.reference is not None and bool(self.reference[row])
-        return test is not None and not test.passed and not has_stayed
+        is_decided = self.displacements.names[row] not in self.undecided
+        return test is not None and not test.passed and not has_stayed and is_decided
 
     def record(self) -> ComparisonRecord:
         """What the result file holds and the summary prints."""
@@ -104,6 +116,7 @@ class Comparison:
             datum=self._datum,
             congruence=self.congruence,
             moved=self.moved,
+            undecided=self.undecided,
             displacements=tuple(sorted(self._displacements(), key=_by_significance)),
             only_first=tuple(sorted(first - second)),
             only_second=tuple(sorted(second - first)),
@@ -217,13 +230,28 @@ def _relative(
     epochs: Epochs, names: tuple[str, ...], reference: Collection[str], level: float, *, trusted: bool
 ) -> Comparison:
     """The comparison with epochs that are fitted together on the reference points that have stayed."""
-    tester, is_spatial = _tester(*epochs, level, trusted=trusted), not _frame(epochs).has_vertical
+    tester = _tester(*epochs, level, trusted=trusted)
     moved = displacements(*epochs, names)
     chosen = np.array([name in set(reference) for name in names], np.bool_)
-    staying, removed = stable(moved, chosen, tester, is_spatial=is_spatial)
-    moved = relative_to(moved, staying, is_spatial=is_spatial)
-    found = _comparison(epochs, moved, tester, congruence(moved, staying, tester), staying)
-    return replace(found, moved=tuple(names[row] for row in removed))
+    motions = motions_of(epochs, moved, chosen, is_spatial=not _frame(epochs).has_vertical)
+    found = moved_references(moved, chosen, tester, motions)
+    staying = chosen.copy()
+    staying[[*found.certain, *found.undecided]] = False
+    is_whole = not found.sets or determine(motions, staying)
+    staying = staying if is_whole else chosen
+    moved = relative_to(moved, staying, motions)
+    compared = _comparison(epochs, moved, tester, congruence(moved, staying, tester), staying)
+    sets, rejected = ([[names[row] for row in one] for one in rows] for rows in (found.sets, found.rejected))
+    certain, open_ = (tuple(names[row] for row in rows) for rows in (found.certain, found.undecided))
+    first, second = (without_explained(epoch, (*certain, *open_), reference) for epoch in epochs)
+    return replace(
+        compared,
+        epochs=(first, second),
+        moved=certain,
+        undecided=open_,
+        doubts=() if is_whole else undecided(sets),
+        reservations=told_by_others(sets, rejected, *found.witnesses),
+    )
 
 
 def _without_moved_known_points(found: Comparison, *, trusted: bool) -> Comparison:
@@ -239,7 +267,7 @@ def _without_moved_known_points(found: Comparison, *, trusted: bool) -> Comparis
         relative = _relative((first, second), names, known, found.tester.level, trusted=trusted)
     except InputError:
         return replace(found, epochs=(first, second), doubts=at_odds(known))
-    return replace(relative, is_known=True) if relative.moved else found
+    return replace(relative, is_known=True) if relative.moved or relative.undecided else found
 
 
 def _comparison(

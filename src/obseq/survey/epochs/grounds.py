@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,26 +24,36 @@ MOST = 8
 """Names that one sentence lists."""
 
 
-def obstacles(
-    epochs: Sequence[Adjustment], moved: Collection[str] = (), reference: Collection[str] = ()
-) -> Iterator[str]:
-    """Why nothing can be said about movements, one sentence per reason; none where a verdict is possible.
-
-    Args:
-        epochs: The adjustments.
-        moved: Reference points that were found to have moved: that their coordinates of old, or those of
-            other reference points with them, contradict the observations is what was looked for.
-        reference: All reference points.
-    """
+def obstacles(epochs: Sequence[Adjustment]) -> Iterator[str]:
+    """Why nothing can be said about movements, one sentence per reason; none where a verdict is possible."""
     for number, epoch in enumerate(epochs, 1):
         if not epoch.converged:
             yield f"epoch {number} did not converge: adjust it first"
         for error in epoch.gross_errors:
-            if set(error.points) & set(moved) and set(error.points) <= set(reference):
-                continue
             yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
         if not epoch.gross_errors and (suspicion := epoch.suspicion) is not None:
             yield f"epoch {number}: {_suspected(epoch, suspicion)}"
+
+
+def without_explained(epoch: Adjustment, moved: Collection[str], reference: Collection[str]) -> Adjustment:
+    """An epoch without the errors of points that are no errors of its observations.
+
+    Where it rests on inner constraints and its observations agree, they contradicted coordinates of old.
+
+    Args:
+        epoch: The adjustment.
+        moved: Reference points that were found to have moved: that their coordinates of old, or those of
+            other reference points with them, contradict the observations is what was looked for.
+        reference: All reference points.
+    """
+    agrees = bool(epoch.undetermined) and fits(epoch)
+    errors = tuple(
+        error
+        for error in epoch.gross_errors
+        if not (error.points and agrees)
+        and not (set(error.points) & set(moved) and set(error.points) <= set(reference))
+    )
+    return replace(epoch, gross_errors=errors)
 
 
 def _suspected(epoch: Adjustment, suspicion: SuspicionRecord) -> str:
@@ -60,6 +71,49 @@ def at_odds(known: Sequence[str]) -> tuple[str, ...]:
         f"known points have moved against each other, by what the observations alone say: one or more of "
         f"{listed(known, MOST)}, and nothing tells which; name points that have stayed (--reference)",
     )
+
+
+def undecided(sets: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Why there is no verdict where each of some sets of points explains why the others do not agree."""
+    return (
+        f"of the reference points {_or(sets)} moved, and nothing tells which: without any of these the "
+        "others agree; name more points that have stayed (--reference), or measure between them",
+    )
+
+
+def told_by_others(
+    sets: Sequence[Sequence[str]], rejected: Sequence[Sequence[str]], moving: int, others: int
+) -> tuple[str, ...]:
+    """What weakens a verdict where other points tell which of some sets of reference points has moved.
+
+    Args:
+        sets: by which most of the other points have stayed.
+        rejected: by which most of them have moved; an empty one where the reference points agree.
+        moving: how many at least.
+        others: how many other points there are.
+    """
+    if not rejected:
+        return ()
+    if () in map(tuple, rejected):
+        told = f"agree; that {_or(sets)} moved is"
+    else:
+        told = f"do not tell whether {_or([*sets, *rejected])} moved; that {_or(sets)} is"
+    return (
+        f"between themselves the reference points {told} told by the other points: {moving} of {others} "
+        "would have moved otherwise",
+    )
+
+
+def _or(sets: Sequence[Sequence[str]]) -> str:
+    """Points of which one, or one set, has moved."""
+    names = [" and ".join(one) for one in sets]
+    return f"{_any(names)} {'has' if max(map(len, sets)) == 1 else 'have'}"
+
+
+def _any(names: Sequence[str]) -> str:
+    """One of the names, of many the first few."""
+    more = [f"one of {len(names) - MOST} more"] if len(names) > MOST else []
+    return " or ".join([*names[:MOST], *more])
 
 
 def taken_for_granted(known: Sequence[str]) -> tuple[str, ...]:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.arguments import FUNCTION, NOTHING, NUMBER, WHOLE, expecting, instance
+from obseq.arguments import FUNCTION, NOTHING, NUMBER, SEED, TRUTH, WHOLE, WORDS, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.plan_record import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.network import Network
 from obseq.survey.planning.draws import compared, draw
 from obseq.survey.planning.gains import candidates, gains
 from obseq.survey.planning.simulation import Simulation
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from obseq.plan_record import DrawsRecord
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.network import Network
 
 WEAKEST = 10
 NOTE = (
@@ -99,10 +99,13 @@ class Plan:
 
 
 @expecting(
+    network=instance(Network),
     quality=instance(Quality) | NOTHING,
+    with_gains=TRUTH,
     farthest=NUMBER | NOTHING,
+    counted=WORDS | NOTHING,
     draws=WHOLE,
-    seed=WHOLE,
+    seed=SEED,
     progress=FUNCTION | NOTHING,
 )
 def plan(

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.arguments import NOTHING, TRUTH, WHOLE, expecting
+from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.network import Network
 from obseq.survey.planning.truth import placed, truth, with_values
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import Points
-    from obseq.survey.network import Network
 
 TURN = 2.0 * np.pi
 
@@ -92,7 +92,7 @@ class Simulation:
         return replace(points, coordinates=moved)
 
 
-@expecting(seed=WHOLE | NOTHING, noise=TRUTH)
+@expecting(network=instance(Network), seed=SEED | NOTHING, noise=TRUTH)
 def simulate(network: Network, seed: int | None = None, *, noise: bool = True) -> Network:
     """The network as it would be observed if its coordinates were true.
 

@@ -47,6 +47,12 @@ class Contradiction:
         return not is_rejected(solution.cost - statistic, solution.redundancy - degrees)
 
     @property
+    def needed(self) -> float:
+        """T without which the adjustment is rejected, whatever the degrees of freedom."""
+        solution = self.adjustment.solution
+        return solution.cost - chi_square_limit(solution.redundancy, above=_ACCEPTED)
+
+    @property
     def suspected(self) -> float:
         """The square of the test of the one observation that is suspected; 0 where none is."""
         suspicion = self.adjustment.suspicion
@@ -91,6 +97,14 @@ def weighted(
     state: FinalState, parts: list[Part], columns: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """C' P v (k,), its covariance C' P Qv P C (k, k), and C' P C, of columns C (n, k) over the field book."""
+    shown, whole, through = through_unknowns(state, parts, columns)
+    return shown, whole - through.T @ state.solve(through), whole
+
+
+def through_unknowns(
+    state: FinalState, parts: list[Part], columns: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """C' P v (k,), C' P C (k, k) and A' P C (unknowns, k), of columns C (n, k) over the field book."""
     count = columns.shape[1]
     shown, whole = np.zeros(count), np.zeros((count, count))
     through = np.zeros((state.equations.n_unknowns, count))
@@ -101,4 +115,21 @@ def weighted(
             shown += white.T @ residuals
             whole += white.T @ white
             through += jacobian @ white
-    return shown, whole - through.T @ state.solve(through), whole
+    return shown, whole, through
+
+
+def independent(found: Contradiction) -> IntArray:
+    """Rows of the known coordinates that have no covariance with others."""
+    places = found.equations.known.places()
+    return next((own for batch, own in places.items() if batch.clusters is None), np.zeros(0, np.int64))
+
+
+def known_rows(found: Contradiction, mine: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (k,) and Jacobian (k, unknowns) of independent known coordinates, in their sigmas."""
+    known, state = found.adjustment.known, found.state
+    places = found.equations.known.places()
+    batch = next((one for one in places if one.clusters is None), None)
+    if batch is None or not len(mine):
+        return np.zeros(0), np.zeros((0, state.equations.n_unknowns))
+    rows = state.rows(batch, np.searchsorted(places[batch], mine))[:, 0]
+    return known.residuals[mine] / known.sigmas[mine], rows

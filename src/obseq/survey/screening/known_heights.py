@@ -14,6 +14,7 @@ import numpy as np
 
 from obseq.leastsquares.statistics.distributions import chi_square_tails
 from obseq.printable import listed
+from obseq.survey.screening.contradictions import independent, known_rows
 from obseq.survey.screening.findings import Cause, GrossError
 
 if TYPE_CHECKING:
@@ -72,18 +73,14 @@ def heights_cause(found: Contradiction, units: Units) -> tuple[GrossError, ...]:
 
 def _tested(found: Contradiction, mine: IntArray) -> tuple[float, int, FloatArray]:
     """The test of known heights as one, its degrees of freedom, and what they are off by (m)."""
-    state, places = found.state, found.equations.known.places()
-    batch = next((one for one, own in places.items() if one.clusters is None), None)
-    if batch is None or not np.isin(mine, places[batch]).all():
+    if not np.isin(mine, independent(found)).all():
         return 0.0, 0, np.zeros(len(mine))
-    rows = state.rows(batch, np.searchsorted(places[batch], mine))[:, 0]
-    sigmas = found.adjustment.known.sigmas[mine]
-    weight = np.eye(len(mine)) - rows @ state.solve(np.ascontiguousarray(rows.T))
+    normalised, rows = known_rows(found, mine)
+    weight = np.eye(len(mine)) - rows @ found.state.solve(np.ascontiguousarray(rows.T))
     shares, axes = np.linalg.eigh(weight)
     kept = shares > _UNSEEN
-    normalised = state.result.residuals(batch)[np.searchsorted(places[batch], mine), 0] / sigmas
     along = axes[:, kept].T @ normalised
-    off = -sigmas * (axes[:, kept] @ (along / shares[kept]))
+    off = -found.adjustment.known.sigmas[mine] * (axes[:, kept] @ (along / shares[kept]))
     return float(np.sum(along**2 / shares[kept])), int(kept.sum()), off
 
 

@@ -21,7 +21,7 @@ from obseq.survey.screening.substitutes import sigma_of
 from obseq.survey.screening.values import COORDINATE, explain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook
@@ -219,27 +219,35 @@ def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
 
 
 def _groups(found: Estimate) -> Iterator[tuple[What, Rows]]:
-    """Sights from a point with one height, to a point, and of both; distances from and to a point.
+    """Sights of suspects that may share an offset; those from a point to another, too."""
+    observations = found.book.observations
+    is_used = observations.active & np.isfinite(found.misfits)
+    ends = observations.from_points, observations.to_points
+    origins, targets = (np.unique(end[found.suspects]).tolist() for end in ends)
+    yield from sharing(found, origins, targets)
+    for target in targets:
+        mine = is_used & (ends[1] == target)
+        for origin in np.unique(ends[0][mine]).tolist():
+            yield What.TARGET, _rows(mine & (ends[0] == origin))
+
+
+def sharing(found: Estimate, origins: Iterable[int], targets: Iterable[int]) -> Iterator[tuple[What, Rows]]:
+    """Sights from points with one height, and to points; distances and zenith angles from and to points.
 
     A scale is of the instrument, not of what it looks at.
     """
     observations = found.book.observations
     is_used = observations.active & np.isfinite(found.misfits)
-    ends = observations.from_points, observations.to_points
-    for origin in np.unique(ends[0][found.suspects]).tolist():
-        mine = is_used & (ends[0] == origin)
+    for origin in origins:
+        mine = is_used & (observations.from_points == origin)
         for height in np.unique(observations.from_heights[mine]).tolist():
             yield What.INSTRUMENT, _rows(mine & (observations.from_heights == height))
-        yield What.CONSTANT, _rows(mine)
-        yield What.SCALE, _rows(mine)
-        yield What.INDEX, _rows(mine)
-    for target in np.unique(ends[1][found.suspects]).tolist():
-        mine = is_used & (ends[1] == target)
-        yield What.TARGET, _rows(mine)
-        yield What.CONSTANT, _rows(mine)
-        yield What.INDEX, _rows(mine)
-        for origin in np.unique(ends[0][mine]).tolist():
-            yield What.TARGET, _rows(mine & (ends[0] == origin))
+        for what in (What.CONSTANT, What.SCALE, What.INDEX):
+            yield what, _rows(mine)
+    for target in targets:
+        mine = is_used & (observations.to_points == target)
+        for what in (What.TARGET, What.CONSTANT, What.INDEX):
+            yield what, _rows(mine)
 
 
 def _rows(mask: BoolArray) -> Rows:
