@@ -98,7 +98,8 @@ def _explaining(trials: Trials, one: Offset) -> Estimate | None:
     found, book = trials.found, corrected_by(trials.found.book, one)
     for start in (replace(found.end, book=corrected_by(found.end.book, one)), None):
         corrected = trials.tried(found.points, book, start)
-        if corrected and trials.before - corrected.disagreement(GROSS) >= _GAIN * len(one.suspects):
+        contradictions = float(found.contradictions(GROSS)[one.suspects].sum())
+        if corrected and trials.before - corrected.disagreement(GROSS) >= _GAIN * contradictions:
             return corrected
     return None
 
