@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes
+from obseq.images.adjustment.calibrations import held_parameters, interior
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
-from obseq.images.adjustment.gross_errors import gross_errors, worst_pose
+from obseq.images.adjustment.gross_errors import gross_errors, worst_control, worst_pose
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
 from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.poses import Poses
 
-GROSS = 10.0
-"""Sigmas: a larger residual may be that of an exchanged point."""
+GROSS, DOUBTFUL = 10.0, 2.5
+"""Sigmas: larger residuals may be those of exchanged points; of a control point, from a wrong calibration."""
 SMALL, NEAR = 5e-4, 5e-3
 """Of focal lengths and of the extent: no block comes as near to image and control points with wrong axes."""
 MIRRORED = (
@@ -61,6 +62,8 @@ def common_cause(
     may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
     may_be_misplaced = is_bad and not _is_in_shape(solution)
     cause = control_unit(trials) if is_bad else ""
+    if not cause and (is_rejected(solution) or worst_control(solution, DOUBTFUL)):
+        cause = _calibration(trials, may_search)
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad and may_search:
@@ -68,7 +71,7 @@ def common_cause(
     if not cause and may_be_misplaced:
         cause = _axes_or_poses(trials)
     if not cause and is_bad:
-        cause = _interior(trials)
+        cause = interior(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
@@ -81,8 +84,10 @@ def common_cause(
 
 
 def _has_gross(solution: BundleSolution) -> bool:
+    """Whether an observation is off by many of its sigmas."""
     found = solution.residuals
-    return bool((np.abs(found.residuals) > GROSS * found.sigmas).any()) or bool(worst_pose(solution))
+    is_off = (np.abs(found.residuals) > GROSS * found.sigmas).any()
+    return bool(is_off or worst_control(solution, GROSS) or worst_pose(solution))
 
 
 def _is_in_shape(solution: BundleSolution) -> bool:
@@ -107,45 +112,13 @@ def _axes_or_poses(trials: Trials) -> str:
     return misplaced(trials) or said
 
 
-def _interior(trials: Trials) -> str:
-    """Another focal length that explains a block, or another principal point, in words."""
-    found, before = _freed(trials, "F", "another focal length"), trials.before.cameras
-    if found is not None:
-        return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
-    held = all(
-        (c.principal_point == trials.block.cameras[name].principal_point).all() for name, c in before.items()
-    )
-    found = _freed(trials, "F|PP.", "another principal point") if held else None
-    if found is None:
-        return ""
-    return f"a principal point is wrong ({_principal_points(found)}): {trials.becomes(found)}"
-
-
-def _freed(trials: Trials, parameters: str, change: str) -> BundleSolution | None:
-    made = trials.copy()
-    made.free_parameters(parameters)
-    return trials.fitting(made, change)
+def _calibration(trials: Trials, may_search: bool) -> str:
+    """Parameters of cameras that are held and wrong; and what explains as much, where single observations do."""
+    said = held_parameters(trials)
+    also = gross_errors(trials) if said and may_search else ""
+    return f"{said}; or {also}" if also else said
 
 
 def silent(said: str) -> None:
     """Nobody is told."""
 
-
-def _focal_lengths(found: BundleSolution) -> str:
-    """Those that are farthest from what was given."""
-    given = found.block.cameras
-    ratio = {name: abs(np.log(camera.focal / given[name].focal)) for name, camera in found.cameras.items()}
-    name = max(ratio, key=lambda name: ratio[name])
-    return f"camera {name}: {given[name].focal:g} px given, {found.cameras[name].focal:.6g} px as an unknown"
-
-
-def _principal_points(found: BundleSolution) -> str:
-    """The one that is farthest from what was given."""
-    given = found.block.cameras
-    off = {
-        name: float(np.abs(c.principal_point - given[name].principal_point).max())
-        for name, c in found.cameras.items()
-    }
-    name = max(off, key=lambda name: off[name])
-    (x, y), (u, v) = given[name].principal_point, found.cameras[name].principal_point
-    return f"camera {name}: {x:g}, {y:g} given, {u:.6g}, {v:.6g} as unknowns"

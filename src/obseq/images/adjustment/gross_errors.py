@@ -107,7 +107,7 @@ def _with_the_worst(trials: Trials, left: _Left, solution: BundleSolution) -> It
     pose = worst_pose(solution)
     if pose and OF_IMAGES * (1 + len(left.poses)) <= len(solution.poses):
         yield replace(left, poses=(*left.poses, pose))
-    control = _worst_control(solution, norms[worst]) or point
+    control = worst_control(solution, norms[worst]) or point
     rays = norms[found.point == solution.points.index(control)]
     known = trials.block.control.names
     if (
@@ -134,7 +134,7 @@ def worst_pose(solution: BundleSolution) -> str:
     return worst[1]
 
 
-def _worst_control(solution: BundleSolution, least: float) -> str:
+def worst_control(solution: BundleSolution, least: float) -> str:
     """The control point that has moved by most of its sigmas, if these are more; else empty."""
     names, residuals = solution.control_residuals()
     sigmas = solution.block.control.select(names).sigmas

@@ -1,0 +1,148 @@
+"""What all images share of a camera, and is wrong: parameters that are held, a focal length that is far off.
+
+It is tried before single observations are accused: a few unknowns more, with which the whole block fits.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.images.adjustment.trials import LOUD, is_rejected
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from obseq.images.adjustment.adjustable import AdjustableBlock
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.adjustment.trials import Attempts, Trials
+    from obseq.images.camera import Camera
+    from obseq.images.poses import Poses
+
+FOCAL, POINT, DISTORTION = "F", "PP.", "K."
+"""Parameters of cameras, as patterns: what is freed first, and what beside it."""
+OFF = 0.03
+"""Share of itself by which a focal length is off, at least, that keeps images from being placed."""
+FACTORS = (2.0, 0.5, 1.4, 0.7)
+"""Times as long as it was given a focal length may be: each covers those about it."""
+
+
+def held_parameters(trials: Trials) -> str:
+    """Parameters of cameras that are held and with which as unknowns a block is accepted, in words; else empty."""
+    for parameters, said in ((FOCAL, _focal_length), (POINT, _principal_point), (DISTORTION, _distortion)):
+        found = _freed(trials, parameters)
+        if found is not None and not is_rejected(found) and trials.gains(found) > LOUD**2:
+            return f"{said(found)}: {trials.becomes(found)}"
+    return ""
+
+
+def interior(trials: Trials) -> str:
+    """A focal length, or a principal point, that explains most of what a bad block leaves, in words."""
+    found = _freed(trials, FOCAL)
+    if found is not None:
+        return f"{_focal_length(found)}: {trials.becomes(found)}"
+    found = _freed(trials, POINT)
+    return "" if found is None else f"{_principal_point(found)}: {trials.becomes(found)}"
+
+
+def _freed(trials: Trials, parameters: str) -> BundleSolution | None:
+    """A block that fits with parameters, and those before them, as unknowns; None where none of them was held."""
+    if not _are_held(trials.block, parameters):
+        return None
+    made = trials.copy()
+    order = (FOCAL, POINT, DISTORTION)
+    made.free_parameters("|".join(order[: order.index(parameters) + 1]))
+    return trials.fitting(made, f"{parameters} of the cameras as unknowns")
+
+
+def _are_held(block: AdjustableBlock, parameters: str) -> bool:
+    """Whether a parameter that a pattern matches keeps its value in a camera that has images."""
+    pattern = re.compile(parameters)
+    return any(
+        pattern.fullmatch(name) and block.is_frozen(camera, name)
+        for camera in set(block.camera_of.values())
+        for name in block.cameras[camera].parameter_names
+    )
+
+
+def other_focal(attempts: Attempts, starts: Iterable[Poses] = ()) -> BundleSolution | None:
+    """A block that fits with focal lengths that are far from those given; None where it does not.
+
+    Args:
+        attempts: of a block whose images have no place.
+        starts: poses that are tried before images are placed with other focal lengths.
+    """
+    for made in itertools.chain(_from_there(attempts, starts), _with_others(attempts)):
+        made.free_parameters(FOCAL)
+        found = attempts.fitting(made, "another focal length")
+        if found is not None and _largest_change(attempts, found) > OFF:
+            return found
+    return None
+
+
+def _largest_change(attempts: Attempts, found: BundleSolution) -> float:
+    given = attempts.block.cameras
+    return max(_off(camera, given[name]) for name, camera in found.cameras.items())
+
+
+def _from_there(attempts: Attempts, starts: Iterable[Poses]) -> Iterator[AdjustableBlock]:
+    for poses in starts:
+        made = attempts.copy()
+        made.poses = poses
+        yield made
+
+
+def _with_others(attempts: Attempts) -> Iterator[AdjustableBlock]:
+    for factor in FACTORS:
+        made = attempts.copy()
+        made.cameras = {name: replace(c, focal=factor * c.focal) for name, c in made.cameras.items()}
+        yield made
+
+
+def focal_in_words(attempts: Attempts, found: BundleSolution) -> str:
+    """A focal length that is far off, in words."""
+    return f"{_focal_length(found, attempts.block.cameras)}: {attempts.becomes(found)}"
+
+
+def _focal_length(found: BundleSolution, given: Mapping[str, Camera] | None = None) -> str:
+    """The one that is farthest from what was given."""
+    given = given or found.block.cameras
+    name = max(given.keys() & found.cameras.keys(), key=lambda name: _off(found.cameras[name], given[name]))
+    return (
+        f"a focal length is wrong, or its unit (camera {name}: {given[name].focal:g} px given, "
+        f"{found.cameras[name].focal:.6g} px as an unknown)"
+    )
+
+
+def _off(camera: Camera, given: Camera) -> float:
+    return float(abs(np.log(camera.focal / given.focal)))
+
+
+def _principal_point(found: BundleSolution) -> str:
+    """The one that is farthest from what was given."""
+    given = found.block.cameras
+    off = {
+        name: float(np.abs(c.principal_point - given[name].principal_point).max())
+        for name, c in found.cameras.items()
+    }
+    name = max(off, key=lambda name: off[name])
+    (x, y), (u, v) = given[name].principal_point, found.cameras[name].principal_point
+    return f"a principal point is wrong (camera {name}: {x:g}, {y:g} given, {u:.6g}, {v:.6g} as unknowns)"
+
+
+def _distortion(found: BundleSolution) -> str:
+    """The first coefficient of the camera that differs most."""
+    given = found.block.cameras
+    name = max(
+        found.cameras, key=lambda name: np.abs(found.cameras[name].distortion - given[name].distortion).max()
+    )
+    old, new = given[name], found.cameras[name]
+    row = old.coefficient_names.index("K1") if "K1" in old.coefficient_names else 0
+    return (
+        f"a calibration is wrong, its distortion too (camera {name}: K1 {old.distortion[row]:g} given, "
+        f"{new.distortion[row]:.4g} as an unknown)"
+    )
