@@ -104,7 +104,8 @@ def no_parameter(parameters: str, cameras: str, known: Mapping[str, Sequence[str
         of_all.setdefault(tuple(of_one), []).append(name)
     listed = "; ".join(f"camera {', '.join(names)}: {', '.join(of)}" for of, names in of_all.items())
     return InputError(
-        f"no camera parameter matches {parameters!r} of cameras {cameras!r} as a whole; there are {listed or 'none'}"
+        f"no camera parameter matches {parameters!r} of cameras {cameras!r} as a whole; "
+        f"there are {listed or 'none'}"
     )
 
 

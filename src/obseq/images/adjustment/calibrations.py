@@ -24,16 +24,24 @@ if TYPE_CHECKING:
     from obseq.images.poses import Poses
 
 FOCAL, POINT, DISTORTION = "F", "PP.", "K."
-"""Parameters of cameras, as patterns: what is freed first, and what beside it."""
+"""Patterns of parameters of cameras."""
+CALLED = {FOCAL: "focal length", POINT: "principal point", DISTORTION: "distortion"}
+"""What is freed first, and what beside it, and what they are called."""
 OFF = 0.03
 """Share of itself by which a focal length is off, at least, that keeps images from being placed."""
 FACTORS = (2.0, 0.5, 1.4, 0.7)
 """Times as long as it was given a focal length may be: each covers those about it."""
 
 
-def held_parameters(trials: Trials) -> str:
-    """Parameters of cameras that are held and with which as unknowns a block is accepted, in words; else empty."""
-    for parameters, said in ((FOCAL, _focal_length), (POINT, _principal_point), (DISTORTION, _distortion)):
+def held_parameters(trials: Trials, most: int = 3) -> str:
+    """Held parameters of cameras with which as unknowns a block is accepted, in words; empty where none are.
+
+    Args:
+        trials: of the block.
+        most: 1 for the focal length alone, 2 with the principal point, 3 with the distortion.
+    """
+    said_of = (FOCAL, _focal_length), (POINT, _principal_point), (DISTORTION, _distortion)
+    for parameters, said in said_of[:most]:
         found = _freed(trials, parameters)
         if found is not None and not is_rejected(found) and trials.gains(found) > LOUD**2:
             return f"{said(found)}: {trials.becomes(found)}"
@@ -50,13 +58,12 @@ def interior(trials: Trials) -> str:
 
 
 def _freed(trials: Trials, parameters: str) -> BundleSolution | None:
-    """A block that fits with parameters, and those before them, as unknowns; None where none of them was held."""
+    """A block that fits with parameters and those before them as unknowns; None where they were so before."""
     if not _are_held(trials.block, parameters):
         return None
-    made = trials.copy()
-    order = (FOCAL, POINT, DISTORTION)
+    made, order = trials.copy(), list(CALLED)
     made.free_parameters("|".join(order[: order.index(parameters) + 1]))
-    return trials.fitting(made, f"{parameters} of the cameras as unknowns")
+    return trials.fitting(made, f"another {CALLED[parameters]}")
 
 
 def _are_held(block: AdjustableBlock, parameters: str) -> bool:

@@ -18,7 +18,7 @@ from obseq.images.adjustment.given_poses import exchanged_images, misplaced
 from obseq.images.adjustment.gross_errors import gross_errors, worst_control, worst_pose
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
-from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
+from obseq.images.adjustment.trials import BAD, Trials, has_robust_weights, is_mirrored, is_rejected
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from obseq.images.poses import Poses
 
 GROSS, DOUBTFUL = 10.0, 2.5
-"""Sigmas: larger residuals may be those of exchanged points; of a control point, from a wrong calibration."""
+"""Sigmas: larger residuals may be of exchanged points; of control points, from a wrong calibration."""
 SMALL, NEAR = 5e-4, 5e-3
 """Of focal lengths and of the extent: no block comes as near to image and control points with wrong axes."""
 MIRRORED = (
@@ -63,7 +63,7 @@ def common_cause(
     may_be_misplaced = is_bad and not _is_in_shape(solution)
     cause = control_unit(trials) if is_bad else ""
     if not cause and (is_rejected(solution) or worst_control(solution, DOUBTFUL)):
-        cause = _calibration(trials, may_search)
+        cause = _calibration(trials, is_bad, may_search)
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad and may_search:
@@ -76,7 +76,7 @@ def common_cause(
         cause = control_sigmas(trials)
     if not cause and may_search:
         cause = odd_image(trials, may_be_misplaced) or (odd_control(trials) if may_be_misplaced else "")
-    if not (cause or is_bad) and may_search:
+    if not (cause or is_bad) and measures <= MOST_PLACED and _may_be_several(solution):
         cause = gross_errors(trials, 2)
     if not (cause or is_bad):
         cause = exchanged_images(*common(solution.poses, given))
@@ -88,6 +88,11 @@ def _has_gross(solution: BundleSolution) -> bool:
     found = solution.residuals
     is_off = (np.abs(found.residuals) > GROSS * found.sigmas).any()
     return bool(is_off or worst_control(solution, GROSS) or worst_pose(solution))
+
+
+def _may_be_several(solution: BundleSolution) -> bool:
+    """Whether several observations may be wrong, that robust weights do not hold down."""
+    return not has_robust_weights(solution) and (is_rejected(solution) or _has_gross(solution))
 
 
 def _is_in_shape(solution: BundleSolution) -> bool:
@@ -112,13 +117,15 @@ def _axes_or_poses(trials: Trials) -> str:
     return misplaced(trials) or said
 
 
-def _calibration(trials: Trials, may_search: bool) -> str:
-    """Parameters of cameras that are held and wrong; and what explains as much, where single observations do."""
-    said = held_parameters(trials)
+def _calibration(trials: Trials, is_bad: bool, may_search: bool) -> str:
+    """Parameters of cameras that are held and wrong; or single observations, where these explain as much.
+
+    Of a bad block, other axes may need no parameter more, and a principal point two.
+    """
+    said = held_parameters(trials, 1 if is_bad else 3)
     also = gross_errors(trials) if said and may_search else ""
     return f"{said}; or {also}" if also else said
 
 
 def silent(said: str) -> None:
     """Nobody is told."""
-

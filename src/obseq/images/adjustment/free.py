@@ -97,10 +97,10 @@ def _move_back(
 
 
 def _movements(equations: Equations, places: FloatArray) -> FloatArray:
-    """(n, 3, k) how places (n, 3) move with a block that floats: shifted, turned, and larger if it has no scale.
+    """(n, 3, k) how places (n, 3) move with a block that floats: shifted, turned, larger if it has no scale.
 
-    None of these changes a residual, which rounding hides in the normal matrix of some blocks. They are mixed:
-    each moves all coordinates.
+    None of these changes a residual, which rounding may hide in the normal matrix. They are mixed: each
+    moves all coordinates.
     """
     arms = places - places.mean(axis=0)
     shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))

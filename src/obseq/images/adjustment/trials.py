@@ -103,7 +103,7 @@ class Attempts:
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change of observations makes them agree with the rest, as it is without them."""
         more = _redundancy(changed) - _redundancy(without)
-        return bool(squares(changed) - squares(without) <= QUIET**2 * _variance(without) * more)
+        return bool(squares(changed) - squares(without) <= QUIET**2 * variance(without) * more)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -148,7 +148,7 @@ class Trials(Attempts):
         """Whether what is left out in a solution contradicts all the rest."""
         more = _redundancy(self.before) - _redundancy(without)
         gain = squares(self.before) - squares(without)
-        return bool(more > 0 and gain > LOUD**2 * _variance(without) * more)
+        return bool(more > 0 and gain > LOUD**2 * variance(without) * more)
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change makes observations agree with the rest, and little is left of what they spoil."""
@@ -157,7 +157,7 @@ class Trials(Attempts):
 
     def gains(self, found: BundleSolution) -> float:
         """By how much a change lowers the weighted sum of squares, in the variances of most residuals."""
-        return (squares(self.before) - squares(found)) / _variance(found)
+        return (squares(self.before) - squares(found)) / variance(found)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -192,7 +192,7 @@ def squares(found: BundleSolution) -> float:
     return _sigma0(found) ** 2 * _redundancy(found)
 
 
-def _variance(found: BundleSolution) -> float:
+def variance(found: BundleSolution) -> float:
     """Of the residuals of most, by their sigmas; not less than these say."""
     return max(_sigma0(found) ** 2, 1.0)
 
@@ -201,6 +201,12 @@ def is_rejected(solution: BundleSolution) -> bool:
     """Whether sigma0 is too large, by its test."""
     test = global_test(solution.result) if solution.result.redundancy > 0 else None
     return test is not None and not test.passed and test.sigma0 > test.sigma0_limits[1]
+
+
+def has_robust_weights(solution: BundleSolution) -> bool:
+    """Whether a robust weight other than 1 took part."""
+    weights = solution.residuals.weights
+    return bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
 
 
 def is_mirrored(solution: BundleSolution) -> bool:
