@@ -5,23 +5,21 @@ It is tried before single observations are accused: a few unknowns more, with wh
 
 from __future__ import annotations
 
-import itertools
 import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.trials import LOUD, is_rejected
+from obseq.images.adjustment.trials import LOUD, is_rejected, squares, variance
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping
 
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Attempts, Trials
     from obseq.images.camera import Camera
-    from obseq.images.poses import Poses
 
 FOCAL, POINT, DISTORTION = "F", "PP.", "K."
 """Patterns of parameters of cameras."""
@@ -76,38 +74,36 @@ def _are_held(block: AdjustableBlock, parameters: str) -> bool:
     )
 
 
-def other_focal(attempts: Attempts, starts: Iterable[Poses] = ()) -> BundleSolution | None:
+def other_focal(attempts: Attempts, factors: Iterable[float] = FACTORS) -> BundleSolution | None:
     """A block that fits with focal lengths that are far from those given; None where it does not.
 
     Args:
         attempts: of a block whose images have no place.
-        starts: poses that are tried before images are placed with other focal lengths.
+        factors: times as long as they were given, from which they are found.
     """
-    for made in itertools.chain(_from_there(attempts, starts), _with_others(attempts)):
+    for factor in factors:
+        made = attempts.copy()
+        made.cameras = {name: replace(c, focal=factor * c.focal) for name, c in made.cameras.items()}
         made.free_parameters(FOCAL)
-        found = attempts.fitting(made, "another focal length")
-        if found is not None and _largest_change(attempts, found) > OFF:
+        found = attempts.fitting(made, f"focal lengths times {factor:.3g}")
+        if found is not None and focal_change(attempts, found) > OFF:
             return found
     return None
 
 
-def _largest_change(attempts: Attempts, found: BundleSolution) -> float:
+def focal_change(attempts: Attempts, found: BundleSolution) -> float:
+    """Share of itself by which a focal length has changed from what was given, at most."""
     given = attempts.block.cameras
     return max(_off(camera, given[name]) for name, camera in found.cameras.items())
 
 
-def _from_there(attempts: Attempts, starts: Iterable[Poses]) -> Iterator[AdjustableBlock]:
-    for poses in starts:
-        made = attempts.copy()
-        made.poses = poses
-        yield made
-
-
-def _with_others(attempts: Attempts) -> Iterator[AdjustableBlock]:
-    for factor in FACTORS:
-        made = attempts.copy()
-        made.cameras = {name: replace(c, focal=factor * c.focal) for name, c in made.cameras.items()}
-        yield made
+def as_whole(attempts: Attempts, without: BundleSolution) -> BundleSolution | None:
+    """The whole block, from the solution without some of it, where it fits as well; None where not."""
+    made = attempts.copy()
+    made.poses, made.cameras = without.poses, {**made.cameras, **without.cameras}
+    found = attempts.fitting(made, "the whole block from there")
+    agrees = found is not None and squares(found) - squares(without) < LOUD**2 * variance(without)
+    return found if agrees else None
 
 
 def focal_in_words(attempts: Attempts, found: BundleSolution) -> str:

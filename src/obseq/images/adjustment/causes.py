@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes
+from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes, reduced_images
 from obseq.images.adjustment.calibrations import held_parameters, interior
 from obseq.images.adjustment.control_units import control_sigmas, control_unit
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
@@ -61,7 +61,7 @@ def common_cause(
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
     may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
     may_be_misplaced = is_bad and not _is_in_shape(solution)
-    cause = control_unit(trials) if is_bad else ""
+    cause = (control_unit(trials) if is_bad else "") or reduced_images(trials)
     if not cause and (is_rejected(solution) or worst_control(solution, DOUBTFUL)):
         cause = _calibration(trials, is_bad, may_search)
     if not cause and may_search:

@@ -34,7 +34,7 @@ MOST = 3
 GAIN = 0.2
 """Share of the sum of squares that each of them takes away, at least."""
 CLEAN = 2.0
-"""Sigmas: where control points are off by less, and image points by less than twice, nothing more is wrong."""
+"""Sigmas: where control points are off by less, and image points by less than twice, no more is wrong."""
 RAYS, OF_KNOWN = 4, 3
 """Rays of a free point, and of a control point, that tell which one of them is wrong."""
 OF_IMAGES = 3

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import ObseqError
+from obseq.images.adjustment.calibrations import OFF, as_whole, focal_change, focal_in_words
 from obseq.images.control import ControlPoints
 from obseq.images.initial.growth import place_images, place_the_last, similarity
 from obseq.images.measures import ImagePoints
@@ -137,11 +138,19 @@ def _are_close(points: FloatArray, others: FloatArray, ends: FloatArray) -> bool
 
 
 def _left_out(attempts: Attempts, wrong: list[str]) -> str:
-    """That control points are wrong, and by how much, where the block fits without them."""
+    """That control points are wrong, and by how much, where the block fits without them.
+
+    Where all of it fits from there, a focal length with which images cannot be placed may be.
+    """
     made = attempts.copy()
     made.control = made.control.without(wrong)
     found = attempts.fitting(made, f"the block without control points {', '.join(wrong)}")
-    return "" if found is None else contradicted(attempts, wrong, found)
+    if found is None:
+        return ""
+    whole = as_whole(attempts, found)
+    if whole is None:
+        return contradicted(attempts, wrong, found)
+    return focal_in_words(attempts, whole) if focal_change(attempts, whole) > OFF else ""
 
 
 def contradicted(attempts: Attempts, wrong: Sequence[str], found: BundleSolution) -> str:
