@@ -197,7 +197,11 @@ def reduced_images(trials: Trials) -> str:
     for each in SIZES if shift > OFF_MIDDLE * least > 0 else ():
         found = trials.solved(trials.measured(partial(each.of, cameras=cameras)), each.trial)
         if found is not None and TIMES * _principal_shift(found) < OFF_MIDDLE * shift:
-            return f"{each.said}: {trials.becomes(found)}"
+            off = _principal_shift(found)
+            return (
+                f"{each.said}: so changed, the principal point moves by {off:.3g} px, not by {shift:.4g}, "
+                f"and sigma0 is {found.sigma0:.3g}"
+            )
     return ""
 
 

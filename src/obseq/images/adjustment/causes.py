@@ -12,7 +12,7 @@ import numpy as np
 
 from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes, reduced_images
 from obseq.images.adjustment.calibrations import held_parameters, interior
-from obseq.images.adjustment.control_units import control_sigmas, control_unit
+from obseq.images.adjustment.control_units import control_sigmas, control_unit, large_sigmas
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
 from obseq.images.adjustment.gross_errors import gross_errors, worst_control, worst_pose
@@ -79,7 +79,7 @@ def common_cause(
     if not (cause or is_bad) and measures <= MOST_PLACED and _may_be_several(solution):
         cause = gross_errors(trials, 2)
     if not (cause or is_bad):
-        cause = exchanged_images(*common(solution.poses, given))
+        cause = large_sigmas(trials) or exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
 
 

@@ -75,19 +75,23 @@ class Attempts:
         made.sets = sets
         return made
 
-    def solved(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
+    def solved(
+        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+    ) -> BundleSolution | None:
         """The solution of a changed block, if it converges."""
-        found = self.last(block, change)
+        found = self.last(block, change, covariance)
         return found if found is not None and found.converged and found.sigma0 is not None else None
 
-    def last(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
+    def last(
+        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+    ) -> BundleSolution | None:
         """The solution of a changed block, converged or not, if there is any."""
         if block is None:
             return None
         try:
             self.told(f"the block does not fit: trying {change}")
             block.initialise(causes=False)
-            return block.solve(**self._as_before(change))
+            return block.solve(**{**self._as_before(change), "covariance": covariance})
         except ObseqError:
             return None
 
@@ -123,7 +127,6 @@ class Attempts:
         given = self.options.get("max_iterations")
         return {
             **self.options,
-            "covariance": False,
             "max_iterations": min(given or self._most, self._most),
             "progress": lambda step: self.told(_step(change, step)),
         }
