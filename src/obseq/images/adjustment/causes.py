@@ -67,7 +67,7 @@ def common_cause(
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad and may_search:
-        cause = gross_errors(trials)
+        cause = gross_errors(trials, most_control=1)  # axes may explain more of them, without an unknown
     if not cause and may_be_misplaced:
         cause = _axes_or_poses(trials)
     if not cause and is_bad:
@@ -76,7 +76,7 @@ def common_cause(
         cause = control_sigmas(trials)
     if not cause and may_search:
         cause = odd_image(trials, may_be_misplaced) or (odd_control(trials) if may_be_misplaced else "")
-    if not (cause or is_bad) and measures <= MOST_PLACED and _may_be_several(solution):
+    if not cause and measures <= MOST_PLACED and _may_be_several(solution):
         cause = gross_errors(trials, 2)
     if not (cause or is_bad):
         cause = large_sigmas(trials) or exchanged_images(*common(solution.poses, given))

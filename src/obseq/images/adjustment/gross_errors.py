@@ -73,17 +73,18 @@ class _Left:
         return measures.rows(np.delete(np.arange(len(measures)), gone))
 
 
-def gross_errors(trials: Trials, least: int = 1) -> str:
+def gross_errors(trials: Trials, least: int = 1, most_control: int = MOST) -> str:
     """Single observations that contradict all the others, in words; empty where something else is wrong.
 
     Args:
         trials: of the block.
         least: how many there are, or nothing is said.
+        most_control: how many control points may be among them.
     """
     left, found = _Left(), trials.before
     fits = False
     while len(left) < MOST and not (fits and _is_clean(found)):
-        more, without = _best(trials, left, found)
+        more, without = _best(trials, left, found, most_control)
         gain = 0.0 if without is None else squares(found) - squares(without)
         if without is None or gain < (LOUD**2 * variance(without) if fits else GAIN * squares(found)):
             break
@@ -93,9 +94,12 @@ def gross_errors(trials: Trials, least: int = 1) -> str:
     return _words(trials, left, found) if is_so else ""
 
 
-def _best(trials: Trials, left: _Left, solution: BundleSolution) -> tuple[_Left, BundleSolution | None]:
+def _best(
+    trials: Trials, left: _Left, solution: BundleSolution, most_control: int
+) -> tuple[_Left, BundleSolution | None]:
     """What is left out beside it that leaves least, and the solution; None where none converges."""
-    tried = [(more, _without(trials, more, solution)) for more in _with_the_worst(trials, left, solution)]
+    worst = _with_the_worst(trials, left, solution)
+    tried = [(more, _without(trials, more, solution)) for more in worst if len(more.control) <= most_control]
     good = [(squares(found), more, found) for more, found in tried if found is not None]
     return min(good, key=lambda item: item[0])[1:] if good else (left, None)
 

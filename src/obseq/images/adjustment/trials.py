@@ -150,6 +150,8 @@ class Trials(Attempts):
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
         more = _redundancy(self.before) - _redundancy(without)
+        if self.before.left_out != without.left_out:
+            more = max(more, 1)  # what a block that went astray has left out is no redundancy of either
         gain = squares(self.before) - squares(without)
         return bool(more > 0 and gain > LOUD**2 * variance(without) * more)
 
