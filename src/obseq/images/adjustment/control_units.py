@@ -74,20 +74,20 @@ def _scale(trials: Trials) -> float | None:
 
     Their variance component says it after some steps: a weak block bends with loose control points.
     """
-    scale, found = 1.0, trials.before
+    w = _standardised(trials.before)
+    if not w.size or np.sqrt(np.mean(np.square(w))) > LARGE:
+        return None
+    scale = 1.0
     for _ in range(ROUNDS):
-        step = _component(found)
+        changed = trials.copy()
+        changed.control = changed.control.scaled(scale)
+        found = trials.solved(changed, f"sigmas of control points times {scale:.3g}", covariance=True)
+        step = None if found is None or is_rejected(found) else _component(found)
         if step is None or not 0.0 < scale * step < LARGE:
             return None
         scale *= step
-        changed = trials.copy()
-        changed.control = changed.control.scaled(scale)
-        again = trials.solved(changed, f"sigmas of control points times {scale:.3g}", covariance=True)
-        if again is None or is_rejected(again):
-            return None
         if 1.0 / NEAR < step < NEAR:
             return scale
-        found = again
     return None
 
 
