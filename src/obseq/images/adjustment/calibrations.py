@@ -138,14 +138,21 @@ def _principal_point(found: BundleSolution) -> str:
 
 
 def _distortion(found: BundleSolution) -> str:
-    """The first coefficient of the camera that differs most."""
+    """The coefficient that has changed most."""
     given = found.block.cameras
-    name = max(
-        found.cameras, key=lambda name: np.abs(found.cameras[name].distortion - given[name].distortion).max()
+    changes = {
+        name: np.abs(c.coefficients - given[name].coefficients)
+        for name, c in found.cameras.items()
+        if c.coefficient_names
+    }
+    name = max(changes, key=lambda name: float(changes[name].max()))
+    row = int(changes[name].argmax())
+    said, old, new = (
+        given[name].coefficient_names[row],
+        float(given[name].coefficients[row]),
+        float(found.cameras[name].coefficients[row]),
     )
-    old, new = given[name], found.cameras[name]
-    row = old.coefficient_names.index("K1") if "K1" in old.coefficient_names else 0
     return (
-        f"a calibration is wrong, its distortion too (camera {name}: K1 {old.distortion[row]:g} given, "
-        f"{new.distortion[row]:.4g} as an unknown)"
+        f"a calibration is wrong, its distortion too (camera {name}: {said} {old:g} given, "
+        f"{new:.4g} as an unknown)"
     )
