@@ -280,9 +280,8 @@ class Camera:
             if np.fmax.reduce(np.abs(step), axis=None, initial=0.0) <= NEWTON_TOLERANCE:
                 break
         (a, b), (c, d) = jacobian[:, 0].T, jacobian[:, 1].T
-        sound = (np.maximum(*np.abs(off).T) <= 1e3 * NEWTON_TOLERANCE) & (a * d > b * c) & (a + d > 0.0)
-        q[~sound] = np.nan  # missed, or folded
-        return q
+        is_there = np.maximum(*np.abs(off).T) <= 1e3 * NEWTON_TOLERANCE
+        return np.where((is_there & (a * d > b * c) & (a + d > 0.0))[:, None], q, np.nan)  # not folded
 
     def _moved(
         self, q: FloatArray, step: FloatArray, goal: FloatArray, off: FloatArray, rows: FloatArray
