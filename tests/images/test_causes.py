@@ -76,6 +76,38 @@ def test_what_keeps_images_from_being_placed_is_named(change, said):
         block.initialise()
 
 
+def test_a_focal_length_that_keeps_images_from_being_placed_is_named_before_single_ones():
+    block, _, _ = scenes.block(n_images=5, n_points=16, n_control=8)
+    block.freeze_parameters("K.|p.|b.")
+    block.cameras["c"] = replace(scenes.CAMERA, focal=3 * scenes.CAMERA.focal)
+    block.poses = block.poses.select([])
+    said = r"Likely cause: a focal length is wrong, or its unit \(camera c: 5400 px given, 180"
+    with pytest.raises(InputError, match=said):
+        block.initialise()
+
+
+@pytest.mark.parametrize("frozen", ["", "PP.|"])
+def test_image_points_measured_in_smaller_images_are_told_so(frozen):
+    """A principal point that is free makes the block fit, far off the middle."""
+    block, _, _ = scenes.block(n_images=5, n_points=16, n_control=8)
+    block.freeze_parameters(f"{frozen}K.|p.|b.")
+    _measured(block, block.sets[0].measures.xy / 2)
+    cause = _cause(block)
+    assert cause.startswith(
+        "all image points were measured in images of another size than that of the camera"
+    )
+    assert "(x, y -> 2 x, 2 y): so changed, " in cause
+
+
+def test_a_held_focal_length_of_a_free_block_is_named_where_freeing_it_makes_the_block_accepted():
+    block = _block(n_images=5, n_points=16, n_control=0)
+    options = {"datum": "centres"}
+    assert common_cause(block, block.solve(**options), block.poses, **options) == ""
+    block.cameras["c"] = replace(scenes.CAMERA, focal=1860.0)
+    cause = common_cause(block, block.solve(**options), block.poses, **options)
+    assert cause.startswith("a focal length is wrong, or its unit (camera c: 1860 px given, 180")
+
+
 def test_images_that_no_convention_places_get_no_hint():
     block, _, _ = scenes.block(n_images=3, n_points=10)
     rng = np.random.default_rng(3)

@@ -66,6 +66,14 @@ def test_sigmas_of_control_points_in_another_unit_are_named():
     assert _cause(block).startswith("the sigmas of the control points are about 1000 times too small")
 
 
+@pytest.mark.parametrize("factor", [1000.0, 20.0])
+def test_sigmas_of_control_points_in_a_smaller_unit_are_told(factor):
+    block = _block(1.0)
+    block.control = block.control.scaled(factor)
+    said = "times as large as their residuals: in millimetres, with coordinates in metres? Divided by 1000"
+    assert (said in _cause(block)) == (factor == 1000.0)
+
+
 @pytest.mark.parametrize("factor", [1.0, 1.1, 4.0])
 def test_other_scales_are_no_units(factor):
     block = _block(factor)

@@ -1,12 +1,14 @@
 """Free blocks of many kinds, self-calibrated, from rough poses: they end on their datum, and soon."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
 
 from obseq.errors import InputError
 from obseq.geometry import exponential
-from obseq.images import BundleAdjustment, Poses, similarity
+from obseq.images import BundleAdjustment, Camera, Poses, similarity
 
 
 def _strips(n_strips: int, n_images: int, n_points: int, relief: float):
@@ -124,3 +126,30 @@ def test_a_datum_on_fewer_than_three_points_says_which_to_take():
     block = _free(poses, points[:2], 0.01, 0.001, ".*")
     with pytest.raises(InputError, match=r"datum on points fixes no position.*there are 2.*--datum centres"):
         block.solve(datum="points")
+
+
+def test_a_free_block_whose_focal_length_is_off_comes_home_on_its_datum():
+    """Rounding hides in its normal matrix that its scale is free."""
+    places = [(1, 1, 5), (4, 1, 5.5), (1, 3, 6), (4, 3, 5), (2.5, 2, 7), (2.5, 0, 5), (0, 2, 5), (5, 2, 5)]
+    turns = [
+        (6, -12, 0),
+        (6, 12, 90),
+        (-8, -10, 180),
+        (-8, 10, 270),
+        (0, 0, 0),
+        (18, 0, 0),
+        (0, -20, 90),
+        (0, 20, 0),
+    ]
+    poses = Poses.of([f"I{k}" for k in range(8)], places, np.radians(turns), "opk", "c")
+    points = np.array([(x, y, 0.6 * (x * y % 3)) for x in range(6) for y in range(5)])
+    camera = Camera("c", 4000, 3000, 3000.0, degree=(2, 0, 0), distortion={"K1": -0.05, "K2": 0.01})
+    measures = scenes.measured(poses, points, [f"P{k}" for k in range(30)], 0.3, camera=camera)
+    for focal in (2960.0, 3000.0):
+        block = BundleAdjustment()
+        block.add_cameras(replace(camera, focal=focal, distortion={}))
+        block.add_poses(replace(poses, centres=poses.centres + 0.02))
+        block.add_measures(measures)
+        solution = block.solve(datum="centres")
+        assert solution.sigma0 == pytest.approx(1.0, abs=0.1)
+        assert solution.cameras["c"].focal == pytest.approx(3000.0, abs=6.0)

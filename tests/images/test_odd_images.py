@@ -8,7 +8,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.images import ImagePoints
+from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
 from obseq.images.adjustment import odd_images, trials
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.initial import growth
@@ -164,6 +164,53 @@ def test_two_exchanged_control_points_are_named():
     block = _block()
     block.control.coordinates[[1, 4]] = block.control.coordinates[[4, 1]]
     assert _cause(block).startswith("control points P1 and P4 are exchanged")
+
+
+def _aerial():
+    """Two strips of three vertical images over a grid of points, every seventh known; without poses."""
+    x, y = (
+        grid.ravel() for grid in np.meshgrid(np.arange(-70.0, 220.0, 36.0), np.arange(-60.0, 150.0, 36.0))
+    )
+    points = np.column_stack([x, y, 15.0 * np.sin(x / 40.0) * np.cos(y / 30.0)])
+    east, north = (grid.ravel() for grid in np.meshgrid([0.0, 70.0, 140.0], [0.0, 80.0]))
+    rng = np.random.default_rng(0)
+    centres = np.column_stack([east, north, 200.0 + rng.normal(0.0, 3.0, 6)])
+    images = [f"i{k}" for k in range(6)]
+    poses = Poses.of(images, centres, np.radians(rng.normal(0.0, 2.0, (6, 3))), "opk", "c")
+    names = [f"P{k}" for k in range(len(points))]
+    block = BundleAdjustment()
+    block.add_cameras(scenes.CAMERA)
+    block.freeze_parameters("K.|p.|b.")
+    block.add_images(images, "c")
+    block.add_measures(scenes.measured(poses, points, names, 0.5))
+    block.add_control_points(ControlPoints.of(names[::7], points[::7], 0.01))
+    return block
+
+
+def test_exchanged_points_that_lead_an_aerial_block_astray_are_named():
+    block = _aerial()
+    (part,) = block.sets
+    labels = part.measures.labels(np.arange(len(part.measures)))
+    rows = [labels.index(f"image i2, point {name}") for name in ("P24", "P5")]
+    part.measures.xy[rows] = part.measures.xy[rows[::-1]]
+    assert _cause(block).startswith("points P24 and P5 in image i2 are exchanged: each measured as the other")
+
+
+def test_exchanged_control_points_one_of_which_the_images_do_not_place_are_named():
+    block = _aerial()
+    block.control.coordinates[[0, 3]] = block.control.coordinates[[3, 0]]
+    with pytest.raises(InputError, match="Likely cause: control points P21 and P0 are exchanged"):
+        block.initialise()
+
+
+def test_all_control_points_that_are_wrong_are_named():
+    block = _block(n_control=8)
+    block.control.coordinates[[2, 5], [1, 2]] += [0.06, -0.06]
+    cause = _cause(block)
+    assert cause.startswith("control points that the others and the images contradict: P")
+    assert "P2 (by " in cause
+    assert "P5 (by " in cause
+    assert cause.count("(by ") == 2
 
 
 def test_single_gross_errors_are_no_exchange_and_no_odd_image():

@@ -16,7 +16,7 @@ from obseq.images.control import ControlPoints
 from obseq.images.given import rows_of, sigmas_of
 from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
-from obseq.images.names import are_among, as_names, index_of
+from obseq.images.names import are_among, as_names, index_of, no_parameter
 from obseq.images.parts import (
     Approximations,
     Instruments,
@@ -327,9 +327,10 @@ class Block:
 
     def _rule(self, parameters: str, cameras: str, frozen: bool) -> None:
         rule = Rule(expression(cameras), expression(parameters), frozen)
-        named = [camera for camera in self.cameras.values() if rule.cameras.fullmatch(camera.name)]
-        if not any(rule.parameters.fullmatch(name) for camera in named for name in camera.parameter_names):
-            raise InputError(f"no camera parameter matches {parameters!r} of cameras {cameras!r}")
+        known = {name: camera.parameter_names for name, camera in self.cameras.items()}
+        named = [names for camera, names in known.items() if rule.cameras.fullmatch(camera)]
+        if not any(rule.parameters.fullmatch(name) for names in named for name in names):
+            raise no_parameter(parameters, cameras, known)
         self.rules.append(rule)
 
     def is_frozen(self, camera: str, parameter: str) -> bool:

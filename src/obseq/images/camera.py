@@ -271,37 +271,38 @@ class Camera:
         q = goal.copy()
         if not self.coefficients.any():
             return q
-        values, jacobian = self._distort.values_and_jacobian(q, self._rows(len(q)))
+        rows = self._rows(len(q))
+        values, jacobian = self._distort.values_and_jacobian(q, rows)
+        off = goal - values
         for _ in range(NEWTON_STEPS):
-            step = _solve_each(jacobian, goal - values)
-            q, values, jacobian = self._moved(q, step, goal, values)
-            if np.nanmax(np.abs(step), initial=0.0) <= NEWTON_TOLERANCE:
+            step = _solve_each(jacobian, off)
+            q, off, jacobian = self._moved(q, step, goal, off, rows)
+            if np.fmax.reduce(np.abs(step), axis=None, initial=0.0) <= NEWTON_TOLERANCE:
                 break
-        missed = ~(np.abs(values - goal).max(axis=1, initial=0.0) <= 1e3 * NEWTON_TOLERANCE)
-        unfolded = (np.linalg.det(jacobian) > 0.0) & (np.trace(jacobian, axis1=1, axis2=2) > 0.0)
-        q[missed | ~unfolded] = np.nan
-        return q
+        (a, b), (c, d) = jacobian[:, 0].T, jacobian[:, 1].T
+        is_there = np.maximum(*np.abs(off).T) <= 1e3 * NEWTON_TOLERANCE
+        return np.where((is_there & (a * d > b * c) & (a + d > 0.0))[:, None], q, np.nan)  # not folded
 
     def _moved(
-        self, q: FloatArray, step: FloatArray, goal: FloatArray, values: FloatArray
+        self, q: FloatArray, step: FloatArray, goal: FloatArray, off: FloatArray, rows: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The places after a step, halved where it takes farther from the goal; values, derivatives there."""
-        before, rows = np.sum((values - goal) ** 2, axis=1), self._rows(len(q))
-        share = np.ones(len(q))
+        """The places after a step, halved where it takes farther off; what is left there, derivatives."""
+        before, share = _squares(off), np.ones((len(q), 1))
         for _ in range(HALVINGS + 1):
-            there = q + share[:, None] * step
+            there = q + share * step
             values, jacobian = self._distort.values_and_jacobian(there, rows)
-            worse = np.sum((values - goal) ** 2, axis=1) > before
+            left = goal - values
+            worse = _squares(left) > before
             if not worse.any():
                 break
             share[worse] *= 0.5
-        return there, values, jacobian
+        return there, left, jacobian
 
     def _plane(self, points: FloatArray) -> FloatArray:
         return self._direct.values(points, np.zeros((len(points), 0)))
 
     def _rows(self, n: int) -> FloatArray:
-        return np.broadcast_to(self.coefficients, (n, len(self.coefficient_names)))
+        return np.repeat(self.coefficients[None], n, axis=0)  # as kernels read them at once
 
     # Visibility
 
@@ -370,10 +371,16 @@ def are_in_front(
 def _solve_each(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Solutions (n, 2) of systems (n, 2, 2) x = (n, 2), not finite where singular."""
     (a, b), (c, d) = matrices[:, 0].T, matrices[:, 1].T
+    found, (x, y) = np.empty_like(right), right.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = (d * right[:, 0] - b * right[:, 1]) / (a * d - b * c)
-        y = (a * right[:, 1] - c * right[:, 0]) / (a * d - b * c)
-    return np.column_stack([x, y])
+        found[:, 0], found[:, 1] = d * x - b * y, a * y - c * x
+        found /= (a * d - b * c)[:, None]
+    return found
+
+
+def _squares(pairs: FloatArray) -> FloatArray:
+    """(n,) squared lengths of (n, 2)."""
+    return np.asarray(np.square(pairs[:, 0]) + np.square(pairs[:, 1]))
 
 
 def median_camera(cameras: Sequence[Camera], name: str) -> Camera:

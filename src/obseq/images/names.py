@@ -11,7 +11,7 @@ import numpy as np
 from obseq.errors import InputError, RowError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from obseq.arrays import BoolArray, IntArray
 
@@ -89,6 +89,24 @@ def _stem(name: str) -> str:
     """A name without the ending of an image file."""
     stem, dot, ending = name.rpartition(".")
     return stem if dot and ending.isalnum() and len(ending) <= LONGEST_ENDING else name
+
+
+def no_parameter(parameters: str, cameras: str, known: Mapping[str, Sequence[str]]) -> InputError:
+    """That two patterns match no parameter of a camera, and what there is to match.
+
+    Args:
+        parameters: pattern of parameters.
+        cameras: pattern of cameras.
+        known: names of the parameters of each camera.
+    """
+    of_all: dict[tuple[str, ...], list[str]] = {}
+    for name, of_one in known.items():
+        of_all.setdefault(tuple(of_one), []).append(name)
+    listed = "; ".join(f"camera {', '.join(names)}: {', '.join(of)}" for of, names in of_all.items())
+    return InputError(
+        f"no camera parameter matches {parameters!r} of cameras {cameras!r} as a whole; "
+        f"there are {listed or 'none'}"
+    )
 
 
 def numbered(names: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:

@@ -1,4 +1,4 @@
-"""Axes that are not those of here: of all image points, or of the control points.
+"""Axes that are not those of here, or another size of all images: of image points, or of control points.
 
 Exchanged axes of the control points mirror them, and so do those of all images: without poses that are known,
 or a principal point that is off the middle, either explains the other, and both are named.
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.images.initial.conventions import ALIKE, CONVENTIONS
+from obseq.images.initial.conventions import ALIKE, CONVENTIONS, SIZES
 from obseq.images.names import are_among
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.adjustment.trials import Attempts
+    from obseq.images.adjustment.trials import Attempts, Trials
     from obseq.images.camera import Camera
     from obseq.images.control import ControlPoints
     from obseq.images.poses import Poses
@@ -106,9 +106,9 @@ def _alike(fits: list[_Fit]) -> list[_Fit]:
 def _changed(attempts: Attempts) -> Iterator[tuple[str, str, AdjustableBlock | None]]:
     """What is tried, what is said of it, and the block: the likeliest first."""
     cameras = attempts.cameras
-    images = [
-        (each.trial, each.said, attempts.measured(partial(each.of, cameras=cameras))) for each in CONVENTIONS
-    ]
+    sizes = SIZES if all(camera.width and camera.height for camera in cameras.values()) else ()
+    tried = [(each, attempts.measured(partial(each.of, cameras=cameras))) for each in (*CONVENTIONS, *sizes)]
+    images = [(each.trial, each.said, block) for each, block in tried]
     made, control = attempts.copy(), attempts.block.control
     made.control = with_exchanged_axes(control)
     like = "" if len(attempts.given) else "; heights that count downwards look the same"
@@ -185,6 +185,24 @@ def _are_northings_first(control: ControlPoints) -> bool:
         return False
     x, y, _ = np.median(control.coordinates, axis=0)
     return bool(x > EASTINGS[1] and EASTINGS[0] <= y < EASTINGS[1])
+
+
+def reduced_images(trials: Trials) -> str:
+    """That all points were measured in smaller images than those of the camera, in words; else empty.
+
+    A free principal point makes a block fit all the same, far off the middle.
+    """
+    shift, cameras = _principal_shift(trials.before), trials.cameras
+    least = min((min(camera.width, camera.height) for camera in cameras.values()), default=0)
+    for each in SIZES if shift > OFF_MIDDLE * least > 0 else ():
+        found = trials.solved(trials.measured(partial(each.of, cameras=cameras)), each.trial)
+        if found is not None and TIMES * _principal_shift(found) < OFF_MIDDLE * shift:
+            off = _principal_shift(found)
+            return (
+                f"{each.said}: so changed, the principal point moves by {off:.3g} px, not by {shift:.4g}, "
+                f"and sigma0 is {found.sigma0:.3g}"
+            )
+    return ""
 
 
 def _principal_shift(found: BundleSolution) -> float:

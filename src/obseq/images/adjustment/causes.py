@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes
-from obseq.images.adjustment.control_units import control_sigmas, control_unit
+from obseq.images.adjustment.axes import axes_in_words, common, exchanged_axes, reduced_images
+from obseq.images.adjustment.calibrations import held_parameters, interior
+from obseq.images.adjustment.control_units import control_sigmas, control_unit, large_sigmas
 from obseq.images.adjustment.exchanges import exchanged_control, exchanged_measures
 from obseq.images.adjustment.given_poses import exchanged_images, misplaced
-from obseq.images.adjustment.gross_errors import gross_errors, worst_pose
+from obseq.images.adjustment.gross_errors import gross_errors, worst_control, worst_pose
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import odd_image
-from obseq.images.adjustment.trials import BAD, Trials, is_mirrored, is_rejected
+from obseq.images.adjustment.trials import BAD, Trials, has_robust_weights, is_mirrored, is_rejected
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.poses import Poses
 
-GROSS = 10.0
-"""Sigmas: a larger residual may be that of an exchanged point."""
+GROSS, DOUBTFUL = 10.0, 2.5
+"""Sigmas: larger residuals may be of exchanged points; of control points, from a wrong calibration."""
 SMALL, NEAR = 5e-4, 5e-3
 """Of focal lengths and of the extent: no block comes as near to image and control points with wrong axes."""
 MIRRORED = (
@@ -60,29 +61,38 @@ def common_cause(
     is_bad = not solution.converged or solution.sigma0 > BAD or is_mirrored(solution)
     may_search = measures <= MOST_PLACED and (is_bad or _has_gross(solution))
     may_be_misplaced = is_bad and not _is_in_shape(solution)
-    cause = control_unit(trials) if is_bad else ""
+    cause = (control_unit(trials) if is_bad else "") or reduced_images(trials)
+    if not cause and (is_rejected(solution) or worst_control(solution, DOUBTFUL)):
+        cause = _calibration(trials, is_bad, may_search)
     if not cause and may_search:
         cause = exchanged_control(trials) or exchanged_measures(trials)
     if not cause and is_bad and may_search:
-        cause = gross_errors(trials)
+        cause = gross_errors(trials, most_control=1)  # axes may explain more of them, without an unknown
     if not cause and may_be_misplaced:
         cause = _axes_or_poses(trials)
     if not cause and is_bad:
-        cause = _interior(trials)
+        cause = interior(trials)
     if not cause and is_rejected(solution):
         cause = control_sigmas(trials)
     if not cause and may_search:
         cause = odd_image(trials, may_be_misplaced) or (odd_control(trials) if may_be_misplaced else "")
-    if not (cause or is_bad) and may_search:
+    if not cause and measures <= MOST_PLACED and _may_be_several(solution):
         cause = gross_errors(trials, 2)
     if not (cause or is_bad):
-        cause = exchanged_images(*common(solution.poses, given))
+        cause = large_sigmas(trials) or exchanged_images(*common(solution.poses, given))
     return cause or (MIRRORED if is_bad and is_mirrored(solution) else "")
 
 
 def _has_gross(solution: BundleSolution) -> bool:
+    """Whether an observation is off by many of its sigmas."""
     found = solution.residuals
-    return bool((np.abs(found.residuals) > GROSS * found.sigmas).any()) or bool(worst_pose(solution))
+    is_off = (np.abs(found.residuals) > GROSS * found.sigmas).any()
+    return bool(is_off or worst_control(solution, GROSS) or worst_pose(solution))
+
+
+def _may_be_several(solution: BundleSolution) -> bool:
+    """Whether several observations may be wrong, that robust weights do not hold down."""
+    return not has_robust_weights(solution) and (is_rejected(solution) or _has_gross(solution))
 
 
 def _is_in_shape(solution: BundleSolution) -> bool:
@@ -107,45 +117,15 @@ def _axes_or_poses(trials: Trials) -> str:
     return misplaced(trials) or said
 
 
-def _interior(trials: Trials) -> str:
-    """Another focal length that explains a block, or another principal point, in words."""
-    found, before = _freed(trials, "F", "another focal length"), trials.before.cameras
-    if found is not None:
-        return f"a focal length is wrong, or its unit ({_focal_lengths(found)}): {trials.becomes(found)}"
-    held = all(
-        (c.principal_point == trials.block.cameras[name].principal_point).all() for name, c in before.items()
-    )
-    found = _freed(trials, "F|PP.", "another principal point") if held else None
-    if found is None:
-        return ""
-    return f"a principal point is wrong ({_principal_points(found)}): {trials.becomes(found)}"
+def _calibration(trials: Trials, is_bad: bool, may_search: bool) -> str:
+    """Parameters of cameras that are held and wrong; or single observations, where these explain as much.
 
-
-def _freed(trials: Trials, parameters: str, change: str) -> BundleSolution | None:
-    made = trials.copy()
-    made.free_parameters(parameters)
-    return trials.fitting(made, change)
+    Of a bad block, other axes may need no parameter more, and a principal point two.
+    """
+    said = held_parameters(trials, 1 if is_bad else 3)
+    also = gross_errors(trials) if said and may_search else ""
+    return f"{said}; or {also}" if also else said
 
 
 def silent(said: str) -> None:
     """Nobody is told."""
-
-
-def _focal_lengths(found: BundleSolution) -> str:
-    """Those that are farthest from what was given."""
-    given = found.block.cameras
-    ratio = {name: abs(np.log(camera.focal / given[name].focal)) for name, camera in found.cameras.items()}
-    name = max(ratio, key=lambda name: ratio[name])
-    return f"camera {name}: {given[name].focal:g} px given, {found.cameras[name].focal:.6g} px as an unknown"
-
-
-def _principal_points(found: BundleSolution) -> str:
-    """The one that is farthest from what was given."""
-    given = found.block.cameras
-    off = {
-        name: float(np.abs(c.principal_point - given[name].principal_point).max())
-        for name, c in found.cameras.items()
-    }
-    name = max(off, key=lambda name: off[name])
-    (x, y), (u, v) = given[name].principal_point, found.cameras[name].principal_point
-    return f"camera {name}: {x:g}, {y:g} given, {u:.6g}, {v:.6g} as unknowns"

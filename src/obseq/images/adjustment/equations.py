@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
 from obseq.images.adjustment.clinometer_equations import ClinometerEquations
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.block import expression
-from obseq.images.names import are_among, index_of
+from obseq.images.names import are_among, index_of, no_parameter
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -152,7 +151,8 @@ class Equations:
                     if wanted.fullmatch(parameter):
                         found.setdefault(parameter, []).append(int(ids))
         if not found:
-            raise InputError(f"no camera parameter matches {parameters!r} of cameras {cameras!r}")
+            known = {name: self.block.cameras[name].parameter_names for name in self.cameras}
+            raise no_parameter(parameters, cameras, known)
         return found
 
     def _share(self, parameters: str, cameras: str) -> None:

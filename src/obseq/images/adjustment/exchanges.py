@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.trials import HOPELESS, LOUD
+from obseq.images.adjustment.trials import BAD, HOPELESS, LOUD
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Trials
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 WORST, TRIED = 40, 3
 """Image points among which a pair is looked for, and pairs that are tried."""
+IN_IMAGE, STANDS_OUT = 8, 3.0
+"""The same of one image at the start, and times the usual miss that theirs is."""
 TOWARDS, ASIDE = 0.15, 0.3
 """Shares of the way to the other point that a residual goes along it at least, and off it at most."""
 NEAR, FAR = 0.3, 0.5
@@ -33,7 +35,10 @@ NEAR, FAR = 0.3, 0.5
 
 def exchanged_measures(trials: Trials) -> str:
     """Two points of an image, in words, whose exchange explains their residuals; empty where none are."""
-    pairs = itertools.islice(_pairs_in_images(trials.before), TRIED)
+    is_astray = not trials.before.converged or (trials.before.sigma0 or 0.0) > BAD
+    sources = [_pairs_at_start(trials)] if is_astray else []
+    tried = [itertools.islice(pairs, TRIED) for pairs in (*sources, _pairs_in_images(trials.before))]
+    pairs = dict.fromkeys((image, *sorted(points)) for image, *points in itertools.chain(*tried))
     return next(filter(None, (exchange_in(trials, *pair) for pair in pairs)), "")
 
 
@@ -86,6 +91,45 @@ def _pairs_in_images(solution: BundleSolution) -> Iterator[tuple[str, str, str]]
     scores = {pair: score for pair in pairs if (score := _towards(found.xy, found.residuals, *pair)) > 0.0}
     for i, k in sorted(scores, key=lambda pair: -scores[pair]):
         yield solution.poses.images[found.image[i]], *(solution.points[found.point[row]] for row in (i, k))
+
+
+def _pairs_at_start(trials: Trials) -> Iterator[tuple[str, str, str]]:
+    """Image and points whose measures are near each other's place as the other images see it at first.
+
+    A solution that an exchange has led astray does not show it any more.
+    """
+    measures = functools.reduce(ImagePoints.joined, (part.measures for part in trials.block.sets))
+    found: dict[tuple[str, str, str], float] = {}
+    for number, image in enumerate(measures.image_names):
+        own, others = (measures.rows(rows) for rows in (measures.image == number, measures.image != number))
+        names, xy, off = _misses(trials, image, own, others.of_points(own.point_names))
+        for i, k in itertools.combinations(_worst(off).tolist(), 2):
+            if (score := _towards(xy, off, i, k)) > 0.0:
+                found[image, names[i], names[k]] = score
+    yield from sorted(found, key=lambda pair: -found[pair])
+
+
+def _misses(
+    trials: Trials, image: str, own: ImagePoints, others: ImagePoints
+) -> tuple[list[str], FloatArray, FloatArray]:
+    """Points, pixels (n, 2) and misses (n, 2) of measures in an image whose points lie in it without them."""
+    start, control = trials.before.start, trials.block.control
+    of_image = dict(zip(start.poses.images, start.cameras, strict=True))
+    at = start.poses.select(others.image_names)
+    met = intersect(others, at, [of_image[name] for name in at.images])
+    known = dict(zip(met.names, met.coordinates, strict=True))
+    known |= zip(control.names, control.coordinates, strict=True)
+    names = [own.point_names[k] for k in own.point]
+    local = start.poses[image].to_local([known.get(name, [np.nan] * 3) for name in names])
+    rows = np.flatnonzero(of_image[image].sees(local))
+    return [names[row] for row in rows], own.xy[rows], of_image[image].project(local[rows]) - own.xy[rows]
+
+
+def _worst(off: FloatArray) -> IntArray:
+    """Rows of the largest of (n, 2) misses that stand out."""
+    norms = np.linalg.norm(off, axis=1)
+    chosen = np.argsort(-norms, kind="stable")[:IN_IMAGE]
+    return np.asarray(chosen[norms[chosen] > STANDS_OUT * np.median(norms)]) if len(norms) else chosen
 
 
 def _towards(xy: FloatArray, residuals: FloatArray, i: int, k: int) -> float:

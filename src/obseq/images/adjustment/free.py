@@ -57,10 +57,11 @@ def solve_free(
         _, more, lost = solve_to_the_end(equations, strategy, solving, further)
         done, dropped = done + more, dropped + lost
     _move_back(equations, chosen, wanted, datum)
-    after = [system.values(ids) for ids in groups]
+    after, found = [system.values(ids) for ids in groups], system.values(chosen)
     for ids, values in zip(groups, before, strict=True):
         system.set_values(ids, values)
-    system.set_datum(chosen)  # which keeps the present values as its reference
+    # the datum keeps the present values as its reference
+    system.set_datum(chosen, loose=_movements(equations, found) if _floats(equations) else None)
     for ids, values in zip(groups, after, strict=True):
         system.set_values(ids, values)
     for _ in range(SETTLINGS):
@@ -93,6 +94,21 @@ def _move_back(
     for ids in (equations.centres, equations.points):
         system.set_values(ids, motion.centre + scale * system.values(ids) @ motion.rotation.T)
     _turn(equations, motion)
+
+
+def _movements(equations: Equations, places: FloatArray) -> FloatArray:
+    """(n, 3, k) how places (n, 3) move with a block that floats: shifted, turned, larger if it has no scale.
+
+    None of these changes a residual, which rounding may hide in the normal matrix. They are mixed: each
+    moves all coordinates.
+    """
+    arms = places - places.mean(axis=0)
+    shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
+    turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+    sizes = np.zeros((len(arms), 3, 0)) if _has_scale(equations) else arms[:, :, None]
+    alone = np.linalg.qr(np.concatenate([shifts, turns, sizes], axis=2).reshape(3 * len(arms), -1))[0]
+    mixed = alone - 2.0 * alone.mean(axis=1, keepdims=True)  # reflected: still of length 1, at right angles
+    return np.asarray(mixed.reshape(*places.shape, -1))
 
 
 def _too_little(datum: str | Sequence[str], why: str) -> str:

@@ -16,7 +16,7 @@ from obseq.images.adjustment.axes import common, turns
 from obseq.images.adjustment.exchanges import rows_of
 from obseq.images.adjustment.given_poses import exchanged_images
 from obseq.images.adjustment.odd_control import LEAST, contradicted, off_by
-from obseq.images.adjustment.trials import BAD, LOUD, squares
+from obseq.images.adjustment.trials import BAD, LOUD, squares, variance
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,6 +33,8 @@ MOST = 3
 """Observations that are left out together."""
 GAIN = 0.2
 """Share of the sum of squares that each of them takes away, at least."""
+CLEAN = 2.0
+"""Sigmas: where control points are off by less, and image points by less than twice, no more is wrong."""
 RAYS, OF_KNOWN = 4, 3
 """Rays of a free point, and of a control point, that tell which one of them is wrong."""
 OF_IMAGES = 3
@@ -71,31 +73,52 @@ class _Left:
         return measures.rows(np.delete(np.arange(len(measures)), gone))
 
 
-def gross_errors(trials: Trials, least: int = 1) -> str:
+def gross_errors(trials: Trials, least: int = 1, most_control: int = MOST) -> str:
     """Single observations that contradict all the others, in words; empty where something else is wrong.
 
     Args:
         trials: of the block.
         least: how many there are, or nothing is said.
+        most_control: how many control points may be among them.
     """
-    left, solution = _Left(), trials.before
-    while len(left) < MOST:
-        tried = [(more, _without(trials, more)) for more in _with_the_worst(trials, left, solution)]
-        good = [(squares(found), more, found) for more, found in tried if found is not None]
-        if not good:
-            return ""
-        rest, left, found = min(good, key=lambda item: item[0])
-        if rest > (1.0 - GAIN) * squares(solution):
-            return ""
-        if trials.fits(found) and (found.sigma0 or 0.0) < BAD:
-            is_so = len(left) >= least and _are_wrong(trials, found)
-            return _words(trials, left, found) if is_so else ""
-        solution = found
-    return ""
+    left, found = _Left(), trials.before
+    fits = False
+    while len(left) < MOST and not (fits and _is_clean(found)):
+        more, without = _best(trials, left, found, most_control)
+        gain = 0.0 if without is None else squares(found) - squares(without)
+        if without is None or gain < (LOUD**2 * variance(without) if fits else GAIN * squares(found)):
+            break
+        left, found = more, without
+        fits = trials.fits(found) and (found.sigma0 or 0.0) < BAD
+    is_so = fits and len(left) >= least and _are_wrong(trials, found)
+    return _words(trials, left, found) if is_so else ""
 
 
-def _without(trials: Trials, left: _Left) -> BundleSolution | None:
-    return trials.solved(left.of(trials), f"the block without its {len(left)} worst observations")
+def _best(
+    trials: Trials, left: _Left, solution: BundleSolution, most_control: int
+) -> tuple[_Left, BundleSolution | None]:
+    """What is left out beside it that leaves least, and the solution; None where none converges."""
+    worst = _with_the_worst(trials, left, solution)
+    tried = [(more, _without(trials, more, solution)) for more in worst if len(more.control) <= most_control]
+    good = [(squares(found), more, found) for more, found in tried if found is not None]
+    return min(good, key=lambda item: item[0])[1:] if good else (left, None)
+
+
+def _is_clean(solution: BundleSolution) -> bool:
+    """Whether no residual is so large that another observation may be wrong."""
+    found = solution.residuals
+    is_small = (np.abs(found.residuals) < 2.0 * CLEAN * found.sigmas).all()
+    return bool(is_small) and not worst_control(solution, CLEAN)
+
+
+def _without(trials: Trials, left: _Left, from_there: BundleSolution) -> BundleSolution | None:
+    """The block without it; from other poses where more wrong observations spoil those from the measures."""
+    made, said = left.of(trials), f"the block without its {len(left)} worst observations"
+    found = trials.solved(made, said)
+    if found is None and made is not None and not len(trials.given):
+        made.poses = from_there.poses
+        found = trials.solved(made, said)
+    return found
 
 
 def _with_the_worst(trials: Trials, left: _Left, solution: BundleSolution) -> Iterator[_Left]:
@@ -107,17 +130,17 @@ def _with_the_worst(trials: Trials, left: _Left, solution: BundleSolution) -> It
     pose = worst_pose(solution)
     if pose and OF_IMAGES * (1 + len(left.poses)) <= len(solution.poses):
         yield replace(left, poses=(*left.poses, pose))
-    control = _worst_control(solution, norms[worst]) or point
+    control = worst_control(solution, norms[worst]) or point
     rays = norms[found.point == solution.points.index(control)]
     known = trials.block.control.names
     if (
         control in known
-        and not left.control
-        and len(known) > LEAST
+        and control not in left.control
+        and len(known) - len(left.control) > LEAST
         and len(rays) >= OF_KNOWN
         and np.median(rays) > SHARED * rays.max()
     ):
-        yield replace(left, control=(control,))
+        yield replace(left, control=(*left.control, control))
     yield replace(left, measures=(*left.measures, (image, point)))
 
 
@@ -134,7 +157,7 @@ def worst_pose(solution: BundleSolution) -> str:
     return worst[1]
 
 
-def _worst_control(solution: BundleSolution, least: float) -> str:
+def worst_control(solution: BundleSolution, least: float) -> str:
     """The control point that has moved by most of its sigmas, if these are more; else empty."""
     names, residuals = solution.control_residuals()
     sigmas = solution.block.control.select(names).sigmas

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import ObseqError
+from obseq.images.adjustment.calibrations import OFF, as_whole, focal_change, focal_in_words
 from obseq.images.control import ControlPoints
 from obseq.images.initial.growth import place_images, place_the_last, similarity
 from obseq.images.measures import ImagePoints
@@ -49,7 +50,8 @@ def odd_control(attempts: Attempts) -> str:
     wrong = [points.names[row] for row in np.flatnonzero(~agree)]
     if not wrong or WRONG * len(wrong) > len(points) or agree.sum() < LEAST:
         return ""
-    return _exchanged(attempts, wrong, moved[~agree], given[~agree]) or _left_out(attempts, wrong)
+    pair = _pair(attempts, points.names, wrong, moved[~agree])
+    return (_exchanged(attempts, *pair) if pair else "") or _left_out(attempts, wrong)
 
 
 def _points(attempts: Attempts) -> ControlPoints | None:
@@ -93,14 +95,35 @@ def _moved(points: FloatArray, given: FloatArray, rows: list[int] | BoolArray) -
     return np.asarray(motion.centre + scale * points @ motion.rotation.T)
 
 
-def _exchanged(attempts: Attempts, wrong: list[str], moved: FloatArray, given: FloatArray) -> str:
-    """That two control points have each other's coordinates, where the images see them there."""
-    if len(wrong) != 2 or not _are_close(moved, given[::-1]):
-        return ""
-    other = dict(zip(wrong, wrong[::-1], strict=True))
+def _pair(
+    attempts: Attempts, met: Sequence[str], wrong: Sequence[str], moved: FloatArray
+) -> tuple[str, str] | None:
+    """Two control points that the images see at each other's place, or one where they do not see the other.
+
+    Args:
+        attempts: of the block.
+        met: control points that the images place.
+        wrong: those that are elsewhere.
+        moved: (n, 3) where these are.
+    """
+    control = attempts.block.control
+    others = list(wrong) if len(wrong) == 2 else [name for name in control.names if name not in met]
+    if len(wrong) not in (1, 2) or not others:
+        return None
+    given = control.select(others).coordinates
+    other = others[int(np.argmin(np.linalg.norm(given - moved[0], axis=1)))]
+    pair = wrong[0], other
+    ends = control.select(pair).coordinates
+    is_so = pair[0] != other and _are_close(moved, ends[::-1][: len(moved)], ends)
+    return pair if is_so else None
+
+
+def _exchanged(attempts: Attempts, first: str, second: str) -> str:
+    """That two control points have each other's coordinates, where the block fits then."""
+    other = {first: second, second: first}
     made, control = attempts.copy(), attempts.block.control
     made.control = replace(control, names=tuple(other.get(name, name) for name in control.names))
-    one, two = attempts.block.control_places(wrong)
+    one, two = attempts.block.control_places([first, second])
     found = attempts.fitting(made, f"control points {one} and {two} exchanged")
     if found is None:
         return ""
@@ -108,18 +131,26 @@ def _exchanged(attempts: Attempts, wrong: list[str], moved: FloatArray, given: F
     return f"{said}; {attempts.becomes(found)}"
 
 
-def _are_close(points: FloatArray, others: FloatArray) -> bool:
-    """Whether two points are nearer to two others than to each other, by far."""
-    apart = float(np.linalg.norm(others[0] - others[1]))
+def _are_close(points: FloatArray, others: FloatArray, ends: FloatArray) -> bool:
+    """Whether points are nearer to others than two ends are to each other, by far."""
+    apart = float(np.linalg.norm(ends[0] - ends[1]))
     return bool((np.linalg.norm(points - others, axis=1) < NEAR * apart).all())
 
 
 def _left_out(attempts: Attempts, wrong: list[str]) -> str:
-    """That control points are wrong, and by how much, where the block fits without them."""
+    """That control points are wrong, and by how much, where the block fits without them.
+
+    Where all of it fits from there, a focal length with which images cannot be placed may be.
+    """
     made = attempts.copy()
     made.control = made.control.without(wrong)
     found = attempts.fitting(made, f"the block without control points {', '.join(wrong)}")
-    return "" if found is None else contradicted(attempts, wrong, found)
+    if found is None:
+        return ""
+    whole = as_whole(attempts, found)
+    if whole is None:
+        return contradicted(attempts, wrong, found)
+    return focal_in_words(attempts, whole) if focal_change(attempts, whole) > OFF else ""
 
 
 def contradicted(attempts: Attempts, wrong: Sequence[str], found: BundleSolution) -> str:

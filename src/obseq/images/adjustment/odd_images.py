@@ -27,7 +27,7 @@ from obseq.images.names import are_among
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.trials import Attempts, Trials
@@ -177,22 +177,25 @@ class _Explanation:
     def _adjusted(self, camera: str) -> Camera:
         return self.without.cameras.get(camera, self.trials.block.cameras[camera])
 
-    def _fits(self, measures: ImagePoints, cameras: dict[str, Camera]) -> tuple[ImagePoints, BoolArray]:
-        """Measures of known points, and whether each is near its own from the best pose of its image."""
+    def _fits(
+        self, measures: ImagePoints, cameras: dict[str, Camera]
+    ) -> tuple[ImagePoints, BoolArray, FloatArray]:
+        """Measures of known points, whether each fits from the best pose of its image, and where it would."""
         known = ControlPoints.of(self.without.points, self.without.coordinates)
         try:
             found = resect(measures, known, cameras, LOOSE)
         except ObseqError:
-            return measures, np.zeros(len(measures), dtype=bool)
+            return measures, np.zeros(len(measures), dtype=bool), measures.xy
         sigma0 = max(self.without.sigma0 or 1.0, 1.0)
         far = np.maximum(NEAR, SIGMAS * sigma0 * found.measures.sigmas)
-        return found.measures, np.asarray((np.abs(found.residuals) <= far).all(axis=1))
+        fits = np.asarray((np.abs(found.residuals) <= far).all(axis=1))
+        return found.measures, fits, found.measures.xy + found.residuals
 
     def _fit_so(self, measures: ImagePoints | None, cameras: dict[str, Camera]) -> bool:
         """Whether nearly all measures fit, given otherwise."""
         if measures is None:
             return False
-        _, fits = self._fits(measures, cameras)
+        _, fits, _ = self._fits(measures, cameras)
         return bool(np.count_nonzero(fits) >= NEARLY_ALL * len(fits))
 
     def _convention(self) -> str:
@@ -260,8 +263,8 @@ class _Contradiction(_Explanation):
 
     def words(self) -> str:
         """The explanation, or that there is none; empty where most measures of an image fit as they are."""
-        rows, fits = self._fits(self._measures, self._cameras)
-        said = self._exchange(rows.rows(~fits)) or self._convention() or self._camera()
+        rows, fits, there = self._fits(self._measures, self._cameras)
+        said = self._exchange(rows.rows(~fits), there[~fits]) or self._convention() or self._camera()
         return said or (self._unexplained() if self._misfit(rows, fits) else "")
 
     def _misfit(self, measures: ImagePoints, fits: BoolArray) -> bool:
@@ -271,8 +274,17 @@ class _Contradiction(_Explanation):
         )
         return bool((2 * fit <= there).all())
 
-    def _exchange(self, misfits: ImagePoints) -> str:
-        """That two points of an image are exchanged, where all others of it fit."""
-        if len(misfits) != 2 or len(misfits.image_names) != 1:
+    def _exchange(self, misfits: ImagePoints, there: FloatArray) -> str:
+        """That two points of an image are exchanged, where all others that the others place fit."""
+        if len(misfits.image_names) != 1 or len(misfits) > 2:
             return ""
-        return exchange_in(self.trials, misfits.image_names[0], *misfits.point_names)
+        image, names = misfits.image_names[0], misfits.point_names
+        if len(misfits) == 1:
+            names += self._measured_at(image, there[0])
+        return exchange_in(self.trials, image, *names) if len(names) == 2 else ""
+
+    def _measured_at(self, image: str, place: FloatArray) -> tuple[str, ...]:
+        """The point measured nearest to a pixel of an image, if the others do not place it; else none."""
+        own = self._measures.of_image(image)
+        name = own.point_names[own.point[np.argmin(np.linalg.norm(own.xy - place, axis=1))]]
+        return () if name in self.without.points else (name,)

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, ObseqError
 from obseq.images.adjustment.axes import exchanged_axes
+from obseq.images.adjustment.calibrations import OFF, focal_change, focal_in_words, other_focal
 from obseq.images.adjustment.causes import common_cause, silent
 from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import Odd, odd_without
-from obseq.images.adjustment.trials import BAD, Attempts
-from obseq.images.initial.conventions import MOST_PLACED
+from obseq.images.adjustment.trials import BAD, Attempts, is_rejected
+from obseq.images.initial.conventions import ALIKE, MOST_PLACED
 from obseq.images.initial.growth import place_images, place_loosely, place_the_last
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
@@ -94,6 +95,9 @@ def _axes(block: AdjustableBlock, growth: Growth) -> str:
     axes = exchanged_axes(attempts)
     if axes is None or attempts.fitting(attempts.copy(), "the block as it is") is not None:
         return ""
+    other = other_focal(attempts) if is_rejected(axes.found) else None
+    if other is not None and ALIKE * (other.sigma0 or 0.0) < (axes.found.sigma0 or 0.0):
+        return focal_in_words(attempts, other)
     return f"{axes.said}: so changed, all images can be placed"
 
 
@@ -101,7 +105,8 @@ def _of_some(block: AdjustableBlock, growth: Growth) -> str:
     """What is wrong with some images, or control points, of a block whose images are placed by force."""
     if len(growth.measures) > MOST_PLACED:
         return ""
-    said = odd_control(Attempts(block, block.poses, silent, {}))
+    attempts = Attempts(block, block.poses, silent, {})
+    said = odd_control(attempts)
     if said:
         return said
     place_loosely(growth, block.control)
@@ -110,14 +115,33 @@ def _of_some(block: AdjustableBlock, growth: Growth) -> str:
         return ""
     rest = _without(block, growth, lost)
     found = _solved(rest)
+    said = _focal(attempts, found)
+    if said:
+        return said
     if found is None or found.sigma0 is None or not (found.converged or found.sigma0 < FAR_OFF):
         return ""
     tried = tuple(image for image in lost if image in growth.reasons)  # the others share too few points
     if lost and found.converged and found.sigma0 < BAD:
         odd = Odd.of(tried)
-        return odd_without(odd, Attempts(block, block.poses, silent, {}), found) if tried else ""
+        return odd_without(odd, attempts, found) if tried else ""
     cause = common_cause(rest, found, block.poses)
     return f"{cause}; {Odd.of(tuple(lost)).said}: no place at all" if cause and lost else cause
+
+
+def _focal(attempts: Attempts, rest: BundleSolution | None) -> str:
+    """A focal length that all images share and with which they cannot be placed, in words.
+
+    Args:
+        attempts: of the block.
+        rest: its solution with the images that can be placed by force, if there is one.
+    """
+    if rest is not None and rest.converged and (rest.sigma0 or 0.0) < BAD:
+        given = attempts.block.cameras
+        ratios = [camera.focal / given[name].focal for name, camera in rest.cameras.items()]
+        found = other_focal(attempts, ratios[:1]) if focal_change(attempts, rest) > OFF else None
+    else:
+        found = other_focal(attempts)
+    return "" if found is None else focal_in_words(attempts, found)
 
 
 def _without(block: AdjustableBlock, growth: Growth, lost: list[str]) -> AdjustableBlock:

@@ -75,19 +75,23 @@ class Attempts:
         made.sets = sets
         return made
 
-    def solved(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
+    def solved(
+        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+    ) -> BundleSolution | None:
         """The solution of a changed block, if it converges."""
-        found = self.last(block, change)
+        found = self.last(block, change, covariance)
         return found if found is not None and found.converged and found.sigma0 is not None else None
 
-    def last(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
+    def last(
+        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+    ) -> BundleSolution | None:
         """The solution of a changed block, converged or not, if there is any."""
         if block is None:
             return None
         try:
             self.told(f"the block does not fit: trying {change}")
             block.initialise(causes=False)
-            return block.solve(**self._as_before(change))
+            return block.solve(**{**self._as_before(change), "covariance": covariance})
         except ObseqError:
             return None
 
@@ -103,7 +107,7 @@ class Attempts:
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change of observations makes them agree with the rest, as it is without them."""
         more = _redundancy(changed) - _redundancy(without)
-        return bool(squares(changed) - squares(without) <= QUIET**2 * _variance(without) * more)
+        return bool(squares(changed) - squares(without) <= QUIET**2 * variance(without) * more)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -123,7 +127,6 @@ class Attempts:
         given = self.options.get("max_iterations")
         return {
             **self.options,
-            "covariance": False,
             "max_iterations": min(given or self._most, self._most),
             "progress": lambda step: self.told(_step(change, step)),
         }
@@ -147,8 +150,10 @@ class Trials(Attempts):
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
         more = _redundancy(self.before) - _redundancy(without)
+        if self.before.left_out != without.left_out:
+            more = max(more, 1)  # what a block that went astray has left out is no redundancy of either
         gain = squares(self.before) - squares(without)
-        return bool(more > 0 and gain > LOUD**2 * _variance(without) * more)
+        return bool(more > 0 and gain > LOUD**2 * variance(without) * more)
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change makes observations agree with the rest, and little is left of what they spoil."""
@@ -157,7 +162,7 @@ class Trials(Attempts):
 
     def gains(self, found: BundleSolution) -> float:
         """By how much a change lowers the weighted sum of squares, in the variances of most residuals."""
-        return (squares(self.before) - squares(found)) / _variance(found)
+        return (squares(self.before) - squares(found)) / variance(found)
 
     def falls(self, after: BundleSolution) -> str:
         """What becomes of sigma0."""
@@ -192,7 +197,7 @@ def squares(found: BundleSolution) -> float:
     return _sigma0(found) ** 2 * _redundancy(found)
 
 
-def _variance(found: BundleSolution) -> float:
+def variance(found: BundleSolution) -> float:
     """Of the residuals of most, by their sigmas; not less than these say."""
     return max(_sigma0(found) ** 2, 1.0)
 
@@ -201,6 +206,12 @@ def is_rejected(solution: BundleSolution) -> bool:
     """Whether sigma0 is too large, by its test."""
     test = global_test(solution.result) if solution.result.redundancy > 0 else None
     return test is not None and not test.passed and test.sigma0 > test.sigma0_limits[1]
+
+
+def has_robust_weights(solution: BundleSolution) -> bool:
+    """Whether a robust weight other than 1 took part."""
+    weights = solution.residuals.weights
+    return bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
 
 
 def is_mirrored(solution: BundleSolution) -> bool:

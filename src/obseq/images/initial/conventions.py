@@ -34,11 +34,13 @@ class Convention:
         trial: what is tried, in a few words.
         said: what is wrong with a block that is given so; of one image or camera, the end of a sentence.
         change: of pixels (n, 2) and the sizes (n, 2) of their images, the pixels that are meant.
+        scale: by which their sigmas are larger too.
     """
 
     trial: str
     said: str
     change: Callable[[FloatArray, FloatArray], FloatArray]
+    scale: float = 1.0
 
     def of(
         self, measures: ImagePoints, cameras: Mapping[str, Camera], images: Collection[str] | None = None
@@ -56,7 +58,7 @@ class Convention:
         if images is not None:
             xy = np.where(are_among(measures.image_names, images)[measures.image, None], xy, measures.xy)
         outside = (size > 0.0) & ((xy < -MARGIN) | (xy > size + MARGIN))
-        return None if outside.any() else replace(measures, xy=xy)
+        return None if outside.any() else replace(measures, xy=xy, sigmas=self.scale * measures.sigmas)
 
 
 def _upside_down(xy: FloatArray, size: FloatArray) -> FloatArray:
@@ -87,6 +89,20 @@ def _of_another_size(factor: float) -> Convention:
         f"pixels are those of an image of another size (x, y -> {factor:g} x, {factor:g} y)",
         lambda xy, _: factor * xy,
     )
+
+
+def _all_of_another_size(factor: float) -> Convention:
+    return Convention(
+        f"all pixels times {factor:g}",
+        "all image points were measured in images of another size than that of the camera "
+        f"(x, y -> {factor:g} x, {factor:g} y)",
+        lambda xy, _: factor * xy,
+        factor,
+    )
+
+
+SIZES = tuple(_all_of_another_size(factor) for factor in (2.0, 4.0, 8.0))
+"""Images that were reduced before they were measured; those that were enlarged have points outside."""
 
 
 OF_ONE_IMAGE = (

@@ -186,19 +186,24 @@ def _refined(rays: _Rays, start: FloatArray) -> tuple[FloatArray, FloatArray, Fl
         residuals_there, jacobian_there = rays.project(trial)
         cost_there = _costs(rays, residuals_there, len(points))
         better = cost_there <= cost * (1.0 + ROUNDING)
-        points[better], cost[better] = trial[better], cost_there[better]
-        kept = better[point]
-        residuals[kept], jacobian[kept] = residuals_there[kept], jacobian_there[kept]
+        if better.all():
+            points, cost, residuals, jacobian = trial, cost_there, residuals_there, jacobian_there
+        else:
+            kept = better[point]
+            for now, there in ((points, trial), (cost, cost_there)):
+                now[better] = there[better]
+            for now, there in ((residuals, residuals_there), (jacobian, jacobian_there)):
+                now[kept] = there[kept]
         share = np.where(better, 1.0, 0.25 * share)
         moved = np.abs((jacobian @ step[point][:, :, None])[:, :, 0] * rays.measures.sigmas)
-        if np.nanmax(moved, initial=0.0) <= TOLERANCE:
+        if np.fmax.reduce(moved, axis=None, initial=0.0) <= TOLERANCE:
             break
     return points, inverse3(_normals(rays, residuals, jacobian, len(points))[0]), residuals
 
 
 def _costs(rays: _Rays, residuals: FloatArray, n: int) -> FloatArray:
-    squares = np.sum(residuals**2, axis=1)
-    return np.bincount(rays.measures.point, squares, n).astype(np.float64)
+    x, y = residuals.T
+    return np.bincount(rays.measures.point, x * x + y * y, n).astype(np.float64)
 
 
 def _normals(

@@ -128,7 +128,7 @@ def _frames(triangles: FloatArray) -> FloatArray:
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(np.sum(a * b, axis=-1))
+    return np.asarray(np.add.reduce(a * b, axis=-1))
 
 
 def _square(a: FloatArray) -> FloatArray:

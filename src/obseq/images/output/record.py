@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.images.adjustment.trials import has_robust_weights
 from obseq.images.output.block_record import (
     BlockLeftOutRecord,
     BlockPointRecord,
@@ -18,7 +19,6 @@ from obseq.images.output.block_record import (
 )
 from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
-from obseq.images.output.suspicion import has_robust_weights
 from obseq.images.output.testing import reliability_record
 from obseq.record import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record

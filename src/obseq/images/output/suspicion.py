@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.images.adjustment.equation_names import EquationNames
+from obseq.images.adjustment.trials import has_robust_weights
 from obseq.leastsquares.statistics.hypothesis_tests import (
     limit_by_others,
     limit_by_spread,
@@ -110,12 +111,6 @@ class LargestTestsRecord:
         if not self.robust:
             return len(self.suspects)
         return self.beyond - sum(item.follows and item.scaled > self.limit for item in self.largest)
-
-
-def has_robust_weights(solution: BundleSolution) -> bool:
-    """Whether a robust weight other than 1 took part."""
-    weights = solution.residuals.weights
-    return bool((np.abs(weights[np.isfinite(weights)] - 1.0) > 1e-12).any())
 
 
 def largest_tests(solution: BundleSolution, whole: Reliability) -> LargestTestsRecord:
