@@ -1,12 +1,14 @@
 """Euclidean systems with a place on the Earth: GeoC, LEuc and RTL."""
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.crs.ground import WGS84, Ground, ground_at
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem
@@ -21,10 +23,12 @@ class RigidSystem(CoordinateSystem):
     Attributes:
         rotation: (3, 3), from this system to geocentric axes.
         translation: (3,), geocentric coordinates of the origin, metres.
+        ground: the ellipsoid to which heights and verticals refer.
     """
 
     rotation: FloatArray = field(compare=False, repr=False)
     translation: FloatArray = field(compare=False, repr=False)
+    ground: Ground = field(default=WGS84, compare=False, repr=False, kw_only=True)
 
     def __post_init__(self) -> None:
         self.rotation.setflags(write=False)
@@ -54,14 +58,29 @@ class RigidSystem(CoordinateSystem):
         return self.rotation.copy(), self.translation.copy()
 
     def vertical_rotation(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
-        """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point."""
-        return self.verticals_at(self.geodetic(points, names))
+        """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point, on its ground."""
+        return self.verticals_at(self.ground.geodetic(self.to_geocentric(points, names), names))
 
     def verticals_at(self, place: FloatArray) -> FloatArray:
-        """The same (n, 3, 3) for points given by longitude, latitude (rad) and height, (n, 3)."""
+        """The same (n, 3, 3) for points given by longitude, latitude (rad) and height on its ground, (n, 3)."""
         axes = east_north_up(place[..., 0], place[..., 1])
-        turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.rotation
+        turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.ground_rotation
         return turned
+
+    @property
+    def ground_rotation(self) -> FloatArray:
+        """(3, 3), from this system to the axes of its ground."""
+        return self.rotation if self.ground.is_plain else self.ground.rotation @ self.rotation
+
+    def ground_pose(self) -> tuple[FloatArray, FloatArray]:
+        """R (3, 3), with the scale of its ground in it, and T (3,): coordinates there are R x + T."""
+        if self.ground.is_plain:
+            return self.geocentric_pose()
+        return self.ground.scale * self.ground_rotation, self.ground.own(self.translation)
+
+    def with_heights_of(self, system: CoordinateSystem, place: FloatArray) -> Self:
+        """The same frame, whose heights and verticals are those of a system, around a place (3,) in it."""
+        return replace(self, ground=ground_at(system, place) if isinstance(system, ProjSystem) else WGS84)
 
 
 @dataclass(frozen=True)
@@ -111,4 +130,13 @@ def local_tangent(definition: str, origin: tuple[float, float, float], base: Pro
     names = [f"origin of {definition}"]
     translation = base.to_geocentric(np.array([origin]), names)
     longitude, latitude, _ = geodetic_from_geocentric(translation, names)[0]
-    return LocalTangent(definition, east_north_up(longitude, latitude), translation[0], origin, base)
+    ground = ground_at(base, np.array(origin))
+    axes = east_north_up(longitude, latitude)
+    return LocalTangent(
+        definition=definition,
+        rotation=axes,
+        translation=translation[0],
+        origin=origin,
+        base=base,
+        ground=ground,
+    )
