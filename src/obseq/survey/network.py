@@ -221,7 +221,8 @@ class Network:
             project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
         coefficient = project.refraction if refraction is None else refraction
         systems = project.systems(frame, points_crs)
-        network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
+        points = project.points_in(systems[1] or systems[0])
+        network = cls.assembled(points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
         network = replace(
             network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
