@@ -14,6 +14,7 @@ from obseq.writing import check_writable
 if TYPE_CHECKING:
     from obseq.survey import Network
 
+TABLE = ".csv"
 Options: TypeAlias = dict[str, Any]
 """Arguments of a reader, by name."""
 
@@ -72,7 +73,9 @@ def _add_files(command: argparse.ArgumentParser) -> None:
         "STAR*NET (.dat), LandXML (.xml), SINEX (.snx); or tables of points and observations (.csv)",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
-    files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
+    files.add_argument(
+        "--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR), or tables of points (.csv)"
+    )
     files.add_argument(
         "--outside", action="store_true", help="let a project read files outside of its own folder"
     )
@@ -143,7 +146,7 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
         "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
-        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m)",
+        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
     )
     computation.add_argument(
         "--ignore",
@@ -173,9 +176,12 @@ def source_of(arguments: argparse.Namespace) -> Source:
             **_point_format(arguments),
         }
     )
-    if arguments.project:
+    cor = list(arguments.cor or ())
+    if arguments.project and arguments.obs and all(p.suffix.lower() == TABLE for p in arguments.project):
+        cor += arguments.project  # tables of points with OBS files
+    elif arguments.project:
         return Source([], [], _project_options(arguments, reading), arguments.project)
-    if not arguments.obs or not arguments.cor:
+    if not arguments.obs or not cor:
         raise InputError(
             "give a project (before options that take several values), or observation files (--obs) and "
             "point files (--cor)"
@@ -184,7 +190,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
         reading["geoid"] = arguments.geoid
     if "sigmas" in reading:
         raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
-    return Source(arguments.obs, arguments.cor, reading)
+    return Source(arguments.obs, cor, reading)
 
 
 def given(options: Options) -> Options:

@@ -87,8 +87,8 @@ WGS84 = Ground(
 def ground_at(system: ProjSystem, place: FloatArray) -> Ground:
     """The ellipsoid to which heights refer in a system, around a place.
 
-    A system of the plan alone says nothing of heights: they are levelled, and no change of datum tilts what is
-    level. They are above the ellipsoid of the system itself, where it lies in WGS 84, and verticals are its
+    A system of the plan alone says nothing of heights: they are levelled, and no change of datum tilts what
+    is level. They are above the ellipsoid of the system itself, where it lies in WGS 84, and verticals are its
     normals. Where the change of datum leaves heights as they are, and in systems with a vertical axis of
     their own, it is that of WGS 84.
 
@@ -115,22 +115,32 @@ def _ground_of(definition: str, place: tuple[float, ...]) -> Ground:
         return WGS84
     if len(there) < _LEAST:
         raise CrsError(f"{definition!r} ends here: the vertical of its datum is not determined")
-    ellipsoid = known_crs(definition).ellipsoid
-    equatorial, inverse = float(ellipsoid.semi_major_metre), float(ellipsoid.inverse_flattening)
-    flattening = 1.0 / inverse if inverse else 0.0
+    equatorial, flattening = _shape(definition)
     polar = equatorial * (1.0 - flattening)
     plain = f"+proj=longlat +a={equatorial!r} +b={polar!r} +towgs84=0,0,0 +no_defs"
     own = operation_of(plain).forward(np.column_stack([_degrees(definition, given), given[:, 2]]))
     rotation, translation, scale = _similarity(there, own)
     left = np.linalg.norm(scale * there @ rotation.T + translation - own, axis=1).max()
     if left > _RIGID:
-        raise CrsError(
-            f"The change of datum of {definition!r} bends the ellipsoid of the system by {1e3 * left:.1f} mm "
-            f"within {_AROUND / 1e3:.0f} km: give the system with `@h` (heights stay what they are, above "
-            "the ellipsoid of WGS 84), or with its vertical system"
-        )
+        raise CrsError(_bent(definition, float(left)))
     squared = flattening * (2.0 - flattening)
     return Ground(equatorial, flattening, squared, plain, rotation, translation, scale)
+
+
+def _shape(definition: str) -> tuple[float, float]:
+    """Equatorial radius and flattening of the ellipsoid of a system."""
+    ellipsoid = known_crs(definition).ellipsoid
+    assert ellipsoid is not None
+    inverse = float(ellipsoid.inverse_flattening)
+    return float(ellipsoid.semi_major_metre), 1.0 / inverse if inverse else 0.0
+
+
+def _bent(definition: str, left: float) -> str:
+    return (
+        f"The change of datum of {definition!r} bends the ellipsoid of the system by {1e3 * left:.1f} mm within "
+        f"{_AROUND / 1e3:.0f} km: give the system with `@h` (heights stay what they are, above the ellipsoid of "
+        "WGS 84), or with its vertical system"
+    )
 
 
 def _around(definition: str, place: FloatArray) -> FloatArray:
@@ -138,7 +148,7 @@ def _around(definition: str, place: FloatArray) -> FloatArray:
     unit = known_crs(definition).axis_info[0].unit_conversion_factor
     step = (_AROUND / EQUATORIAL_RADIUS if known_crs(definition).is_geographic else _AROUND) / unit
     sides = np.array([[0, 0, 0], [1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]], np.float64)
-    sides = np.concatenate([sides, sides[1:] + [0.0, 0.0, 1.0]])
+    sides = np.concatenate([sides, sides[1:] + np.array([0.0, 0.0, 1.0])])
     return np.asarray(place + sides * [step, step, 1000.0])
 
 
@@ -148,7 +158,8 @@ def _degrees(definition: str, given: FloatArray) -> FloatArray:
 
     known = known_crs(definition)
     plan = known.source_crs if known.is_bound else known
-    geodetic = plan.geodetic_crs
+    geodetic = plan.geodetic_crs if plan else None
+    assert geodetic is not None
     if plan == geodetic:
         found = given[:, :2]
     else:

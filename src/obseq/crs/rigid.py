@@ -62,7 +62,7 @@ class RigidSystem(CoordinateSystem):
         return self.verticals_at(self.ground.geodetic(self.to_geocentric(points, names), names))
 
     def verticals_at(self, place: FloatArray) -> FloatArray:
-        """The same (n, 3, 3) for points given by longitude, latitude (rad) and height on its ground, (n, 3)."""
+        """The same (n, 3, 3) for points (n, 3): longitude, latitude (rad) and height on its ground."""
         axes = east_north_up(place[..., 0], place[..., 1])
         turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.ground_rotation
         return turned

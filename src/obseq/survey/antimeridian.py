@@ -17,7 +17,7 @@ def cut(corners: FloatArray) -> list[FloatArray]:
     """The parts of a line, or of a convex ring, on both sides of the meridian; the shape itself elsewhere.
 
     Args:
-        corners: (n, 3) longitude (degrees, -180 to 180), latitude and height; of a ring the last is the first.
+        corners: (n, 3) longitude (degrees, -180 to 180), latitude, height; of a ring the last is the first.
     """
     steps = np.diff(corners[:, 0])
     unwrapped = corners.copy()

@@ -295,8 +295,8 @@ def datum_options(network: Network) -> str:
     known = [name for name in datum.kept if not points.is_free[points.index[name]].all()]
     if known:
         raise InputError(
-            f"point {known[0]} stays known beside the inner constraints of this project, which OBS, COR and CSV "
-            "files cannot say: adjust the project itself"
+            f"point {known[0]} stays known beside the inner constraints of this project, which OBS, COR and "
+            "CSV files cannot say: adjust the project itself"
         )
     carrying = datum.points or tuple(name for name in points.names if name not in datum.remote)
     chosen = "" if len(carrying) == len(points) else " --datum-points " + " ".join(map(shlex.quote, carrying))
@@ -318,8 +318,8 @@ def _refuse_other_ground(network: Network) -> None:
     if isinstance(frame, crs.RigidSystem) and not frame.ground.is_plain:
         raise InputError(
             f"heights and verticals of {network.points_crs.definition} are those of its own ellipsoid, and "
-            "DynAdjust would take them from that of WGS 84 (GRS 80), which is tilted against it: give the system "
-            "of the points with `@h` (heights stay what they are)"
+            "DynAdjust would take them from that of WGS 84 (GRS 80), which is tilted against it: give the "
+            "system of the points with `@h` (heights stay what they are)"
         )
 
 

@@ -54,7 +54,7 @@ def cor_of(record: AdjustmentRecord) -> str:
 
 
 def csv_of(record: AdjustmentRecord) -> str:
-    """A table of the adjusted points, in their own system: in feet where reports are, unless it has angles."""
+    """A table of the adjusted points, in their system: in feet where reports are, unless it has angles."""
     points, system, unit = adjusted_points(record), crs.parse(record.points_crs), record.units.length
     if unit == "m" or system.plan_unit.is_angle:
         return csv_text(points)

@@ -180,8 +180,11 @@ class Frame:
             ) from error
 
     def to_ground(self, book: FieldBook, rows: IntArray) -> tuple[float, ...]:
-        """Rotation and translation of the frame to the axes of the ellipsoid to which heights refer, and its
-        equatorial radius and squared eccentricity, for observations."""
+        """What leads to the ellipsoid to which heights refer, for observations.
+
+        Rotation (9) and translation (3) of the frame to its axes, its equatorial radius and its squared
+        eccentricity.
+        """
         self.to_geocentric(book, rows)
         assert isinstance(self.system, crs.RigidSystem)
         ground, (rotation, translation) = self.system.ground, self.system.ground_pose()

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.shown_units import METRES
 from obseq.survey.files.text import parse_number
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 SECOND = math.pi / 648_000.0
 GON = math.pi / 200.0
-LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+LENGTHS = {"mm": 1e-3, "cm": 1e-2} | METRES
 ANGLES = {
     "sec": SECOND,
     "arcsec": SECOND,
@@ -47,7 +48,7 @@ EXAMPLES = {
     "height": "height=1mm",
     "height-per-km": "height-per-km=1mm",
 }
-_VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+)", re.ASCII)
+_VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+(?:-[a-z]+)?)", re.ASCII)
 
 
 def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:

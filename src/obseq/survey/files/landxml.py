@@ -60,7 +60,8 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
     points = hold_plans(table.points(root, book), book)
     lengths = np.full(len(points), units.metres)
-    return Project(points, book, None, _system(root), shown=units.shown, units=lengths)
+    system = _system(root)
+    return Project(points, book, None, system, shown=units.shown, units=lengths, is_from_grid_north=True)
 
 
 def _system(root: Element) -> str | None:

@@ -138,7 +138,16 @@ class _Reader:
         system = "Local" if is_plane else None  # heights can have a place on the Earth, which the user gives
         shown, units = self._options.shown, self._points.units(points.names)
         book = replace(book, warnings=told)
-        return Project(points, book, system, system, refraction, shown=shown, units=units)
+        return Project(
+            points,
+            book,
+            system,
+            system,
+            refraction,
+            shown=shown,
+            units=units,
+            is_from_grid_north=True,
+        )
 
     def _told(self) -> Iterator[str]:
         name = self._first.name if self._first else ""

@@ -75,6 +75,13 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     return Project(merge_points(points), columns.field_book(), shown=shown, units=np.array(units))
 
 
+def read_point_table(path: str | Path, encoding: str) -> tuple[Points, list[float]]:
+    """Reads a table of points: them in metres, and the unit of each (m; NaN for that of its system)."""
+    table, units = Table(read_text(path, encoding)), list[float]()
+    table.check_rows()
+    return _points(table, units), units
+
+
 def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
     """What to do where no table of the other kind is given."""
     given, wanted = ("points", OF_OBSERVATIONS) if lacking == "observations" else ("observations", OF_POINTS)
