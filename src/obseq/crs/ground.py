@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.crs.operations import (
-    GEOGRAPHIC,
-    from_geocentric,
+    Operation,
     geodetic_from_geocentric,
     known_crs,
     operation_of,
 )
+from obseq.crs.point_arrays import check_finite
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
@@ -44,24 +44,19 @@ class Ground:
         equatorial: Equatorial radius (m).
         flattening: Of the ellipsoid.
         squared_eccentricity: Of the ellipsoid.
-        definition: For PROJ: longitude, latitude (degrees) and height, along its own axes.
         rotation: (3, 3).
         translation: (3,) m.
         scale: Of its metres to those of WGS 84.
+        is_plain: Whether it is the ellipsoid of WGS 84, where it is.
     """
 
     equatorial: float
     flattening: float
     squared_eccentricity: float
-    definition: str
     rotation: FloatArray
     translation: FloatArray
     scale: float = 1.0
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether it is the ellipsoid of WGS 84, where it is."""
-        return self.definition == GEOGRAPHIC
+    is_plain: bool = False
 
     def own(self, geocentric: FloatArray) -> FloatArray:
         """Coordinates along its own axes of geocentric points (..., 3)."""
@@ -73,13 +68,15 @@ class Ground:
         """Longitude, latitude (rad) and height (m) of geocentric points (..., 3), on this ellipsoid."""
         if self.is_plain:
             return geodetic_from_geocentric(geocentric, names)
-        place = from_geocentric(self.definition, self.own(geocentric), names)
+        own = self.own(geocentric)
+        place = _cartesian(self.equatorial, self.flattening).inverse(own)
+        check_finite(place, own, "(geocentric) has no place on the ellipsoid.", names)
         place[..., :2] = np.deg2rad(place[..., :2])
         return place
 
 
 WGS84 = Ground(
-    EQUATORIAL_RADIUS, 1.0 / 298.257223563, SQUARED_ECCENTRICITY, GEOGRAPHIC, np.eye(3), np.zeros(3)
+    EQUATORIAL_RADIUS, 1.0 / 298.257223563, SQUARED_ECCENTRICITY, np.eye(3), np.zeros(3), is_plain=True
 )
 """The ellipsoid itself; its eccentricity is rounded as in MMVII."""
 
@@ -88,8 +85,8 @@ def ground_at(system: ProjSystem, place: FloatArray) -> Ground:
     """The ellipsoid to which heights refer in a system, around a place.
 
     A system of the plan alone says nothing of heights: they are levelled, and no change of datum tilts what
-    is level. They are above the ellipsoid of the system itself, where it lies in WGS 84, and verticals are its
-    normals. Where the change of datum leaves heights as they are, and in systems with a vertical axis of
+    is level. They are above the ellipsoid of the system itself, where it lies in WGS 84, and verticals are
+    its normals. Where the change of datum leaves heights as they are, and in systems with a vertical axis of
     their own, it is that of WGS 84.
 
     Args:
@@ -116,15 +113,24 @@ def _ground_of(definition: str, place: tuple[float, ...]) -> Ground:
     if len(there) < _LEAST:
         raise CrsError(f"{definition!r} ends here: the vertical of its datum is not determined")
     equatorial, flattening = _shape(definition)
-    polar = equatorial * (1.0 - flattening)
-    plain = f"+proj=longlat +a={equatorial!r} +b={polar!r} +towgs84=0,0,0 +no_defs"
-    own = operation_of(plain).forward(np.column_stack([_degrees(definition, given), given[:, 2]]))
+    geodetic = np.column_stack([_degrees(definition, given), given[:, 2]])
+    own = _cartesian(equatorial, flattening).forward(geodetic)
     rotation, translation, scale = _similarity(there, own)
     left = np.linalg.norm(scale * there @ rotation.T + translation - own, axis=1).max()
     if left > _RIGID:
         raise CrsError(_bent(definition, float(left)))
     squared = flattening * (2.0 - flattening)
-    return Ground(equatorial, flattening, squared, plain, rotation, translation, scale)
+    return Ground(equatorial, flattening, squared, rotation, translation, scale)
+
+
+@lru_cache(maxsize=64)
+def _cartesian(equatorial: float, flattening: float) -> Operation:
+    """From longitude, latitude (degrees) and height on an ellipsoid to coordinates along its axes."""
+    from pyproj import Transformer
+
+    shape = f"+a={equatorial!r} +b={equatorial * (1.0 - flattening)!r}"
+    steps = f"+step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart {shape}"
+    return Operation("geodetic to cartesian", 0.0, Transformer.from_pipeline(f"+proj=pipeline {steps}"))
 
 
 def _shape(definition: str) -> tuple[float, float]:
@@ -137,9 +143,9 @@ def _shape(definition: str) -> tuple[float, float]:
 
 def _bent(definition: str, left: float) -> str:
     return (
-        f"The change of datum of {definition!r} bends the ellipsoid of the system by {1e3 * left:.1f} mm within "
-        f"{_AROUND / 1e3:.0f} km: give the system with `@h` (heights stay what they are, above the ellipsoid of "
-        "WGS 84), or with its vertical system"
+        f"The change of datum of {definition!r} bends the ellipsoid of the system by {1e3 * left:.1f} mm "
+        f"within {_AROUND / 1e3:.0f} km: give the system with `@h` (heights stay what they are, above the "
+        "ellipsoid of WGS 84), or with its vertical system"
     )
 
 

@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq import crs
+from obseq.crs.antimeridian import cut
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.antimeridian import cut
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

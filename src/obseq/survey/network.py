@@ -232,7 +232,7 @@ class Network:
             network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
         )
         if project.is_from_grid_north:
-            network = from_grid_north(network)
+            network = replace(network, book=from_grid_north(network.fieldwork))
         return network if place is None or project.has_geoid else network.with_deflections(place)
 
     @expecting(geoid=PATH)
