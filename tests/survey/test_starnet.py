@@ -9,6 +9,7 @@ from obseq import crs
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import KINDS, Network
+from obseq.survey.files.default_sigmas import parse_sigmas
 
 SECOND = math.pi / 648_000
 PLANE = """
@@ -364,3 +365,8 @@ def test_distances_in_metres_in_a_file_in_feet_are_told_as_that(tmp_path):
     assert read(tmp_path, IN_FEET.format(*feet), sigmas=sigmas).gross_errors() == ()
     (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=sigmas).gross_errors()
     assert error.what.startswith("all 4 DistHz") and "metres, and were read as feet" in error.text
+
+
+def test_default_sigmas_may_be_in_feet():
+    found = parse_sigmas(["distance=0.006ft", "height=0.01us-ft"])
+    assert found == pytest.approx({"distance": 0.006 * 0.3048, "height": 0.01 * 1200.0 / 3937.0}, rel=1e-12)
