@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from obseq import crs
+from obseq.crs import ground
 
 GRIDS = {
     "EPSG:2056": (2600000.0, 1200000.0),
@@ -78,3 +79,12 @@ def test_a_frame_takes_over_the_heights_of_another_system():
     heights = taken.ground.geodetic(frame.base.to_geocentric(points))[:, 2]
     np.testing.assert_allclose(heights, points[:, 2], rtol=0, atol=2e-6)
     assert taken == other
+
+
+def test_a_change_of_datum_that_bends_the_ellipsoid_is_refused_where_verticals_are_asked_for(monkeypatch):
+    monkeypatch.setattr(ground, "_RIGID", -1.0)
+    frame, points, to_frame = around("EPSG:5514")
+    moved = to_frame.forward(points)  # coordinates need none
+    ground._ground_of.cache_clear()
+    with pytest.raises(crs.CrsError, match=r"'EPSG:5514' bends the ellipsoid .* `@h`"):
+        frame.vertical_rotation(moved)

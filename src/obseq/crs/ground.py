@@ -81,7 +81,7 @@ WGS84 = Ground(
 """The ellipsoid itself; its eccentricity is rounded as in MMVII."""
 
 
-def ground_at(system: ProjSystem, place: FloatArray) -> Ground:
+def ground_at(system: ProjSystem, place: tuple[float, float, float]) -> Ground:
     """The ellipsoid to which heights refer in a system, around a place.
 
     A system of the plan alone says nothing of heights: they are levelled, and no change of datum tilts what
@@ -98,11 +98,11 @@ def ground_at(system: ProjSystem, place: FloatArray) -> Ground:
     """
     if len(known_crs(system.definition).axis_info) != 2:
         return WGS84
-    return _ground_of(system.definition, tuple(float(value) for value in place))
+    return _ground_of(system.definition, place)
 
 
 @lru_cache(maxsize=64)
-def _ground_of(definition: str, place: tuple[float, ...]) -> Ground:
+def _ground_of(definition: str, place: tuple[float, float, float]) -> Ground:
     """That of a system of the plan."""
     given = _around(definition, np.array(place))
     there = operation_of(definition).forward(given)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -15,6 +16,8 @@ from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.dataclass import dataclass
 
+Coordinates = tuple[float, float, float]
+
 
 @dataclass(frozen=True)
 class RigidSystem(CoordinateSystem):
@@ -23,12 +26,14 @@ class RigidSystem(CoordinateSystem):
     Attributes:
         rotation: (3, 3), from this system to geocentric axes.
         translation: (3,), geocentric coordinates of the origin, metres.
-        ground: the ellipsoid to which heights and verticals refer.
+        heights: the system whose heights and verticals it has, and a place in it; those of WGS 84 without.
     """
 
     rotation: FloatArray = field(compare=False, repr=False)
     translation: FloatArray = field(compare=False, repr=False)
-    ground: Ground = field(default=WGS84, compare=False, repr=False, kw_only=True)
+    heights: tuple[ProjSystem, Coordinates] | None = field(
+        default=None, compare=False, repr=False, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         self.rotation.setflags(write=False)
@@ -67,6 +72,15 @@ class RigidSystem(CoordinateSystem):
         turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.ground_rotation
         return turned
 
+    @cached_property
+    def ground(self) -> Ground:
+        """The ellipsoid to which heights and verticals refer.
+
+        Raises:
+            CrsError: the change of datum of their system is no similarity around here.
+        """
+        return WGS84 if self.heights is None else ground_at(*self.heights)
+
     @property
     def ground_rotation(self) -> FloatArray:
         """(3, 3), from this system to the axes of its ground."""
@@ -80,7 +94,8 @@ class RigidSystem(CoordinateSystem):
 
     def with_heights_of(self, system: CoordinateSystem, place: FloatArray) -> Self:
         """The same frame, whose heights and verticals are those of a system, around a place (3,) in it."""
-        return replace(self, ground=ground_at(system, place) if isinstance(system, ProjSystem) else WGS84)
+        x, y, z = place.tolist()
+        return replace(self, heights=(system, (x, y, z)) if isinstance(system, ProjSystem) else None)
 
 
 @dataclass(frozen=True)
@@ -92,7 +107,7 @@ class LocalTangent(RigidSystem):
         base: the PROJ definition in which the origin is given.
     """
 
-    origin: tuple[float, float, float] = field(compare=False)
+    origin: Coordinates = field(compare=False)
     base: ProjSystem = field(compare=False)
 
     @property
@@ -121,7 +136,7 @@ def local_euclidean(definition: str, translation: FloatArray, angles: FloatArray
     return RigidSystem(definition, about_x @ about_y @ about_z, np.array(translation))
 
 
-def local_tangent(definition: str, origin: tuple[float, float, float], base: ProjSystem) -> LocalTangent:
+def local_tangent(definition: str, origin: Coordinates, base: ProjSystem) -> LocalTangent:
     """RTL at `origin`, given in `base`.
 
     Raises:
@@ -130,7 +145,6 @@ def local_tangent(definition: str, origin: tuple[float, float, float], base: Pro
     names = [f"origin of {definition}"]
     translation = base.to_geocentric(np.array([origin]), names)
     longitude, latitude, _ = geodetic_from_geocentric(translation, names)[0]
-    ground = ground_at(base, np.array(origin))
     axes = east_north_up(longitude, latitude)
     return LocalTangent(
         definition=definition,
@@ -138,5 +152,5 @@ def local_tangent(definition: str, origin: tuple[float, float, float], base: Pro
         translation=translation[0],
         origin=origin,
         base=base,
-        ground=ground,
+        heights=(base, origin),
     )

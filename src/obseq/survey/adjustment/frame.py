@@ -37,9 +37,10 @@ _FARTHEST = 1000.0
 class Frame:
     """The coordinate system of the computation.
 
-    The vertical of a station (its local east, north and up) is that of the ellipsoid in RTL systems, as in
-    MMVII. In a Local system, a plane with heights, all verticals are parallel to z, and zenith angles are
-    corrected for the curvature of the Earth. Elsewhere a `#FIX` station has the axes of the system.
+    The vertical of a station (its local east, north and up) is that of the ellipsoid to which the heights of
+    the points refer in RTL systems (`obseq.crs.Ground`). In a Local system, a plane with heights, all
+    verticals are parallel to z, and zenith angles are corrected for the curvature of the Earth. Elsewhere a
+    `#FIX` station has the axes of the system.
 
     Attributes:
         system: The coordinate system.
