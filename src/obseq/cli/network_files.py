@@ -121,8 +121,9 @@ def _add_systems(command: argparse.ArgumentParser) -> None:
     systems.add_argument(
         "--points-crs",
         metavar="SYSCO",
-        help="system of the coordinates in the point files (without it: the frame). In one of the plan, such as "
-        "EPSG:2056, heights are levelled, above its own ellipsoid; EPSG:2056@h takes them above that of WGS 84",
+        help="system of the coordinates in the point files (without it: the frame). In one of the plan, such "
+        "as EPSG:2056, heights are levelled, above its own ellipsoid; EPSG:2056@h takes them above that of "
+        "WGS 84",
     )
 
 
