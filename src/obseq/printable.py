@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 KEPT = frozenset("\n\t")
+FIRST_BYTE, BYTES = 0xDC00, ("\udc80", "\udcff")
+"""What stands for bytes that the encoding of a file does not have (surrogateescape)."""
 
 
 def printable(text: str) -> str:
@@ -65,4 +67,6 @@ def _json_escape(match: re.Match[str]) -> str:
 
 
 def _escaped(c: str) -> str:
+    if BYTES[0] <= c <= BYTES[1]:  # of another encoding, which could not be decoded
+        return f"\\x{ord(c) - FIRST_BYTE:02x}"
     return c.encode("unicode_escape").decode()

@@ -162,3 +162,10 @@ def offered(name: str) -> list[str]:
     actions = command.parser(name)._actions
     (commands,) = (action for action in actions if isinstance(action, argparse._SubParsersAction))
     return list(commands.choices)
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "obseq", "versions"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("obseq ")

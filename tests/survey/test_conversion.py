@@ -2,8 +2,10 @@
 
 import csv
 import json
+import shlex
 import shutil
 import subprocess
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,8 +14,8 @@ from outside import OutsideData
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import Network, read_cor
-from obseq.survey.conversion import write_gama
+from obseq.survey import Datum, Network, read_cor
+from obseq.survey.conversion import datum_options, write_gama
 
 SETS = ("gama-local-small", "gama-textbook-1d", "gama-textbook-2d", "gama-textbook-3d")
 FILES = sorted(path for folder in OutsideData().sets(SETS) for path in folder.glob("*.gkf"))
@@ -176,3 +178,54 @@ def test_gama_gets_no_corrections_nor_places_on_the_earth(tmp_path, gkf):
     placed = Network.read(book, points, frame="RTL*2*48*0*EPSG:4326", points_crs="RTL*2*48*0*EPSG:4326")
     with pytest.raises(InputError, match="Gama computes in a plane"):
         write_gama(tmp_path / "n.gkf", placed)
+
+
+def test_inner_constraints_of_a_project_are_named_or_refused(tmp_path, capsys, shared_data):
+    """Without --datum inner the precisions would be those of its sigmas of a decimetre."""
+    project = shared_data / "comp3d-no-redundancy" / "project.comp"
+    files = [str(tmp_path / "n.obs"), str(tmp_path / "n.cor")]
+    assert main(["convert", str(project), "--to", *files]) == 0
+    options = shlex.split(capsys.readouterr().out.partition("adjust them with ")[2])
+    assert options[-2:] == ["--datum", "inner"]
+    for arguments in ([str(project)], ["--obs", files[0], "--cor", files[1], *options]):
+        assert main(["adjust", *arguments, "--json", str(tmp_path / "r.json")]) == 0
+        first = json.loads((tmp_path / "r.json").read_text())["points"][0]
+        assert (first["name"], round(1e3 * first["sy"], 2)) == ("S1", 0.37)
+    assert main(["convert", str(project), "--to", str(tmp_path / "n.xml")]) == 2
+    assert "rests on inner constraints, which a file for DynAdjust would lose" in capsys.readouterr().err
+
+
+def test_points_without_inner_constraints_are_said(gkf):
+    network = Network.read_project(gkf)
+    assert datum_options(network) == ""
+    inner = replace(network, datum=Datum("inner", (), ("B",)))
+    assert datum_options(inner) == " --datum inner --datum-points A P"
+    with pytest.raises(InputError, match="point A stays known beside the inner constraints"):
+        datum_options(replace(network, datum=Datum("inner", (), (), ("A", "P"))))
+
+
+def test_shapes_are_cut_at_the_meridian_of_180_degrees(tmp_path, capsys):
+    (tmp_path / "n.cor").write_text(
+        "1 A 179.999 -20 5 0.001\n1 B -179.9995 -20 8 0.001\n1 C 180 -20.001 8 0.001\n"
+    )
+    (tmp_path / "n.obs").write_text("3 A B 156.96 1\n3 A C 152.25 1\n4 A B 3 0.001\n3 B C 122.52 1\n")
+    files = ["--obs", str(tmp_path / "n.obs"), "--cor", str(tmp_path / "n.cor")]
+    main(["adjust", *files, "--points-crs", "EPSG:4326", "--json", str(tmp_path / "r.json")])
+    main(
+        ["convert", str(tmp_path / "r.json"), "--to", str(tmp_path / "m.geojson"), "--ellipse-scale", "50000"]
+    )
+    capsys.readouterr()
+    features = json.loads((tmp_path / "m.geojson").read_text())["features"]
+    shapes = [feature["geometry"] for feature in features]
+    lines = [shape for shape in shapes if shape["type"] == "MultiLineString"]
+    assert lines, "the line from A to B crosses it"
+    (start, border), (other, end) = lines[0]["coordinates"]
+    assert (start[0], border[0], other[0], end[0]) == pytest.approx(
+        (179.999, 180.0, -180.0, -179.9995), abs=1e-7
+    )
+    assert border[1:] == other[1:] and border[2] == pytest.approx(5.0 + 3.0 * 2.0 / 3.0, abs=0.002)
+    for shape in shapes:
+        parts = shape["coordinates"] if "Multi" in shape["type"] else [shape["coordinates"]]
+        for part in parts:
+            longitudes = np.array(part).reshape(-1, 3)[:, 0]
+            assert np.ptp(longitudes) < 1.0 and np.abs(longitudes).max() <= 180.0

@@ -110,3 +110,8 @@ def test_real_files(shared_data):
     assert mixed.is_held[mixed.index["X1"]].tolist() == [True, False, False]
     assert mixed.is_free[mixed.index["X3"]].tolist() == [True, False, False]
     assert len(read_cor(shared_data / "mmvii-topomini" / "coords.txt", default_sigma=0.001)) == 4
+
+
+def test_points_made_in_memory_twice_are_named():
+    with pytest.raises(InputError, match="make_points: point A is given twice, as names 1 and 3; keep one"):
+        make_points(["A", "B", "A"], np.zeros((3, 3)))

@@ -60,7 +60,8 @@ def test_sigmas_are_metres_in_systems_of_other_units(shared_data):
     metric = Network.read(folder / "net.obs", folder / "NTFgr.cor", frame="RTL", points_crs="EPSG:4807")
     feet = Network.read(folder / "net.obs", folder / "usft.cor", frame="RTL", points_crs=FEET)
     one, other = metric.adjust(), feet.adjust()
-    assert one.sigma0 == pytest.approx(other.sigma0, rel=1e-4)
+    # Heights are above the ellipsoid of NTF; the angles were made with normals of WGS 84: 8 mm per km.
+    assert one.sigma0 == pytest.approx(other.sigma0, rel=1e-3)
     assert one.to_dict()["points_crs_unit"] == "grad"
     assert other.to_dict()["points_crs_unit"] == "US survey foot"
     assert other.to_dict()["points_crs_height_unit"] == "m"

@@ -290,3 +290,8 @@ def test_points_in_another_format_give_the_same_network(tmp_path, demo):
     adjusted = network.adjust()
     np.testing.assert_allclose(adjusted.points.coordinates, demo.points.coordinates, atol=1e-9)
     assert adjusted.sigma0 == pytest.approx(demo.sigma0)
+
+
+def test_a_refraction_that_is_no_number_is_refused_in_words(tmp_path):
+    with pytest.raises(InputError, match="refraction must be a finite number, not None"):
+        Network.read(tmp_path / "a.obs", tmp_path / "a.cor", refraction=None)

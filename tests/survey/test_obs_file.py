@@ -199,7 +199,7 @@ def test_errors_name_file_line_and_text(tmp_path, line, message):
         ("\n".encode("utf-16"), "the file is empty"),
         (
             "3 A B 1 1\n3 A b\u00e9ton 1 1".encode("latin-1"),
-            r"survey.obs:2: the name b\udce9ton is not written in UTF-8",
+            r"survey.obs:2: the name b\xe9ton is not written in UTF-8",
         ),
     ],
 )

@@ -7,6 +7,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
 from obseq.survey.conversion import write_sinex
+from obseq.survey.files.sinex_writer import sinex_text
 
 FRAME = "RTL*2.4*48.8*0*EPSG:4326"
 STATIONS = {"ALBY": (4200000.1, 170000.2, 4780000.3), "BASE": (4201000.0, 171000.0, 4779000.0)}
@@ -160,3 +161,24 @@ def test_standard_deviations_that_are_not_those_of_the_matrix(tmp_path):
 def test_control_characters_between_numbers_are_nothing(tmp_path):
     text = sinex(covariance()).replace("     1     1 ", "   \x1c 1     1 ", 1)
     assert len(book_of(tmp_path, text).observations) == 6
+
+
+def test_stations_stand_in_their_columns_with_approximate_places():
+    """Code in columns 2 to 5, description to 44, then longitude, latitude (d m s), height of SINEX 2.02."""
+    places = np.array(
+        [[-6378147.0, 0.0, 0.0], [0.0, 6378137.0 * 0.9999, 0.0], [4079983.0, 335000.0, -4874000.0]]
+    )
+    text = sinex_text(["K1", "ALBY", "Pillar_1"], places, 1e-6 * np.eye(9), {})
+    lines = text.partition("+SITE/ID\n")[2].partition("-SITE/ID")[0].splitlines()
+    assert lines[0] == " K1    A 00000M000 P K1                     180  0  0.0   0  0  0.0    10.0"
+    assert lines[1].startswith(" ALBY  A 00000M000 P ALBY                    90  0  0.0   0  0  0.0  -637.8")
+    assert {len(line) for line in lines} == {75}
+    west, south = lines[2][44:55].split(), lines[2][56:67].split()
+    assert west[0] == "4" and south[0] == "-50"
+    assert all(0 <= int(part[1]) < 60 and 0.0 <= float(part[2]) < 60.0 for part in (west, south))
+
+
+def test_seconds_never_become_sixty():
+    place = np.array([[6378137.0, -1e-3, 0.0]])  # 0.03 milliseconds west of Greenwich: 360 degrees
+    text = sinex_text(["A"], place, 1e-6 * np.eye(3), {})
+    assert "  0  0  0.0   0  0  0.0     0.0\n" in text or "360  0  0.0   0  0  0.0     0.0\n" in text

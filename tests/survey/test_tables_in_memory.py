@@ -180,3 +180,20 @@ def test_an_azimuth_needs_no_orientation():
 def test_rows_that_are_no_columns_are_refused():
     with pytest.raises(InputError, match="a data frame or a dictionary of columns is wanted, not list"):
         network_from_tables([["PtA", 0.0, 0.0, 0.0]], observations())
+
+
+class NAType:
+    """As `pandas.NA`: its comparisons have no truth."""
+
+    def __eq__(self, other: object) -> "NAType":  # type: ignore[override]
+        return self
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __bool__(self) -> bool:
+        raise TypeError("boolean value of NA is ambiguous")
+
+
+def test_what_pandas_has_for_missing_values_is_missing():
+    plain, other = made(sz=[None, None, None, 0.001]), made(sz=[NAType(), NAType(), NAType(), 0.001])
+    np.testing.assert_array_equal(other.points.sigmas, plain.points.sigmas)

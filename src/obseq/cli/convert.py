@@ -97,7 +97,7 @@ def _doubt(record: "AdjustmentRecord") -> str:
 
 def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], str]:
     """What to write, and what the files do not say of the network."""
-    from obseq.survey.conversion import NETWORK_WRITERS
+    from obseq.survey.conversion import NETWORK_WRITERS, datum_options
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
     network = source_of(arguments).read(arguments.to)
@@ -107,7 +107,8 @@ def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes],
         options = f"--points-crs '{system}' --refraction {frame.refraction_coefficient:g}"
         if frame.has_place:
             options = f"--frame '{frame.system.definition}' {options}"
-        hint = f"OBS, COR and CSV files say neither systems nor refraction: adjust them with {options}"
+        options += datum_options(network)
+        hint = f"OBS, COR and CSV files say neither systems, refraction nor datum: adjust them with {options}"
     return {path: write(network) for path, write in writers.items()}, hint
 
 

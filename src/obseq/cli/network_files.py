@@ -14,6 +14,7 @@ from obseq.writing import check_writable
 if TYPE_CHECKING:
     from obseq.survey import Network
 
+TABLE = ".csv"
 Options: TypeAlias = dict[str, Any]
 """Arguments of a reader, by name."""
 
@@ -72,7 +73,9 @@ def _add_files(command: argparse.ArgumentParser) -> None:
         "STAR*NET (.dat), LandXML (.xml), SINEX (.snx); or tables of points and observations (.csv)",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
-    files.add_argument("--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR)")
+    files.add_argument(
+        "--cor", nargs="+", type=Path, metavar="FILE", help="point files (COR), or tables of points (.csv)"
+    )
     files.add_argument(
         "--outside", action="store_true", help="let a project read files outside of its own folder"
     )
@@ -118,7 +121,9 @@ def _add_systems(command: argparse.ArgumentParser) -> None:
     systems.add_argument(
         "--points-crs",
         metavar="SYSCO",
-        help="system of the coordinates in the point files (without it: the frame)",
+        help="system of the coordinates in the point files (without it: the frame). In one of the plan, such "
+        "as EPSG:2056, heights are levelled, above its own ellipsoid; EPSG:2056@h takes them above that of "
+        "WGS 84",
     )
 
 
@@ -173,9 +178,12 @@ def source_of(arguments: argparse.Namespace) -> Source:
             **_point_format(arguments),
         }
     )
-    if arguments.project:
+    cor = list(arguments.cor or ())
+    if arguments.project and arguments.obs and all(p.suffix.lower() == TABLE for p in arguments.project):
+        cor += arguments.project  # tables of points with OBS files
+    elif arguments.project:
         return Source([], [], _project_options(arguments, reading), arguments.project)
-    if not arguments.obs or not arguments.cor:
+    if not arguments.obs or not cor:
         raise InputError(
             "give a project (before options that take several values), or observation files (--obs) and "
             "point files (--cor)"
@@ -184,7 +192,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
         reading["geoid"] = arguments.geoid
     if "sigmas" in reading:
         raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
-    return Source(arguments.obs, arguments.cor, reading)
+    return Source(arguments.obs, cor, reading)
 
 
 def given(options: Options) -> Options:

@@ -7,6 +7,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 from obseq.arrays import FloatArray
 from obseq.crs.area import area_warning, outside_area
 from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
+from obseq.crs.ground import WGS84, Ground
 from obseq.crs.normals import Normals
 from obseq.crs.operations import KEPT_HEIGHTS, Operation, geodetic_from_geocentric
 from obseq.crs.proj import ProjSystem
@@ -35,9 +36,11 @@ __all__ = [
     "METRE",
     "REFRACTION_COEFFICIENT",
     "SQUARED_ECCENTRICITY",
+    "WGS84",
     "CoordinateSystem",
     "CrsError",
     "FloatArray",
+    "Ground",
     "Kind",
     "LocalTangent",
     "Normals",

@@ -31,7 +31,8 @@ def parse(definition: str, aliases: Mapping[str, str] = ALIASES) -> CoordinateSy
     `RTL*X0*Y0*Z0*DEFINITION` or `RTL` alone, to be completed; anything else is for PROJ. Axes are x, easting
     or longitude first, always: `RTL*2.42*48.84*0*EPSG:4326` has longitude 2.42.
 
-    A PROJ definition followed by `@h` changes the datum of the plan only: heights stay what they are.
+    A PROJ definition followed by `@h` changes the datum of the plan only: heights stay what they are, above
+    the ellipsoid of WGS 84.
 
     We go further than MMVII in two points: aliases are also resolved inside an RTL definition, and a trailing
     `*` (its documentation has one) is accepted and dropped.

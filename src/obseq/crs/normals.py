@@ -9,13 +9,6 @@ from obseq.dataclass import dataclass
 
 Row = tuple[float, float, float]
 
-_EQUATORIAL = 6378137.0
-_FLATTENING = 1.0 / 298.257223563
-"""WGS 84, to all its digits (MMVII's refraction uses a rounded eccentricity)."""
-_POLAR = _EQUATORIAL * (1.0 - _FLATTENING)
-_FIRST = _FLATTENING * (2.0 - _FLATTENING)
-_SECOND = _FIRST / (1.0 - _FIRST)
-"""Squares of the two eccentricities."""
 _ROUNDS = 3
 """Bowring's iteration gains four digits a round near the Earth's surface: three leave rounding only."""
 
@@ -30,10 +23,14 @@ class Normals:
 
     system: RigidSystem
     _pose: tuple[tuple[Row, Row, Row], Row] = field(init=False, repr=False, compare=False)
+    _shape: tuple[float, float] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        pose = tuple(map(tuple, self.system.rotation.tolist())), tuple(self.system.translation.tolist())
+        ground = self.system.ground
+        translation = ground.own(self.system.translation) / ground.scale
+        pose = tuple(map(tuple, self.system.ground_rotation.tolist())), tuple(translation.tolist())
         object.__setattr__(self, "_pose", pose)
+        object.__setattr__(self, "_shape", (ground.equatorial / ground.scale, ground.flattening))
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """R (n, 3, 3) from the system to east, north, up at points (n, 3)."""
@@ -45,7 +42,7 @@ class Normals:
         (a, b, c), (d, e, f), (g, h, i) = rotation
         px, py, pz = position
         x, y, z = a * px + b * py + c * pz + tx, d * px + e * py + f * pz + ty, g * px + h * py + i * pz + tz
-        sin_lon, cos_lon, sin_lat, cos_lat = _directions(x, y, z)
+        sin_lon, cos_lon, sin_lat, cos_lat = _directions(x, y, z, *self._shape)
         u, v = -sin_lat * cos_lon, -sin_lat * sin_lon
         p, q = cos_lat * cos_lon, cos_lat * sin_lon
         return (
@@ -55,16 +52,20 @@ class Normals:
         )
 
 
-def _directions(x: float, y: float, z: float) -> tuple[float, float, float, float]:
+def _directions(
+    x: float, y: float, z: float, equatorial: float, flattening: float
+) -> tuple[float, float, float, float]:
     """Sine and cosine of the longitude, then of the geodetic latitude, of a geocentric point."""
+    polar, first = equatorial * (1.0 - flattening), flattening * (2.0 - flattening)
+    second = first / (1.0 - first)  # squares of the two eccentricities
     flat = math.hypot(x, y)
     sin_lon, cos_lon = (y / flat, x / flat) if flat > 0.0 else (0.0, 1.0)
-    over, along = z * _EQUATORIAL, flat * _POLAR
+    over, along = z * equatorial, flat * polar
     for _ in range(_ROUNDS):
         size = math.hypot(over, along) or 1.0
         sine, cosine = over / size, along / size
-        up = z + _SECOND * _POLAR * sine**3
-        out = flat - _FIRST * _EQUATORIAL * cosine**3
-        over, along = _POLAR * up, _EQUATORIAL * out
+        up = z + second * polar * sine**3
+        out = flat - first * equatorial * cosine**3
+        over, along = polar * up, equatorial * out
     size = math.hypot(up, out) or 1.0
     return sin_lon, cos_lon, up / size, out / size

@@ -176,11 +176,13 @@ def _missing_grids(definition: str, group: "TransformerGroup") -> str:
     best = group.unavailable_operations[0]
     grids = sorted({grid.short_name for grid in best.grids if not grid.available})
     download = " ".join(f"`pyproj sync --file {grid}`" for grid in grids)
+    is_compound = bool(known_crs(definition).is_compound)
+    levelled = "the system of the plan alone, in which heights are taken as levelled; " if is_compound else ""
     return (
         f"The transformation of {definition!r} to WGS 84 ({best.name}) needs a grid that is not installed: "
         f"{', '.join(grids)}. Install it with {download}, or put the file in PROJ's data folder "
-        "(PROJ_DATA); or give a definition that needs none: with ellipsoidal heights, or with '+towgs84=' "
-        "parameters of your choice."
+        f"(PROJ_DATA); or give a definition that needs none: {levelled}with ellipsoidal heights, or with "
+        "'+towgs84=' parameters of your choice."
     )
 
 

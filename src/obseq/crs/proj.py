@@ -23,8 +23,8 @@ class ProjSystem(CoordinateSystem):
 
     The order of axes is always x, easting or longitude first, whatever the authority says: longitude comes
     first in EPSG:4326. (MMVII follows the authority and reads the latitude first there; its documentation
-    does not.) Angles are in the unit of the system, mostly degrees. Heights are ellipsoidal, above the
-    ellipsoid of the system, unless the definition itself has a vertical system.
+    does not.) Angles are in the unit of the system, mostly degrees. Heights are above the ellipsoid of the
+    system, unless the definition itself has a vertical system (`Ground`).
 
     One operation, the first of PROJ's list for the area of the system, serves all points both ways: no
     network is torn along the border of two areas of use.

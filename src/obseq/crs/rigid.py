@@ -1,17 +1,22 @@
 """Euclidean systems with a place on the Earth: GeoC, LEuc and RTL."""
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.crs.ground import WGS84, Ground, ground_at
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.dataclass import dataclass
+
+Coordinates = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -21,10 +26,14 @@ class RigidSystem(CoordinateSystem):
     Attributes:
         rotation: (3, 3), from this system to geocentric axes.
         translation: (3,), geocentric coordinates of the origin, metres.
+        heights: the system whose heights and verticals it has, and a place in it; those of WGS 84 without.
     """
 
     rotation: FloatArray = field(compare=False, repr=False)
     translation: FloatArray = field(compare=False, repr=False)
+    heights: tuple[ProjSystem, Coordinates] | None = field(
+        default=None, compare=False, repr=False, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         self.rotation.setflags(write=False)
@@ -54,14 +63,39 @@ class RigidSystem(CoordinateSystem):
         return self.rotation.copy(), self.translation.copy()
 
     def vertical_rotation(self, points: npt.ArrayLike, names: Sequence[str] | None = None) -> FloatArray:
-        """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point."""
-        return self.verticals_at(self.geodetic(points, names))
+        """ENU(P)^T R (n, 3, 3): from this system to east, north, up at each point, on its ground."""
+        return self.verticals_at(self.ground.geodetic(self.to_geocentric(points, names), names))
 
     def verticals_at(self, place: FloatArray) -> FloatArray:
-        """The same (n, 3, 3) for points given by longitude, latitude (rad) and height, (n, 3)."""
+        """The same (n, 3, 3) for points (n, 3): longitude, latitude (rad) and height on its ground."""
         axes = east_north_up(place[..., 0], place[..., 1])
-        turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.rotation
+        turned: FloatArray = np.swapaxes(axes, -1, -2) @ self.ground_rotation
         return turned
+
+    @cached_property
+    def ground(self) -> Ground:
+        """The ellipsoid to which heights and verticals refer.
+
+        Raises:
+            CrsError: the change of datum of their system is no similarity around here.
+        """
+        return WGS84 if self.heights is None else ground_at(*self.heights)
+
+    @property
+    def ground_rotation(self) -> FloatArray:
+        """(3, 3), from this system to the axes of its ground."""
+        return self.rotation if self.ground.is_plain else self.ground.rotation @ self.rotation
+
+    def ground_pose(self) -> tuple[FloatArray, FloatArray]:
+        """R (3, 3), with the scale of its ground in it, and T (3,): coordinates there are R x + T."""
+        if self.ground.is_plain:
+            return self.geocentric_pose()
+        return self.ground.scale * self.ground_rotation, self.ground.own(self.translation)
+
+    def with_heights_of(self, system: CoordinateSystem, place: FloatArray) -> Self:
+        """The same frame, whose heights and verticals are those of a system, around a place (3,) in it."""
+        x, y, z = place.tolist()
+        return replace(self, heights=(system, (x, y, z)) if isinstance(system, ProjSystem) else None)
 
 
 @dataclass(frozen=True)
@@ -73,7 +107,7 @@ class LocalTangent(RigidSystem):
         base: the PROJ definition in which the origin is given.
     """
 
-    origin: tuple[float, float, float] = field(compare=False)
+    origin: Coordinates = field(compare=False)
     base: ProjSystem = field(compare=False)
 
     @property
@@ -102,7 +136,7 @@ def local_euclidean(definition: str, translation: FloatArray, angles: FloatArray
     return RigidSystem(definition, about_x @ about_y @ about_z, np.array(translation))
 
 
-def local_tangent(definition: str, origin: tuple[float, float, float], base: ProjSystem) -> LocalTangent:
+def local_tangent(definition: str, origin: Coordinates, base: ProjSystem) -> LocalTangent:
     """RTL at `origin`, given in `base`.
 
     Raises:
@@ -111,4 +145,12 @@ def local_tangent(definition: str, origin: tuple[float, float, float], base: Pro
     names = [f"origin of {definition}"]
     translation = base.to_geocentric(np.array([origin]), names)
     longitude, latitude, _ = geodetic_from_geocentric(translation, names)[0]
-    return LocalTangent(definition, east_north_up(longitude, latitude), translation[0], origin, base)
+    axes = east_north_up(longitude, latitude)
+    return LocalTangent(
+        definition=definition,
+        rotation=axes,
+        translation=translation[0],
+        origin=origin,
+        base=base,
+        heights=(base, origin),
+    )

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
-
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs.rigid import RigidSystem
@@ -28,11 +26,14 @@ def turn_of_vertical(system: RigidSystem, points: FloatArray, axes: FloatArray) 
     Returns:
         For each point what its axes turn by (rad), by columns of the movement (m).
     """
-    up = axes[:, 2] @ system.rotation.T
-    inside = np.sqrt(1.0 - SQUARED_ECCENTRICITY * np.square(up[:, 2]))
-    height = np.einsum("ni,ni->n", up, system.to_geocentric(points)) - EQUATORIAL_RADIUS * inside
-    prime = EQUATORIAL_RADIUS / inside
-    meridian = prime * (1.0 - SQUARED_ECCENTRICITY) / np.square(inside)
+    ground = system.ground
+    equatorial, squared = ground.equatorial / ground.scale, ground.squared_eccentricity
+    own = ground.own(system.to_geocentric(points)) / ground.scale
+    up = axes[:, 2] @ system.ground_rotation.T
+    inside = np.sqrt(1.0 - squared * np.square(up[:, 2]))
+    height = np.einsum("ni,ni->n", up, own) - equatorial * inside
+    prime = equatorial / inside
+    meridian = prime * (1.0 - squared) / np.square(inside)
     local = np.zeros((len(points), 3, 3))
     local[:, 0, 1] = -1.0 / (meridian + height)
     local[:, 1, 0] = 1.0 / (prime + height)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,7 @@ def as_gama(network: Network) -> GamaNetwork:
             f"Gama computes in a plane with heights, and this network in {network.frame.system.definition}: "
             "distances and directions would have to be reduced to the plane first"
         )
+    _refuse_inner(network, "Gama")
     _refuse_corrections(network, "Gama", NO_CORRECTION)
     system = network.points_crs
     assert isinstance(system, crs.UnreferencedSystem)
@@ -125,6 +127,8 @@ def as_dynaml(network: Network, frame: str | None = None, epoch: str = "") -> Dy
             f"DynaML is for places on the Earth, and this network is in "
             f"{network.frame.system.definition}: say the system of its points (--points-crs)"
         )
+    _refuse_inner(network, "DynAdjust")
+    _refuse_other_ground(network)
     _refuse_corrections(network, "DynAdjust", 0.0)
     points, placed = network.points, network.points.has_coordinates
     if not placed.all():
@@ -276,6 +280,46 @@ def _refuse_datum(points: Points, what: str) -> None:
         raise InputError(
             f"known coordinates have a covariance, which {what} cannot say: only Comp3D's projects have it "
             "(coord_cov_file), or correlated Px, Py, Pz in a table of observations"
+        )
+
+
+def datum_options(network: Network) -> str:
+    """What to say to `obseq adjust` of the inner constraints on which a network rests; nothing without.
+
+    Raises:
+        InputError: Known coordinates stay known beside them, which no option says.
+    """
+    datum, points = network.datum, network.points
+    if datum.kind is not DatumKind.INNER:
+        return ""
+    known = [name for name in datum.kept if not points.is_free[points.index[name]].all()]
+    if known:
+        raise InputError(
+            f"point {known[0]} stays known beside the inner constraints of this project, which OBS, COR and "
+            "CSV files cannot say: adjust the project itself"
+        )
+    carrying = datum.points or tuple(name for name in points.names if name not in datum.remote)
+    chosen = "" if len(carrying) == len(points) else " --datum-points " + " ".join(map(shlex.quote, carrying))
+    return f" --datum inner{chosen}"
+
+
+def _refuse_inner(network: Network, program: str) -> None:
+    """Refuses inner constraints, which another program would not take over."""
+    if network.datum.kind is DatumKind.INNER:
+        raise InputError(
+            f"this project rests on inner constraints, which a file for {program} would lose: write .obs and "
+            ".cor, and adjust them with --datum inner"
+        )
+
+
+def _refuse_other_ground(network: Network) -> None:
+    """Refuses what DynAdjust would read along normals that are not those of the network."""
+    frame = network.frame.system
+    if isinstance(frame, crs.RigidSystem) and not frame.ground.is_plain:
+        raise InputError(
+            f"heights and verticals of {network.points_crs.definition} are those of its own ellipsoid, and "
+            "DynAdjust would take them from that of WGS 84 (GRS 80), which is tilted against it: give the "
+            "system of the points with `@h` (heights stay what they are)"
         )
 
 

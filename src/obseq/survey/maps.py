@@ -1,6 +1,7 @@
 """Results on maps: points, error ellipses and observations as GeoJSON and GeoPackage.
 
-GeoJSON (RFC 7946) is in longitude, latitude (degrees, WGS 84) and ellipsoidal height, x first. A
+GeoJSON (RFC 7946) is in longitude, latitude (degrees, WGS 84) and ellipsoidal height, x first; shapes are cut
+at the meridian of 180 degrees. A
 GeoPackage is in the system of the points where PROJ knows it, else in longitude and latitude; a plane without
 a place on the Earth is an undefined Cartesian system there, and no GeoJSON at all.
 """
@@ -17,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq import crs
+from obseq.crs.antimeridian import cut
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
@@ -133,16 +135,24 @@ def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[Properties]
     if not layer.shapes:
         return
     geodetic = frame.geodetic(np.concatenate(layer.shapes))
-    degrees = np.column_stack([np.round(np.degrees(geodetic[:, :2]), DEGREES), np.round(geodetic[:, 2], 4)])
+    degrees = np.column_stack([np.degrees(geodetic[:, :2]), geodetic[:, 2]])
     ends = np.cumsum([len(shape) for shape in layer.shapes])[:-1]
     for corners, properties in zip(np.split(degrees, ends), layer.properties, strict=True):
-        points = corners.tolist()
-        nested = {"Point": points[0], "LineString": points, "Polygon": [points]}[layer.geometry]
-        yield {
-            "type": "Feature",
-            "geometry": {"type": layer.geometry, "coordinates": nested},
-            "properties": {"layer": layer.name} | properties,
-        }
+        geometry = _geometry(layer.geometry, [_rounded(part) for part in cut(corners)])
+        yield {"type": "Feature", "geometry": geometry, "properties": {"layer": layer.name} | properties}
+
+
+def _geometry(name: str, parts: list[list[list[float]]]) -> Properties:
+    """The geometry of a shape that may be cut in two."""
+    nested = [{"Point": part[0], "LineString": part, "Polygon": [part]}[name] for part in parts]
+    whole = len(nested) == 1
+    return {"type": name if whole else f"Multi{name}", "coordinates": nested[0] if whole else nested}
+
+
+def _rounded(corners: FloatArray) -> list[list[float]]:
+    """Corners as they are written."""
+    rounded = np.column_stack([np.round(corners[:, :2], DEGREES), np.round(corners[:, 2], 4)])
+    return [[float(value) for value in corner] for corner in rounded]
 
 
 def geopackage(record: AdjustmentRecord, ellipse_scale: float) -> bytes:

@@ -34,7 +34,6 @@ from obseq.survey.adjustment.quality import Quality
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.files.after_sigma import checked_ignore
 from obseq.survey.files.both_faces import refuse_both_faces
-from obseq.survey.files.cor import read_cor
 from obseq.survey.files.default_sigmas import parse_sigmas
 from obseq.survey.files.exchanged import told_if_exchanged
 from obseq.survey.files.geoid import read_geoid
@@ -42,8 +41,10 @@ from obseq.survey.files.implausible_sigmas import implausible_sigmas
 from obseq.survey.files.obs import read_obs
 from obseq.survey.files.once import repetitions, require_distinct
 from obseq.survey.files.point import PointFileOptions, read_points
+from obseq.survey.files.point_lists import read_point_lists
 from obseq.survey.files.project import Reading
 from obseq.survey.files.projects import read_project
+from obseq.survey.grid_bearings import from_grid_north
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.model import join, merge_points
 
@@ -144,7 +145,7 @@ class Network:
 
         Args:
             observation_files: OBS files; each starts afresh, their observations are put together.
-            point_files: COR files, or files of another format (`point_format`).
+            point_files: COR files, tables of points (.csv), or files of another format (`point_format`).
             frame: Definition of the computation frame; without it a plane with heights, or a local tangent
                 frame at the mean of the known points when their system is given. A bare `RTL` takes its
                 origin from the mean of the points.
@@ -165,7 +166,8 @@ class Network:
         with watch.phase("read"), told_if_exchanged(observation_files, point_files, encoding):
             book = read_obs(observation_files, encoding, ignore)
             if point_format is None:
-                points = read_cor(point_files, point_sigma, encoding, ignore)
+                system = points_crs or frame
+                points = read_point_lists(point_files, point_sigma, encoding, ignore, system)
             else:
                 options = replace(point_options or PointFileOptions(), encoding=encoding)
                 if point_sigma is not None:
@@ -223,11 +225,14 @@ class Network:
             project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
         coefficient = project.refraction if refraction is None else refraction
         systems = project.systems(frame, points_crs)
-        network = cls.assembled(project.points, project.book, *systems, coefficient, watch)
+        points = project.points_in(systems[1] or systems[0])
+        network = cls.assembled(points, project.book, *systems, coefficient, watch)
         datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
         network = replace(
             network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
         )
+        if project.is_from_grid_north:
+            network = replace(network, book=from_grid_north(network.fieldwork))
         return network if place is None or project.has_geoid else network.with_deflections(place)
 
     @expecting(geoid=PATH)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import crs
 from obseq.errors import InputError
 from obseq.shown_units import METRES
 from obseq.survey.files.cor import cor_text
@@ -52,17 +54,20 @@ def cor_of(record: AdjustmentRecord) -> str:
 
 
 def csv_of(record: AdjustmentRecord) -> str:
-    """A table of the adjusted points, in their own system."""
-    units = {record.points_crs_unit or "m", record.points_crs_height_unit or "m"}
-    return csv_text(adjusted_points(record), record.units.length if units == {"m"} else "m")
+    """A table of the adjusted points, in their system: in feet where reports are, unless it has angles."""
+    points, system, unit = adjusted_points(record), crs.parse(record.points_crs), record.units.length
+    if unit == "m" or system.plan_unit.is_angle:
+        return csv_text(points)
+    factors = [system.plan_unit.factor, system.plan_unit.factor, system.height_unit.factor]
+    return csv_text(replace(points, coordinates=points.coordinates * factors), unit)
 
 
 def csv_text(points: Points, unit: str = "m") -> str:
     """Points as a table with a header; a cell is empty where nothing is known or given.
 
     Args:
-        points: In metres, unless the unit is that.
-        unit: Of lengths, in which they are written; a column names it.
+        points: In metres; in the units of their system where no unit is named.
+        unit: Of lengths, in which they are written; a column names it unless it is the metre.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

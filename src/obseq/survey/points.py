@@ -125,13 +125,21 @@ def make_points(
         sigmas: (n, 3) metres as in `Points`; all free when left out.
     """
     n = len(names)
+    _require_distinct_names(names)
     xyz = _table("coordinates", coordinates, n)
     sigma = np.full((n, 3), np.nan) if sigmas is None else _table("sigmas", sigmas, n)
     nowhere, no_line = np.full(n, -1, np.int32), np.zeros(n, np.int32)
     deflections = np.full((n, 2), np.nan)
-    points = Points(tuple(names), xyz, sigma, deflections, ("",) * n, (), nowhere, no_line)
-    _require_unique(points)
-    return points
+    return Points(tuple(names), xyz, sigma, deflections, ("",) * n, (), nowhere, no_line)
+
+
+def _require_distinct_names(names: Sequence[str]) -> None:
+    seen: dict[str, int] = {}
+    for row, name in enumerate(names, 1):
+        if seen.setdefault(name, row) != row:
+            raise InputError(
+                f"make_points: point {name} is given twice, as names {seen[name]} and {row}; keep one"
+            )
 
 
 def points_of_lines(

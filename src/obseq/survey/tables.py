@@ -47,6 +47,8 @@ OBSERVATION_COLUMNS = (
     *CLUSTERED,
     "active",
 )
+NOT_GIVEN = ("NAType", "NaTType")
+"""Types of what pandas has for a missing value (pandas.NA, whose comparisons have no truth)."""
 POINTS, FILE = "points", "observations"
 """What messages call the tables: their rows count from 1, as lines do."""
 
@@ -281,4 +283,6 @@ def _name(what: str, row: int, column: str, cell: Cell) -> str:
 
 
 def _is_empty(value: Cell) -> bool:
-    return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
+    if value is None or type(value).__name__ in NOT_GIVEN:
+        return True
+    return bool(value == "") or (isinstance(value, float) and math.isnan(value))

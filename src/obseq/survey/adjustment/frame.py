@@ -37,9 +37,10 @@ _FARTHEST = 1000.0
 class Frame:
     """The coordinate system of the computation.
 
-    The vertical of a station (its local east, north and up) is that of the ellipsoid in RTL systems, as in
-    MMVII. In a Local system, a plane with heights, all verticals are parallel to z, and zenith angles are
-    corrected for the curvature of the Earth. Elsewhere a `#FIX` station has the axes of the system.
+    The vertical of a station (its local east, north and up) is that of the ellipsoid to which the heights of
+    the points refer in RTL systems (`obseq.crs.Ground`). In a Local system, a plane with heights, all
+    verticals are parallel to z, and zenith angles are corrected for the curvature of the Earth. Elsewhere a
+    `#FIX` station has the axes of the system.
 
     Attributes:
         system: The coordinate system.
@@ -179,6 +180,18 @@ class Frame:
                 f"{RTL_HINT} ({error})"
             ) from error
 
+    def to_ground(self, book: FieldBook, rows: IntArray) -> tuple[float, ...]:
+        """What leads to the ellipsoid to which heights refer, for observations.
+
+        Rotation (9) and translation (3) of the frame to its axes, its equatorial radius and its squared
+        eccentricity.
+        """
+        self.to_geocentric(book, rows)
+        assert isinstance(self.system, crs.RigidSystem)
+        ground, (rotation, translation) = self.system.ground, self.system.ground_pose()
+        shape = ground.equatorial, ground.squared_eccentricity
+        return (*rotation.ravel().tolist(), *translation.tolist(), *shape)
+
     def sphere(self, book: FieldBook, rows: IntArray) -> tuple[FloatArray, float]:
         """Centre (3,) in the frame, and radius, of the sphere that stands for height 0, for observations.
 
@@ -192,7 +205,7 @@ class Frame:
     @cached_property
     def _sphere_below(self) -> tuple[FloatArray, float]:
         """That sphere of a Euclidean frame with a place on the Earth."""
-        _, latitude, height = self.system.geodetic(np.zeros((1, 3)))[0]
+        _, latitude, height = self.around(np.zeros((1, 3))).geodetic[0]
         radius = float(crs.curvature_radius(latitude))
         up = self.system.vertical_rotation(np.zeros((1, 3)))[0, 2]
         return np.asarray(-(radius + height) * up), radius
@@ -213,13 +226,25 @@ def frame_of(
         points_crs: Definition of the system of the points.
         points: The points, in their system; those without coordinates do not count in a mean.
     """
+    frame, given = _systems_of(definition, points_crs, points)
+    placed = points.coordinates[points.has_coordinates]
+    if isinstance(frame, crs.RigidSystem) and given.kind is crs.Kind.PROJ and len(placed):
+        is_own = isinstance(frame, crs.LocalTangent) and frame.base == given
+        frame = frame if is_own else frame.with_heights_of(given, np.median(placed, axis=0))
+    return frame, given
+
+
+def _systems_of(
+    definition: str | None, points_crs: str | None, points: Points
+) -> tuple[crs.CoordinateSystem, crs.CoordinateSystem]:
+    """The systems as they are defined: the heights of the frame are not yet those of the points."""
     given = crs.parse(points_crs) if points_crs else None
     if given is not None:
         _require_angles(given, points)
     if definition is None:
         if given is None or given.kind in (crs.Kind.LOCAL, crs.Kind.LOCAL_TANGENT):
             frame = _frame_like(given)
-            return (frame, given or frame) if frame.is_complete else frame_of("RTL", None, points)
+            return (frame, given or frame) if frame.is_complete else _systems_of("RTL", None, points)
         known = points.has_coordinates & ~points.is_free.all(axis=1)
         chosen = points.coordinates[known if known.any() else points.has_coordinates]
         return crs.complete_rtl(_together(chosen), given), given

@@ -109,6 +109,10 @@ class NetworkSite:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
         return self.frame.to_geocentric(self.book, rows)
 
+    def to_ground(self, rows: IntArray) -> tuple[float, ...]:
+        """R and T of the frame to the ellipsoid to which heights refer, its radius and eccentricity."""
+        return self.frame.to_ground(self.book, rows)
+
     def ends(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Blocks (n,) of the two points."""
         observations = self.book.observations

@@ -61,8 +61,9 @@ class Surroundings:
 
     @cached_property
     def geodetic(self) -> FloatArray:
-        """(n, 3) longitude, latitude (rad), ellipsoidal height (m)."""
-        return crs.geodetic_from_geocentric(self.geocentric)
+        """(n, 3) longitude, latitude (rad), height (m) on the ellipsoid to which heights refer."""
+        ground = self._system.ground if isinstance(self._system, crs.RigidSystem) else crs.WGS84
+        return ground.geodetic(self.geocentric)
 
     @cached_property
     def verticals(self) -> FloatArray:

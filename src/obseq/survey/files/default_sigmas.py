@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SECOND = math.pi / 648_000.0
 GON = math.pi / 200.0
-LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0} | METRES
+LENGTHS = {"mm": 1e-3, "cm": 1e-2} | METRES
 """Units of lengths; `us-ft` is the foot of the United States' surveys."""
 ANGLES = {
     "sec": SECOND,
@@ -49,7 +49,7 @@ EXAMPLES = {
     "height": "height=1mm",
     "height-per-km": "height-per-km=1mm",
 }
-_VALUE = re.compile(r"([0-9.eE+-]+)([a-z][a-z-]*)", re.ASCII)
+_VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+(?:-[a-z]+)?)", re.ASCII)
 
 
 def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:

@@ -59,7 +59,9 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
         raise root.error(f"the file holds no raw observation of a survey. {left_out}".strip())
     book = replace(columns.field_book(), warnings=tuple(reader.warnings(root.file.name)))
     points = hold_plans(table.points(root, book), book)
-    return Project(points, book, None, _system(root), shown=units.shown)
+    lengths = np.full(len(points), units.metres)
+    system = _system(root)
+    return Project(points, book, None, system, shown=units.shown, units=lengths, is_from_grid_north=True)
 
 
 def _system(root: Element) -> str | None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
     from obseq.shown_units import ShownUnits
     from obseq.survey.model import FieldBook, Points
 
@@ -33,6 +36,9 @@ class Project:
             stay known then; None without.
         has_geoid: Whether the geoid that is given has been used.
         shown: Units of the files, in which results are reported; None for metres and gon.
+        is_from_grid_north: Whether azimuths are bearings on the map, where the points have one.
+        units: (n,) metres in the unit of length in which the files give the coordinates of each point: they
+            are in metres here. NaN for coordinates in the units of their system; None where all are.
     """
 
     points: Points
@@ -45,6 +51,16 @@ class Project:
     inner: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     has_geoid: bool = False
     shown: ShownUnits | None = None
+    is_from_grid_north: bool = False
+    units: FloatArray | None = None
+
+    def points_in(self, definition: str | None) -> Points:
+        """The points with coordinates in the units of their system.
+
+        Args:
+            definition: Of that system; None for a plane in metres.
+        """
+        return self.points if self.units is None else in_own_units(self.points, self.units, definition)
 
     def systems(self, frame: str | None, points_crs: str | None) -> tuple[str | None, str | None]:
         """Definitions of the computation frame, and of the system of the points: those given, else its own.
@@ -58,6 +74,23 @@ class Project:
                 "say; leave it out"
             )
         return frame or self.frame, points_crs or self.points_crs
+
+
+def in_own_units(points: Points, units: FloatArray, definition: str | None) -> Points:
+    """Points with coordinates in the units of their system: longitudes and latitudes are angles in any case.
+
+    Args:
+        points: In metres.
+        units: (n,) as in `Project`.
+        definition: Of the system; None for a plane in metres.
+    """
+    if definition is None:
+        return points
+    system = crs.parse(definition)
+    plan = units if system.plan_unit.is_angle else np.full(len(units), system.plan_unit.factor)
+    own = np.column_stack([plan, plan, np.full(len(units), system.height_unit.factor)])
+    own[np.isnan(units)] = 1.0
+    return replace(points, coordinates=points.coordinates / own)
 
 
 @dataclass(frozen=True)

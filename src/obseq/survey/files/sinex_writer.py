@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.crs import geodetic_from_geocentric
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def sinex_text(
     lines += ["+FILE/COMMENT", " coordinates and covariance adjusted by obseq"]
     lines += [f" {code} {name}"[:80] for code, name in zip(codes, names, strict=True) if code != name]
     lines += ["-FILE/COMMENT", "+SITE/ID"]
-    lines += [f" {code}  A 00000M000 P {name[:22]:<22}" for code, name in zip(codes, names, strict=True)]
+    lines += map(_site, codes, names, geodetic_from_geocentric(geocentric, names))
     lines += ["-SITE/ID", "+SOLUTION/STATISTICS"]
     lines += [f" {name:<30} {value:22.15E}" for name, value in statistics.items()]
     lines += ["-SOLUTION/STATISTICS", "+SOLUTION/ESTIMATE"]
@@ -91,6 +92,20 @@ def sinex_text(
         lines += ["+SOLUTION/NORMAL_EQUATION_MATRIX L", *_matrix(scaled)]
         lines += ["-SOLUTION/NORMAL_EQUATION_MATRIX L"]
     return "\n".join([*lines, "%ENDSNX"]) + "\n"
+
+
+def _site(code: str, name: str, place: FloatArray) -> str:
+    """The line of a station: longitude (0 to 360), latitude and height are approximate."""
+    longitude, latitude = np.rad2deg(place[:2]).tolist()
+    east, north = _sexagesimal(longitude % 360.0), _sexagesimal(latitude)
+    return f" {code:<4}  A 00000M000 P {name[:22]:<22} {east} {north} {place[2]:7.1f}"
+
+
+def _sexagesimal(degrees: float) -> str:
+    """Degrees, minutes and seconds to a tenth."""
+    minutes, tenths = divmod(round(abs(degrees) * 36000.0), 600)
+    whole = f"{'-' if degrees < 0.0 else ''}{minutes // 60}"
+    return f"{whole:>3} {minutes % 60:2d} {tenths / 10.0:4.1f}"
 
 
 def _parameters(

@@ -136,8 +136,18 @@ class _Reader:
         told = (*self._told(), *self._folder.warnings(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
         system = "Local" if is_plane else None  # heights can have a place on the Earth, which the user gives
-        shown = self._options.shown
-        return Project(points, replace(book, warnings=told), system, system, refraction, shown=shown)
+        shown, units = self._options.shown, self._points.units(points.names)
+        book = replace(book, warnings=told)
+        return Project(
+            points,
+            book,
+            system,
+            system,
+            refraction,
+            shown=shown,
+            units=units,
+            is_from_grid_north=True,
+        )
 
     def _told(self) -> Iterator[str]:
         name = self._first.name if self._first else ""

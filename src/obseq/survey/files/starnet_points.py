@@ -14,6 +14,7 @@ from obseq.survey.model import Points, points_of_lines
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from obseq.arrays import FloatArray
     from obseq.survey.files.starnet_values import Line
 
 _NOTHING = (math.nan, math.nan, math.nan)
@@ -26,6 +27,7 @@ class PointLines:
         self._values: dict[str, list[float]] = {}
         self._sigmas: dict[str, list[float]] = {}
         self._lines: dict[str, int] = {}
+        self._metres: dict[str, float] = {}
         self._said: dict[tuple[str, int], tuple[float, float, str]] = {}
 
     def read(self, line: Line) -> bool | None:
@@ -38,6 +40,8 @@ class PointLines:
         count = 1 if is_elevation else self._count(line, rest)
         values = [line.length(text) for text in rest[:count]]
         sigmas = self._errors(line, rest[count:], count)
+        if not is_elevation:
+            self._metres[name] = line.options.metres
         axes = (2,) if is_elevation else (0, 1, 2) if line.options.east_first else (1, 0, 2)
         known, spread = self._of(name, line)
         for axis, value, sigma in zip(axes, values, sigmas, strict=False):
@@ -90,6 +94,10 @@ class PointLines:
                 raise line.error(f"the standard error {quoted(text)} is negative")
             found.append(sigma)
         return found or [math.nan] * count
+
+    def units(self, names: Sequence[str]) -> FloatArray:
+        """(n,) metres in the unit in which each point stands in the file."""
+        return np.array([self._metres.get(name, 1.0) for name in names])
 
     def points(self, file: str, named: Sequence[str], is_plane: bool) -> Points:
         """All points: those of the lines, then those that only observations name.

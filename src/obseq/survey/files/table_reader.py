@@ -57,6 +57,7 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
         InputError: Naming file and line, what is wrong and what to do.
     """
     columns, clusters, points, named = Columns(), Clusters(), [], set[str]()
+    units: list[float] = []
     for path in paths:
         table = Table(read_text(path, reading.encoding))
         table.check_rows()
@@ -65,12 +66,20 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
         elif "formula" in table.columns:
             _Formulas(table, columns, clusters).read()
         else:
-            points.append(_points(table))
+            points.append(_points(table, units))
         named |= table.units
     clusters.give(columns)
     if not points or not len(columns):
         raise InputError(_only_of(paths, "observations" if points else "points"))
-    return Project(merge_points(points), columns.field_book(), shown=shown_in(frozenset(named)))
+    shown = shown_in(frozenset(named))
+    return Project(merge_points(points), columns.field_book(), shown=shown, units=np.array(units))
+
+
+def read_point_table(path: str | Path, encoding: str) -> tuple[Points, list[float]]:
+    """Reads a table of points: them in metres, and the unit of each (m; NaN for that of its system)."""
+    table, units = Table(read_text(path, encoding)), list[float]()
+    table.check_rows()
+    return _points(table, units), units
 
 
 def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
@@ -83,8 +92,13 @@ def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
     )
 
 
-def _points(table: Table) -> Points:
-    """The points: free where a sigma is empty, held where it is 0."""
+def _points(table: Table, units: list[float]) -> Points:
+    """The points: free where a sigma is empty, held where it is 0.
+
+    Args:
+        table: Their rows.
+        units: Takes the unit of each in metres; NaN for coordinates without, in the units of their system.
+    """
     table.check(OF_POINTS, MORE_OF_POINTS)
     names, coordinates, sigmas, infos, lines = [], [], [], [], []
     for index, cells in table.rows():
@@ -94,6 +108,7 @@ def _points(table: Table) -> Points:
             raise table.file.error(index, "a point has no name")
         names.append(name)
         unit = table.length_unit(index, cells)
+        units.append(unit if cells.get("unit") else math.nan)
         coordinates.append([unit * table.number(index, cells, axis, math.nan) for axis in "xyz"])
         sigmas.append([unit * table.number(index, cells, f"s{axis}", math.nan) for axis in "xyz"])
         if any(sigma < 0.0 or 0.0 < sigma < LEAST_SIGMA for sigma in sigmas[-1]):

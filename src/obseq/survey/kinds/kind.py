@@ -96,6 +96,9 @@ class Site(Protocol):
     def to_geocentric(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) of the frame to geocentric coordinates."""
 
+    def to_ground(self, rows: IntArray) -> tuple[float, ...]:
+        """R and T of the frame to the ellipsoid to which heights refer, its radius and eccentricity."""
+
     def sphere(self, rows: IntArray) -> tuple[FloatArray, float]:
         """Centre (3,) in the frame, and radius, of the sphere that stands for height 0."""
 

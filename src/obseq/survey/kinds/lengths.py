@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import ObservationKind, Start
 
@@ -63,12 +62,10 @@ class HeightDifference(ObservationKind):
         return site.has_heights_along_z
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """R and T to geocentric coordinates and the ellipsoid; in a plane the coefficients of z."""
+        """R and T to the axes of the ellipsoid, and its shape; in a plane the coefficients of z."""
         if site.has_heights_along_z:
             return np.tile((0.0, 0.0, -1.0, 0.0, 0.0, 1.0), (len(rows), 1))
-        rotation, translation = site.to_geocentric(rows)
-        constants = (*rotation.ravel(), *translation, EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY)
-        return np.tile(constants, (len(rows), 1))
+        return np.tile(site.to_ground(rows), (len(rows), 1))
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Between the points, along the vertical of the frame."""

@@ -1,0 +1,8 @@
+"""`python -m obseq`: the `obseq` command."""
+
+import sys
+
+from obseq.cli.main import main
+
+if __name__ == "__main__":
+    sys.exit(main())
