@@ -316,6 +316,8 @@ class LeastSquares:
             self.unknowns.state(),
             frozen(self.unknowns.frozen.copy()),
             misfits,
+            {batch: batch.weighing() for batch in equations.batches},
+            {prior: prior.values for prior in equations.priors},
             cofactors,
             held.redundant if held else (),
             done.evaluations,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
+    from obseq.leastsquares.problem.weights import Weighing
     from obseq.leastsquares.solution.cofactors import Cofactors
 
 
@@ -118,6 +119,8 @@ class LeastSquaresResult:
     state: State = field(repr=False)
     frozen: BoolArray = field(repr=False)
     _residuals: Mapping[Batch, FloatArray] = field(repr=False)
+    _weighings: Mapping[Batch, Weighing] = field(repr=False)
+    _prior_values: Mapping[Prior, FloatArray] = field(repr=False)
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
     evaluations: int = 0
@@ -151,17 +154,24 @@ class LeastSquaresResult:
 
     def whitened_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) what the adjustment sees: residuals, whitened where they are correlated."""
-        residuals = self.residuals(batch)
-        return np.ascontiguousarray(batch.whitened(residuals.T[:, None])[:, 0].T)
+        return self.weighing(batch).whitened_residuals(self.residuals(batch))
 
     def normalised_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) residuals divided by the given sigmas."""
-        return self.whitened_residuals(batch) / batch.sigmas
+        return self.whitened_residuals(batch) / self.weighing(batch).sigmas
+
+    def weighing(self, batch: Batch) -> Weighing:
+        """The sigmas, and what else its residuals were weighed by, whatever became of them since."""
+        self.residuals(batch)
+        return self._weighings[batch]
 
     @expecting(prior=instance(Prior))
     def prior_residuals(self, prior: Prior) -> FloatArray:
         """(n_scalars,) unknowns minus given values at the solution."""
-        return prior.residuals(self.state.values)
+        try:
+            return np.asarray(self.state.values[prior.scalars] - self._prior_values[prior])
+        except KeyError:
+            raise InputError(f"this {prior.name} prior was not part of the solved system") from None
 
     def covariance(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k, k) covariances of blocks that are alike, in squared units; zero where frozen.
@@ -235,7 +245,7 @@ class LeastSquaresResult:
 
     def observations(self, package: str | None = None) -> Any:
         """One row per scalar residual: columns, or a table of "pandas" or "pyarrow"."""
-        parts = ((batch, v, self.normalised_residuals(batch)) for batch, v in self._residuals.items())
+        parts = ((batch, v, self._weighings[batch]) for batch, v in self._residuals.items())
         columns = observation_columns(parts)
         return columns if package is None else as_table(columns, package)
 

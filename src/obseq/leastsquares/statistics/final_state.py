@@ -260,9 +260,10 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
 
 
 def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
+    are_alike = all(batch.weighing().is_like(result.weighing(batch)) for batch in equations.batches)
     cost = sum(prior.sum_of_squares(result.state.values) for prior in equations.priors)
     for batch in equations.batches:
         rows = whitened_residual_rows(batch, result.residuals(batch).T) * batch.weights[:, : batch.n]
         cost += float(np.square(rows if batch.active.all() else rows[:, batch.active]).sum())
-    if not abs(cost - result.cost) <= 1e-12 + 1e-6 * result.cost:
+    if not are_alike or not abs(cost - result.cost) <= 1e-12 + 1e-6 * result.cost:
         raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")
