@@ -83,9 +83,31 @@ def test_one_id_stands_for_all_rows(system):
     assert len(batch) == 2
 
 
+def test_observations_are_replaced_not_written_to(system):
+    batch = system.add("Dist3D", PAIRS, [5.0, 6.0], 0.001)
+    for given in (batch.observations, batch.observations[:1]):
+        with pytest.raises(InputError, match=r"batch.observations.copy\(\).*batch.observations = values"):
+            given[0] = 7.0
+    batch.observations += 1.0
+    assert batch.observations.tolist() == [[6.0], [7.0]]
+    assert type(batch.observations + 1.0) is np.ndarray
+
+
+def test_linear_rows_take_new_right_hand_sides():
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    batch = system.add_linear([x[[0, 0]]], [[[1.0], [2.0]]], [0.0, 0.0], 1.0)
+    batch.observations = [3.0, 6.0]
+    assert batch.observations.tolist() == [[1.0, 3.0], [2.0, 6.0]]
+    assert system.solve().values(x)[0, 0] == pytest.approx(3.0)
+    message = r"expected \(2, 2\), coefficients and right-hand side, or \(2,\), right-hand sides"
+    with pytest.raises(InputError, match=message):
+        batch.observations = [1.0, 2.0, 3.0]
+
+
 def test_observations_can_be_replaced_and_are_checked_again(system):
     batch = system.add("Dist3D", PAIRS, [5.0, 6.0], 0.001)
-    given = batch.observations
+    given = batch.observations.copy()
     given[0, 0] = 7.0
     assert batch.observations.ravel().tolist() == [5.0, 6.0]
     batch.observations = given

@@ -110,7 +110,7 @@ def test_an_observation_left_out_leaves_the_marginal_covariance():
 @pytest.mark.usefixtures("products")
 def test_a_loss_gives_each_cluster_one_weight():
     system, ids, batch, *_ = vectors(clusters(), loss=Huber(1.0))
-    rows = batch.observations
+    rows = batch.observations.copy()
     width = rows.shape[1] - 3
     rows[:3, width:] += 0.5  # one cluster of three vectors is grossly wrong
     batch.observations = rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -14,16 +14,17 @@ from obseq.leastsquares.problem.arguments import real, text, texts, truths
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.given import (
     block_columns,
-    numbers_by_name,
+    observation_rows,
     rows_given,
     stretched_columns,
 )
 from obseq.leastsquares.problem.losses import named_loss
+from obseq.leastsquares.problem.measured import Measured
 from obseq.leastsquares.problem.shapes import turns_of
 from obseq.leastsquares.problem.weights import Weighing, root_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
@@ -153,21 +154,15 @@ class Batch:
 
     @property
     def observations(self) -> FloatArray:
-        """(n, m) what was measured; a copy."""
-        return np.array(self.observation_tiles[:, : self.n].T, order="C")
+        """(n, m) what was measured, a copy that is only read; a row of linear ones: coefficients, value.
+
+        They are replaced as a whole, in any form that `add` takes; (n,) are new values of linear rows.
+        """
+        return Measured.of(np.array(self.observation_tiles[:, : self.n].T, order="C"))
 
     @observations.setter
     def observations(self, new: ArrayLike | Mapping[str, ArrayLike] | None) -> None:
-        width = len(self.shape.observation_rows)
-        if isinstance(new, Mapping):
-            array = numbers_by_name(self.shape, new, self.n)
-        else:
-            array = np.zeros((self.n, 0)) if new is None else real(new, f"{self.name}, observations")
-        if array.shape != (self.n, width) and not (array.shape == (self.n,) and width == 1):
-            raise InputError(
-                f"{self.name}: observations have shape {array.shape}; expected ({self.n}, {width})"
-            )
-        array = array.reshape(self.n, width)
+        array = observation_rows(self.shape, new, self.n, self.observation_tiles)
         is_finite = np.isfinite(array)
         if np.count_nonzero(is_finite) < is_finite.size:
             wrong = int(is_finite.all(axis=1).argmin())
