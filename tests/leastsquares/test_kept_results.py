@@ -61,7 +61,7 @@ def test_what_is_changed_later_leaves_no_mark(options):
 
 def test_the_solution_before_variance_components_is_that_before():
     system, batch, *_ = solved()
-    batch.observations = LENGTHS + [0.03, -0.02, 0.04, 0.0]
+    batch.observations = LENGTHS + np.array([0.03, -0.02, 0.04, 0.0])
     before = system.solve()
     summary = before.summary()
     variance_components(system)

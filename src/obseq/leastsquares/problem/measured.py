@@ -24,8 +24,8 @@ class Measured(np.ndarray):
     def __setitem__(self, where: Any, new: Any) -> None:
         if not self.flags.writeable:
             raise InputError(
-                "`observations` is a copy, and cannot be written to. Change one of your own, and replace them: "
-                "values = batch.observations.copy(); values[0] = ...; batch.observations = values"
+                "`observations` is a copy, and cannot be written to. Change one of your own, and replace "
+                "them: values = batch.observations.copy(); values[0] = ...; batch.observations = values"
             )
         super().__setitem__(where, new)
 
