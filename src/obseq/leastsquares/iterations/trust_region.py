@@ -12,6 +12,7 @@ from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, stray
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
 from obseq.leastsquares.iterations.trials import ROUNDED_COST, Trial, gain_of, scaled, share_of
+from obseq.leastsquares.iterations.violation import Violation
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ WORTHWHILE = 0.9
 
 AHEAD = 8.0
 """...the number of steps like the last one that it must be worth."""
+
+TINY = 16.0
+"""Times the length of a step that has arrived: a violation of hard constraints that is as good as none."""
 
 FIRST_EXCURSION = 8
 """Restrained steps one after the other that prompt an excursion; twice as many after one in vain."""
@@ -147,12 +151,15 @@ class _Search:
         self._dark_length, self._in_the_dark = np.inf, 0
         self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
         self._trail = Trail()
+        self._violation: Violation | None = None
         self.known = -1
 
     def advance(self) -> tuple[Trial, StopReason | None]:
         """One iteration: the unknowns have moved by an accepted step, or are where they were."""
         self._linearise()
         trial = self._path.within(self._radius)
+        if self._equations.constraints and self._violation is None:
+            self._violation = Violation(self._equations, trial.linearisation.diagonal)
         reason = self._arrived(trial)
         if reason is not None:
             self._equations.table.move(trial.move)
@@ -199,6 +206,8 @@ class _Search:
         for _ in range(MOST_TRIALS):
             cost, after = trial.linearisation.cost, self._cost_after(trial.move)
             gain = gain_of(trial, cost, after)
+            if gain <= LEAST_GAIN and np.isfinite(after) and self._restores(trial):
+                return trial, None
             if gain <= LEAST_GAIN and self._is_dark(trial, cost, after):
                 return trial, self._stumbled(trial)
             if self._refuses_first(trial, gain):
@@ -218,6 +227,14 @@ class _Search:
                 self._learn(trial, gain, cost, after)
             trial = self._path.within(self._radius)
         return trial, StopReason.NO_DECREASE
+
+    def _restores(self, trial: Trial) -> bool:
+        """Whether a step that its cost refuses brings hard constraints nearer; the unknowns have moved."""
+        if self._violation is None:
+            return False
+        redundancy = self._redundancy + self._path.defect
+        cost, weights = trial.linearisation.cost, trial.linearisation.diagonal
+        return self._violation.has_fallen(TINY * self._arrival.reach(cost, redundancy, weights))
 
     def _cost_after(self, move: FloatArray) -> float:
         """Moves; the cost there, infinite where it is not defined."""

@@ -1,0 +1,70 @@
+"""By how much hard constraints do not hold, in one number, for iterations that are held back."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.leastsquares.assembly.evaluation import jacobian_rows, residual_rows
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
+
+
+RESTORED = 0.9
+"""Share of the least violation so far below which constraints hold clearly better."""
+
+
+class Violation:
+    """Norm of what the constraints are off by, each over what one standard deviation of its unknowns does.
+
+    Args:
+        equations: the system, at the values where its iterations begin.
+        weights: (n_scalars,) diagonal of N there, 0 where frozen.
+    """
+
+    def __init__(self, equations: NormalEquations, weights: FloatArray) -> None:
+        self._equations = equations
+        self._scales = [self._scale(batch, weights) for batch in equations.constraints]
+        self._least = self._now()
+
+    def has_fallen(self, negligible: float) -> bool:
+        """Whether the constraints hold clearly better now than at any time before when this was asked.
+
+        Args:
+            negligible: a violation that is as good as none, and falls no more.
+        """
+        if self._least <= negligible:
+            return False
+        now = self._now()
+        if now > RESTORED * self._least:
+            return False
+        self._least = now
+        return True
+
+    def _scale(self, batch: Batch, weights: FloatArray) -> FloatArray:
+        """(n_residuals, n) what residuals are multiplied by."""
+        table, shape = self._equations.table, batch.shape
+        derivatives = jacobian_rows(table, batch)[shape.n_residuals :]
+        scalars = np.concatenate(
+            [
+                table.start[ids] + np.arange(role.size)[:, None]
+                for ids, role in zip(batch.blocks, shape.roles, strict=True)
+            ]
+        )
+        variances = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), 0.0)[scalars]
+        squares = np.square(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1)) * variances
+        spread = np.sqrt(squares.sum(axis=1))
+        return np.where(spread > 0.0, 1.0 / np.where(spread > 0.0, spread, 1.0), 0.0)
+
+    def _now(self) -> float:
+        """At the current values; infinite where a constraint is not defined."""
+        found = 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for batch, scale in zip(self._equations.constraints, self._scales, strict=True):
+                found += float(np.square(residual_rows(self._equations.table, batch) * scale).sum())
+        return math.sqrt(found) if math.isfinite(found) else math.inf
