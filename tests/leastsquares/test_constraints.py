@@ -1,5 +1,7 @@
 """Hard constraints hold exactly; solutions and covariances are those of Lagrange's multipliers."""
 
+import itertools
+
 import numpy as np
 import pytest
 from networks import levelled_square
@@ -282,4 +284,4 @@ def test_a_constraint_that_holds_lets_no_step_raise_the_cost():
     result = system.solve(strategy="controlled", max_iterations=60)
     assert result.converged
     costs = [step.cost for step in result.iterations]
-    assert all(after <= before * (1.0 + 1e-12) for before, after in zip(costs[:-1], costs[1:], strict=True))
+    assert all(after <= before * (1.0 + 1e-12) for before, after in itertools.pairwise(costs))

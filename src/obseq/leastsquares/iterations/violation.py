@@ -48,15 +48,9 @@ class Violation:
 
     def _scale(self, batch: Batch, weights: FloatArray) -> FloatArray:
         """(n_residuals, n) what residuals are multiplied by."""
-        table, shape = self._equations.table, batch.shape
-        derivatives = jacobian_rows(table, batch)[shape.n_residuals :]
-        scalars = np.concatenate(
-            [
-                table.start[ids] + np.arange(role.size)[:, None]
-                for ids, role in zip(batch.blocks, shape.roles, strict=True)
-            ]
-        )
-        variances = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), 0.0)[scalars]
+        shape = batch.shape
+        derivatives = jacobian_rows(self._equations.table, batch)[shape.n_residuals :]
+        variances = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), 0.0)[batch.scalars()]
         squares = np.square(derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1)) * variances
         spread = np.sqrt(squares.sum(axis=1))
         return np.where(spread > 0.0, 1.0 / np.where(spread > 0.0, spread, 1.0), 0.0)

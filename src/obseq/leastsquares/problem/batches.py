@@ -339,6 +339,11 @@ class Batch:
         robust = np.square(self.weights[0, : self.n] * last.sigmas[:, 0])
         return Weighing(last.sigmas, last.active, last.roots, last.whitening, robust)
 
+    def scalars(self) -> IntArray:
+        """(n_unknowns, n) positions of the unknowns of each observation."""
+        roles = zip(self.blocks, self.shape.roles, strict=True)
+        return np.concatenate([self._table.start[ids] + np.arange(role.size)[:, None] for ids, role in roles])
+
     def label(self, row: int) -> str:
         """What to call one observation in a message: its label, or the blocks it joins."""
         if self._label is not None:
