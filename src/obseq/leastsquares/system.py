@@ -248,7 +248,7 @@ class LeastSquares:
                 analysis = analyses.reduced()
                 redundancy = analysis.redundancy
                 done = analysis.iterate(chosen, options, redundancy, before, progress or _silent)
-                cofactors = analyses.whole().cofactors() if wanted and self.problem.n_free else None
+                cofactors = analyses.whole().cofactors() if wanted else None
                 return self._result(analysis, options, redundancy + done.defect, done, cofactors)
 
     @contextmanager

@@ -207,6 +207,7 @@ class _Search:
             cost, after = trial.linearisation.cost, self._cost_after(trial.move)
             gain = gain_of(trial, cost, after)
             if gain <= LEAST_GAIN and np.isfinite(after) and self._restores(trial):
+                self._restrained += 1
                 return trial, None
             if gain <= LEAST_GAIN and self._is_dark(trial, cost, after):
                 return trial, self._stumbled(trial)
