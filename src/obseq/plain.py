@@ -39,7 +39,7 @@ class _WrongValueError(Exception):
 
 @dataclass(frozen=True)
 class _Layout:
-    """The fields of a class: their keys, whether they must be there, are there when None, how they are read."""
+    """The fields of a class: their keys, which must be there, which are written when None, their readers."""
 
     keys: tuple[str, ...]
     names: tuple[str, ...]

@@ -317,7 +317,7 @@ def test_a_free_gauge_is_refused_by_the_others():
 @pytest.mark.parametrize("strategy", ["gauss-newton", "controlled", "levenberg-marquardt", "qr", "lsmr"])
 @pytest.mark.parametrize("degree", [7, 9])
 def test_steps_of_an_ill_conditioned_fit_that_are_rounding_have_arrived(degree, strategy):
-    """Coefficients of a polynomial through exact values: condition 1e9 and more, right to what that leaves."""
+    """Coefficients of a polynomial through exact values: condition 1e9 and more, right to what it leaves."""
     powers = np.vander(np.arange(21.0), degree + 1, increasing=True)
     system = LeastSquares()
     ids = system.add_vectors(["c"], np.zeros((1, degree + 1)))

@@ -183,6 +183,19 @@ def test_priors_that_do_not_fit(system):
         system.add_prior([0], np.zeros((1, 3)), [1.0, 1.0])
 
 
+def test_priors_take_new_numbers_in_the_form_of_the_old_ones(system):
+    prior = system.add_prior([0, 1], np.zeros((2, 3)), [[1.0, np.inf, 2.0], [1.0, 1.0, np.inf]])
+    prior.values = np.arange(6.0).reshape(2, 3)
+    assert prior.values.tolist() == [0.0, 2.0, 3.0, 4.0]
+    prior.values = [5.0, 6.0, 7.0, 8.0]
+    assert prior.values.tolist() == [5.0, 6.0, 7.0, 8.0]
+    prior.sigmas = np.arange(1.0, 7.0).reshape(2, 3)
+    assert prior.sigmas.ravel().tolist() == [1.0, 3.0, 4.0, 5.0]
+    message = r"prior: values have shape \(3,\); expected \(2, 3\), a row for each block, or \(4,\), without"
+    with pytest.raises(InputError, match=message):
+        prior.values = [1.0, 2.0, 3.0]
+
+
 def test_linear_rows_that_do_not_fit(system):
     with pytest.raises(InputError, match="linear rows: 'A' is a Rotation, not a linear unknown"):
         system.add_linear([[3]], [np.ones((1, 3))], [0.0], 1.0)
@@ -190,6 +203,17 @@ def test_linear_rows_that_do_not_fit(system):
         system.add_linear([[0]], [np.ones((1, 2))], [0.0], 1.0)
     with pytest.raises(InputError, match="2 sets of coefficients for 1 blocks"):
         system.add_linear([[0]], [np.ones((1, 3)), np.ones((1, 3))], [0.0], 1.0)
+
+
+def test_a_result_does_not_answer_for_what_was_added_later():
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    system.add_linear([x], [[[1.0]]], [1.0], 1.0)
+    result = system.solve(covariance="all")
+    later = system.add_scalars(["y"], [0.0])
+    for question in (result.values, result.precisions, lambda ids: result.covariance_between(x, ids)):
+        with pytest.raises(InputError, match="'y' was added after this solution"):
+            question(later)
 
 
 def test_a_result_answers_for_its_own_batches_and_what_was_asked():

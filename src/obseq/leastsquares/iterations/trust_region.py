@@ -59,9 +59,6 @@ WORTHWHILE = 0.9
 AHEAD = 8.0
 """...the number of steps like the last one that it must be worth."""
 
-TINY = 16.0
-"""Times the length of a step that has arrived: a violation of hard constraints that is as good as none."""
-
 FIRST_EXCURSION = 8
 """Restrained steps one after the other that prompt an excursion; twice as many after one in vain."""
 
@@ -235,7 +232,7 @@ class _Search:
             return False
         redundancy = self._redundancy + self._path.defect
         cost, weights = trial.linearisation.cost, trial.linearisation.diagonal
-        return self._violation.has_fallen(TINY * self._arrival.reach(cost, redundancy, weights))
+        return self._violation.has_fallen(self._arrival.reach(cost, redundancy, weights))
 
     def _cost_after(self, move: FloatArray) -> float:
         """Moves; the cost there, infinite where it is not defined."""

@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
 
 
+REPLACED = (
+    "`observations` is a copy, and cannot be written to. Change one of your own, and replace them: "
+    "values = batch.observations.copy(); values[0] = ...; batch.observations = values"
+)
+
+
 class Measured(np.ndarray):
     """A copy of observations; writing to it would change nothing, so it says what does."""
 
@@ -23,24 +29,20 @@ class Measured(np.ndarray):
 
     def __setitem__(self, where: Any, new: Any) -> None:
         if not self.flags.writeable:
-            raise InputError(
-                "`observations` is a copy, and cannot be written to. Change one of your own, and replace "
-                "them: values = batch.observations.copy(); values[0] = ...; batch.observations = values"
-            )
+            raise InputError(REPLACED)
         super().__setitem__(where, new)
 
-    def __iadd__(self, other: Any) -> Any:
-        return self + other
+    def __array_ufunc__(
+        self, ufunc: np.ufunc, method: str, *inputs: Any, out: tuple[Any, ...] = (), **options: Any
+    ) -> Any:
+        """What is computed from it is a plain array; `+=` makes a new one, which may replace it."""
+        locked = [item for item in out if isinstance(item, Measured) and not item.flags.writeable]
+        if any(item is not inputs[0] for item in locked):
+            raise InputError(REPLACED)
+        if out and not locked:
+            options["out"] = tuple(map(_plain, out))
+        return getattr(ufunc, method)(*map(_plain, inputs), **options)
 
-    def __isub__(self, other: Any) -> Any:
-        return self - other
 
-    def __imul__(self, other: Any) -> Any:
-        return self * other
-
-    def __itruediv__(self, other: Any) -> Any:
-        return self / other
-
-    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """What is computed from it is a plain array."""
-        return array[()] if return_scalar else np.asarray(array)
+def _plain(item: Any) -> Any:
+    return np.asarray(item) if isinstance(item, Measured) else item

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
     from obseq.leastsquares.problem.weights import Weighing
     from obseq.leastsquares.solution.cofactors import Cofactors
@@ -142,7 +142,7 @@ class LeastSquaresResult:
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Solution of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
-        return self.table.read(ids, self.state)
+        return self.table.read(self._solved(ids, "values"), self.state)
 
     @expecting(batch=instance(Batch))
     def residuals(self, batch: Batch) -> FloatArray:
@@ -182,11 +182,12 @@ class LeastSquaresResult:
             ids: blocks.
             a_priori: with the given sigmas as they are, instead of scaled by the variance factor.
         """
-        return self.cofactors.blocks(ids) * self._factor(a_priori)
+        return self.cofactors.blocks(self._solved(ids, "covariance")) * self._factor(a_priori)
 
     def covariance_between(self, first: ArrayLike, second: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n k, m l) covariances between two lists of blocks, whether or not an observation joins them."""
-        rows, columns = self.table.scalars(first).ravel(), self.table.scalars(second).ravel()
+        both = (self._solved(ids, "covariance_between") for ids in (first, second))
+        rows, columns = (self.table.scalars(ids).ravel() for ids in both)
         return self.cofactors.between(rows, columns) * self._factor(a_priori)
 
     def precisions(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
@@ -259,6 +260,17 @@ class LeastSquaresResult:
         if self._cofactors is None:
             raise InputError("covariances were not asked for: solve(covariance=True)")
         return self._cofactors
+
+    def _solved(self, ids: ArrayLike, what: str) -> IntArray:
+        """Ids of blocks of the solved system."""
+        blocks = self.table.checked(ids, what)
+        is_new = self.table.start[blocks] >= len(self.frozen)
+        if is_new.any():
+            name = self.table.names[blocks[is_new][0]]
+            raise InputError(
+                f"{what}: {name!r} was added after this solution and has no part in it; solve again"
+            )
+        return blocks
 
     def _factor(self, a_priori: bool) -> float:
         if a_priori:
