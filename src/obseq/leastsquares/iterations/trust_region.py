@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, roughness
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
@@ -155,8 +155,7 @@ class _Search:
         """One iteration: the unknowns have moved by an accepted step, or are where they were."""
         self._linearise()
         trial = self._path.within(self._radius)
-        if self._equations.constraints and self._violation is None:
-            self._violation = Violation(self._equations, trial.linearisation.diagonal)
+        self._note_violation(trial.linearisation.diagonal)
         reason = self._arrived(trial)
         if reason is not None:
             self._equations.table.move(trial.move)
@@ -226,13 +225,18 @@ class _Search:
             trial = self._path.within(self._radius)
         return trial, StopReason.NO_DECREASE
 
+    def _note_violation(self, weights: FloatArray) -> None:
+        if not self._equations.constraints:
+            return
+        if self._violation is None:
+            self._violation = Violation(self._equations, weights)
+        self._violation.note()
+
     def _restores(self, trial: Trial) -> bool:
         """Whether a step that its cost refuses brings hard constraints nearer; the unknowns have moved."""
         if self._violation is None:
             return False
-        redundancy = self._redundancy + self._path.defect
-        cost, weights = trial.linearisation.cost, trial.linearisation.diagonal
-        return self._violation.has_fallen(self._arrival.reach(cost, redundancy, weights))
+        return self._violation.narrows(resolution(self._equations.table, trial.linearisation.diagonal))
 
     def _cost_after(self, move: FloatArray) -> float:
         """Moves; the cost there, infinite where it is not defined."""

@@ -15,12 +15,17 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.batches import Batch
 
 
-RESTORED = 0.9
-"""Share of the least violation so far below which constraints hold clearly better."""
+NARROWED = 0.9
+"""Share of the funnel's width below which a violation is to fall."""
 
 
 class Violation:
     """Norm of what the constraints are off by, each over what one standard deviation of its unknowns does.
+
+    A step that raises the sum of squares, but keeps the violation in a funnel, is taken; each of these narrows
+    the funnel, so that they are few (Gould and Toint, Nonlinear programming without a penalty function or a
+    filter, 2010). What is well inside it may be left for a lower sum of squares, as with the sum of squares
+    alone: a bent constraint is followed by full steps.
 
     Args:
         equations: the system, at the values where its iterations begin.
@@ -30,20 +35,24 @@ class Violation:
     def __init__(self, equations: NormalEquations, weights: FloatArray) -> None:
         self._equations = equations
         self._scales = [self._scale(batch, weights) for batch in equations.constraints]
-        self._least = self._now()
+        self._width = self._present = self._now()
 
-    def has_fallen(self, negligible: float) -> bool:
-        """Whether the constraints hold clearly better now than at any time before when this was asked.
+    def note(self) -> None:
+        """Remembers the violation at the current values, where an iteration begins."""
+        self._present = self._now()
+
+    def narrows(self, negligible: float) -> bool:
+        """Whether a step from there has led to a violation well inside the funnel, which becomes its width.
 
         Args:
-            negligible: a violation that is as good as none, and falls no more.
+            negligible: a violation that is as good as none: there is nothing to lower.
         """
-        if self._least <= negligible:
+        if self._present <= negligible:
             return False
         now = self._now()
-        if now > RESTORED * self._least:
+        if now > NARROWED * self._width:
             return False
-        self._least = now
+        self._width = now
         return True
 
     def _scale(self, batch: Batch, weights: FloatArray) -> FloatArray:
