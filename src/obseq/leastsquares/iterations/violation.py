@@ -22,10 +22,9 @@ NARROWED = 0.9
 class Violation:
     """Norm of what the constraints are off by, each over what one standard deviation of its unknowns does.
 
-    A step that raises the sum of squares, but keeps the violation in a funnel, is taken; each of these narrows
-    the funnel, so that they are few (Gould and Toint, Nonlinear programming without a penalty function or a
-    filter, 2010). What is well inside it may be left for a lower sum of squares, as with the sum of squares
-    alone: a bent constraint is followed by full steps.
+    A step that raises the sum of squares, but keeps the violation in a funnel, is taken; each of these
+    narrows the funnel, so that they are few (Gould and Toint, Nonlinear programming without a penalty
+    function or a filter, 2010). Steps that lower the sum of squares are taken whatever the violation.
 
     Args:
         equations: the system, at the values where its iterations begin.

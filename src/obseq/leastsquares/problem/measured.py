@@ -33,8 +33,8 @@ class Measured(np.ndarray):
         super().__setitem__(where, new)
 
     def __array_ufunc__(
-        self, ufunc: np.ufunc, method: str, *inputs: Any, out: tuple[Any, ...] = (), **options: Any
-    ) -> Any:
+        self, ufunc: np.ufunc, method: str, *inputs: object, out: tuple[object, ...] = (), **options: object
+    ) -> object:
         """What is computed from it is a plain array; `+=` makes a new one, which may replace it."""
         locked = [item for item in out if isinstance(item, Measured) and not item.flags.writeable]
         if any(item is not inputs[0] for item in locked):
@@ -44,5 +44,5 @@ class Measured(np.ndarray):
         return getattr(ufunc, method)(*map(_plain, inputs), **options)
 
 
-def _plain(item: Any) -> Any:
+def _plain(item: object) -> object:
     return np.asarray(item) if isinstance(item, Measured) else item
