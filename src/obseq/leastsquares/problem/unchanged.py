@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import is_
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,10 +50,12 @@ class Unchanged:
         problem = self._problem
         for what, now in _parts(problem).items():
             before = self._parts[what]
+            if len(now) == len(before) and all(map(is_, now, before)):
+                continue
             added = [part for part in now if not any(part is other for other in before)]
             if added:
                 yield f"added to the {what}: {getattr(added[0], 'name', 'a pull to current values')}"
-            elif len(now) < len(before):
+            else:
                 yield f"took away some of the {what}"
         table = problem.unknowns
         if len(table) > self._blocks:
