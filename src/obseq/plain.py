@@ -1,7 +1,7 @@
 """Dataclasses as plain values (what JSON holds) and back, with errors that say where a value is wrong.
 
 A field is called in the plain form as in the class, unless its metadata gives another `key` (`from` is no
-name in Python). A field that has a default is left out while it is None.
+name in Python). A field that has a default is left out while it is None, unless its metadata has `null`.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ class _WrongValueError(Exception):
 
 @dataclass(frozen=True)
 class _Layout:
-    """The fields of a class: their keys, whether they must be there, how they are read."""
+    """The fields of a class: their keys, which must be there, which are written when None, their readers."""
 
     keys: tuple[str, ...]
     names: tuple[str, ...]
     required: tuple[bool, ...]
+    written: tuple[bool, ...]
     values: Callable[[object], tuple[object, ...]]
     readers: tuple[Reader, ...]
 
@@ -52,11 +53,11 @@ def to_plain(record: object) -> dict[str, object]:
     """The fields of a dataclass by key, dataclasses inside as dictionaries and tuples as lists."""
     kind: object = type(record)
     layout = _layout(kind)
-    rows = zip(layout.keys, layout.values(record), layout.required, strict=True)
+    rows = zip(layout.keys, layout.values(record), layout.written, strict=True)
     return {
         key: value if type(value) in _SIMPLE else _plain(value)
-        for key, value, required in rows
-        if required or value is not None
+        for key, value, written in rows
+        if written or value is not None
     }
 
 
@@ -118,10 +119,12 @@ def _layout(kind: type) -> _Layout:
     hints = get_type_hints(kind)
     names = tuple(field.name for field in fields)
     get = attrgetter(*names)
+    required = tuple(field.default is MISSING and field.default_factory is MISSING for field in fields)
     return _Layout(
         tuple(field.metadata.get("key", field.name) for field in fields),
         names,
-        tuple(field.default is MISSING and field.default_factory is MISSING for field in fields),
+        required,
+        tuple(must or "null" in field.metadata for must, field in zip(required, fields, strict=True)),
         get if len(names) > 1 else lambda record: (get(record),),
         tuple(_reader(hints[name]) for name in names),
     )

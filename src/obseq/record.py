@@ -278,7 +278,7 @@ class AdjustmentRecord:
     points: tuple[PointRecord, ...]
     stations: tuple[StationRecord, ...]
     observations: tuple[ObservationRecord, ...]
-    variance_factor: float | None = None
+    variance_factor: float | None = field(default=None, metadata={"null": True})
     global_test: GlobalTestRecord | None = None
     reliability: ReliabilityRecord | None = None
     snooping: SnoopingRecord | None = None

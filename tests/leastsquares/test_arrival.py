@@ -9,9 +9,9 @@ from obseq.errors import DivergenceError, SingularSystemError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Angle, Length, Number, Point2
 from obseq.formulas.functions import Scalar, angle_difference, atan2, exp, sin, sqrt
-from obseq.leastsquares import LevenbergMarquardt, StopReason
+from obseq.leastsquares import LeastSquares, LevenbergMarquardt, StopReason
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.iterations.arrival import resolution, roughness
+from obseq.leastsquares.iterations.arrival import is_balanced, resolution, roughness
 
 SEARCHING = ("controlled", "levenberg-marquardt", "dogleg")
 ALL = ("gauss-newton", *SEARCHING)
@@ -312,3 +312,29 @@ def test_a_free_gauge_is_refused_by_the_others():
     system, _ = free_network()
     with pytest.raises(SingularSystemError, match="undetermined"):
         system.solve(strategy="controlled")
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "controlled", "levenberg-marquardt", "qr", "lsmr"])
+@pytest.mark.parametrize("degree", [7, 9])
+def test_steps_of_an_ill_conditioned_fit_that_are_rounding_have_arrived(degree, strategy):
+    """Coefficients of a polynomial through exact values: condition 1e9 and more, right to what it leaves."""
+    powers = np.vander(np.arange(21.0), degree + 1, increasing=True)
+    system = LeastSquares()
+    ids = system.add_vectors(["c"], np.zeros((1, degree + 1)))
+    system.add_linear([ids.repeat(21)], [powers], powers.sum(axis=1), 1.0)
+    result = system.solve(strategy=strategy)
+    assert result.stop_reason is StopReason.ROUNDING
+    assert len(result.iterations) <= 6
+    spread = np.finfo(float).eps * np.linalg.cond(powers)
+    assert result.values(ids)[0] == pytest.approx(np.ones(degree + 1), abs=spread)
+
+
+def test_a_gradient_that_tells_something_is_no_rounding():
+    """The same fit, one observation moved by 1e-3 of its sigma: each strategy still sees it."""
+    powers = np.vander(np.arange(21.0), 8, increasing=True)
+    system = LeastSquares()
+    ids = system.add_vectors(["c"], np.ones((1, 8)))
+    batch = system.add_linear([ids.repeat(21)], [powers], powers.sum(axis=1), 1.0)
+    assert is_balanced(system.equations())
+    batch.observations = powers.sum(axis=1) + 1e-3 * (np.arange(21) == 0)
+    assert not is_balanced(system.equations())

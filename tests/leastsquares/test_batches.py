@@ -83,9 +83,31 @@ def test_one_id_stands_for_all_rows(system):
     assert len(batch) == 2
 
 
+def test_observations_are_replaced_not_written_to(system):
+    batch = system.add("Dist3D", PAIRS, [5.0, 6.0], 0.001)
+    for given in (batch.observations, batch.observations[:1]):
+        with pytest.raises(InputError, match=r"batch.observations.copy\(\).*batch.observations = values"):
+            given[0] = 7.0
+    batch.observations += 1.0
+    assert batch.observations.tolist() == [[6.0], [7.0]]
+    assert type(batch.observations + 1.0) is np.ndarray
+
+
+def test_linear_rows_take_new_right_hand_sides():
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    batch = system.add_linear([x[[0, 0]]], [[[1.0], [2.0]]], [0.0, 0.0], 1.0)
+    batch.observations = [3.0, 6.0]
+    assert batch.observations.tolist() == [[1.0, 3.0], [2.0, 6.0]]
+    assert system.solve().values(x)[0, 0] == pytest.approx(3.0)
+    message = r"expected \(2, 2\), coefficients and right-hand side, or \(2,\), right-hand sides"
+    with pytest.raises(InputError, match=message):
+        batch.observations = [1.0, 2.0, 3.0]
+
+
 def test_observations_can_be_replaced_and_are_checked_again(system):
     batch = system.add("Dist3D", PAIRS, [5.0, 6.0], 0.001)
-    given = batch.observations
+    given = batch.observations.copy()
     given[0, 0] = 7.0
     assert batch.observations.ravel().tolist() == [5.0, 6.0]
     batch.observations = given
@@ -161,6 +183,19 @@ def test_priors_that_do_not_fit(system):
         system.add_prior([0], np.zeros((1, 3)), [1.0, 1.0])
 
 
+def test_priors_take_new_numbers_in_the_form_of_the_old_ones(system):
+    prior = system.add_prior([0, 1], np.zeros((2, 3)), [[1.0, np.inf, 2.0], [1.0, 1.0, np.inf]])
+    prior.values = np.arange(6.0).reshape(2, 3)
+    assert prior.values.tolist() == [0.0, 2.0, 3.0, 4.0]
+    prior.values = [5.0, 6.0, 7.0, 8.0]
+    assert prior.values.tolist() == [5.0, 6.0, 7.0, 8.0]
+    prior.sigmas = np.arange(1.0, 7.0).reshape(2, 3)
+    assert prior.sigmas.ravel().tolist() == [1.0, 3.0, 4.0, 5.0]
+    message = r"prior: values have shape \(3,\); expected \(2, 3\), a row for each block, or \(4,\), without"
+    with pytest.raises(InputError, match=message):
+        prior.values = [1.0, 2.0, 3.0]
+
+
 def test_linear_rows_that_do_not_fit(system):
     with pytest.raises(InputError, match="linear rows: 'A' is a Rotation, not a linear unknown"):
         system.add_linear([[3]], [np.ones((1, 3))], [0.0], 1.0)
@@ -168,6 +203,17 @@ def test_linear_rows_that_do_not_fit(system):
         system.add_linear([[0]], [np.ones((1, 2))], [0.0], 1.0)
     with pytest.raises(InputError, match="2 sets of coefficients for 1 blocks"):
         system.add_linear([[0]], [np.ones((1, 3)), np.ones((1, 3))], [0.0], 1.0)
+
+
+def test_a_result_does_not_answer_for_what_was_added_later():
+    system = LeastSquares()
+    x = system.add_scalars(["x"], [0.0])
+    system.add_linear([x], [[[1.0]]], [1.0], 1.0)
+    result = system.solve(covariance="all")
+    later = system.add_scalars(["y"], [0.0])
+    for question in (result.values, result.precisions, lambda ids: result.covariance_between(x, ids)):
+        with pytest.raises(InputError, match="'y' was added after this solution"):
+            question(later)
 
 
 def test_a_result_answers_for_its_own_batches_and_what_was_asked():

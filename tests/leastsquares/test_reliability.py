@@ -194,7 +194,7 @@ def test_effect_of_a_bias_is_that_of_a_changed_observation():
     quality = reliability(system, result)
     change = quality.change_of(points, quality.effect_of_bias(distances, 4, bias=1e-3))
     before = result.values(points)
-    observations = distances.observations
+    observations = distances.observations.copy()
     observations[4] += 1e-3
     distances.observations = observations
     np.testing.assert_allclose(

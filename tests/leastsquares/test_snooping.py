@@ -30,7 +30,7 @@ def draw(system, batch, seed, blunders=(), scale=1.0):
     heights = rng.uniform(100, 200, N_POINTS)
     system.set_values(np.arange(N_POINTS), heights[:, None])
     i, j = batch.blocks
-    observations = batch.observations
+    observations = batch.observations.copy()
     observations[:, -1] = heights[j] - heights[i] + scale * batch.sigmas[:, 0] * rng.normal(size=len(i))
     for row, size in blunders:
         observations[row, -1] += size

@@ -171,7 +171,7 @@ def test_rotations_are_found_and_stay_rotations():
 def test_the_precision_of_a_rotation_is_that_of_its_scatter():
     system, _, rotations, _, _, batches = observed_stations()
     predicted = system.solve(covariance="all").precisions(rotations, a_priori=True)
-    truth, exact = system.values(rotations), [batch.observations for batch in batches]
+    truth, exact = system.values(rotations), [batch.observations.copy() for batch in batches]
     for values, batch in zip(exact, batches, strict=True):
         values[:, :1] += system.residuals(batch)
     rng, found = np.random.default_rng(8), []
@@ -281,7 +281,7 @@ def test_observations_may_follow_the_positions():
 
     def correct(current, iteration):
         calls.append(iteration)
-        rows = batch.observations
+        rows = batch.observations.copy()
         rows[:, 1] = [10.0, 10.0] + current.values(x)[0, 0] / 10.0
         batch.observations = rows
 

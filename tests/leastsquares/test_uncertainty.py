@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 import pytest
 
-from obseq.leastsquares import LeastSquares
+from obseq.leastsquares import LeastSquares, reliability
 
 LEVELS = (2, 3, 2, 2, 4, 2, 2)
 SIGMA = 0.3
@@ -59,3 +59,21 @@ def _error_column(combination):
     added = np.zeros((len(combination), 6))
     added[:, 5] = SIGMA * np.array(combination)
     return added
+
+
+@pytest.mark.parametrize("solver", ["auto", "dense", "supernodal", "superlu"])
+@pytest.mark.parametrize("is_held", [False, True])
+def test_precisions_are_zero_where_everything_is_frozen(solver, is_held):
+    system = LeastSquares(solver)
+    ids = system.add_points(["A", "B"], [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    batch = system.add("Dist3D", {"p1": ids[:1], "p2": ids[1:]}, [10.01], 0.01)
+    if is_held:
+        system.constrain_linear([ids[:1]], [[[1.0, 0.0, 0.0]]], [0.0])
+    system.freeze(ids)
+    result = system.solve(covariance="all")
+    assert not result.precisions(ids).any()
+    assert not result.covariance_between(ids[:1], ids[1:]).any()
+    assert not np.any(result.unknowns()["precision"])
+    quality = reliability(system, result)
+    assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy) == 1
+    assert quality.of(batch).w[0, 0] == pytest.approx(-1.0)

@@ -26,6 +26,15 @@ def test_what_json_cannot_write_is_null(record) -> None:
     assert (read["sigma0"], read["variance_factor"]) == (None, None)
 
 
+def test_a_variance_factor_that_is_not_defined_is_null_and_may_be_missing(record, tmp_path) -> None:
+    unknown = replace(record, variance_factor=None)
+    text = to_json(unknown)
+    assert '"variance_factor": null' in text
+    for written in (text, text.replace('"variance_factor": null,', "")):
+        (tmp_path / "a.json").write_text(written, encoding="utf-8")
+        assert read_json(tmp_path / "a.json") == unknown
+
+
 @pytest.mark.parametrize(
     ("name", "written"),
     [

@@ -205,3 +205,8 @@ def test_a_free_network_on_the_earth_is_that_of_a_plane(tmp_path, size):
     assert found.solution.redundancy == len(found.residuals) - (3 * len(PLACES) + 3 - 4)
     assert 0.7 < found.sigma0 < 1.3
     assert found.points.precisions.max() < 0.01 * size
+
+
+def test_a_negative_number_of_draws_is_refused(planned):
+    with pytest.raises(InputError, match="draws=-1; give 0 for none"):
+        plan(planned, draws=-1)

@@ -266,7 +266,7 @@ def _refuse_clusters(problem: Problem, eliminated: BoolArray) -> None:
         if touched.any():
             raise InputError(
                 f"{batch.label(int(np.argmax(touched)))}: a covariance across observations concerns blocks "
-                "that are to be eliminated; do not eliminate them"
+                "that are to be eliminated, and is only for others: eliminate(ids, False) takes them back"
             )
 
 

@@ -16,6 +16,7 @@ from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.problem import Problem
+from obseq.leastsquares.problem.unchanged import Unchanged
 from obseq.leastsquares.problem.unknown_blocks import UnknownBlocks
 from obseq.leastsquares.problem.unknown_objects import synchronise
 from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult
@@ -210,8 +211,10 @@ class LeastSquares:
                 deviation (see `Options`); negative: all iterations are done.
             covariance: "all", True or ids when the result shall answer for covariances.
             before_iteration: called with the system and the number of iterations done, before each
-                linearisation and before the final residuals; may replace the observations of batches.
-            progress: called with the record of each iteration.
+                linearisation and before the final residuals. It may change what is measured and weighed:
+                observations, sigmas, losses, values of priors and of unknowns. The rest stays: what is
+                active, frozen or eliminated, and which equations there are.
+            progress: called with the record of each iteration; may change as little.
             sigma0_groups: groups in the numerator of sigma0; all when None.
             strategy: how the iterations move; see `strategies` ("gauss-newton", "controlled",
                 "levenberg-marquardt", "dogleg", "qr", "lsmr", "l1", or an object with parameters).
@@ -220,6 +223,7 @@ class LeastSquares:
             SingularSystemError: some unknowns are undetermined; they are named.
             DivergenceError: an equation became undefined, and the observation is named; or the iterations
                 left where the equations determine the unknowns. These are back at the best values.
+            InputError: a callback has changed what a solution takes for granted; it is named.
         """
         wanted = _is_wanted(covariance, self.unknowns)
         chosen = _checked_strategy(strategy, wanted)
@@ -228,6 +232,8 @@ class LeastSquares:
         callback(progress, "solve, progress")
 
         with self.unknowns.owner.alone(), self._accepted_when_interrupted() as accept:
+            self.problem.settle()
+            unchanged = Unchanged(self.problem) if before_iteration or progress else None
 
             def before(number: int) -> None:
                 accept()
@@ -235,13 +241,14 @@ class LeastSquares:
                 if before_iteration is not None:
                     before_iteration(self, number)
                     accept()
+                if unchanged:
+                    unchanged.check()
 
-            self.problem.settle()
             with self._taken_out() as analyses:
                 analysis = analyses.reduced()
                 redundancy = analysis.redundancy
                 done = analysis.iterate(chosen, options, redundancy, before, progress or _silent)
-                cofactors = analyses.whole().cofactors() if wanted and self.problem.n_free else None
+                cofactors = analyses.whole().cofactors() if wanted else None
                 return self._result(analysis, options, redundancy + done.defect, done, cofactors)
 
     @contextmanager
@@ -316,6 +323,8 @@ class LeastSquares:
             self.unknowns.state(),
             frozen(self.unknowns.frozen.copy()),
             misfits,
+            {batch: batch.weighing() for batch in equations.batches},
+            {prior: prior.values for prior in equations.priors},
             cofactors,
             held.redundant if held else (),
             done.evaluations,

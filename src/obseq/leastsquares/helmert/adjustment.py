@@ -7,7 +7,7 @@ import pickle
 import tempfile
 from concurrent.futures import Future
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -52,9 +52,9 @@ class BlockSolution:
 class Here:
     """An executor that does the work at once, in this process."""
 
-    def submit(self, function: Callable[..., Any], /, *arguments: object) -> Future[Any]:
+    def submit(self, function: Callable[..., object], /, *arguments: object) -> Future[object]:
         """Does the work."""
-        future: Future[Any] = Future()
+        future: Future[object] = Future()
         future.set_result(function(*arguments))
         return future
 

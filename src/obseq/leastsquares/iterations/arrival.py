@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 EPS = float(np.finfo(np.float64).eps)
@@ -36,6 +38,9 @@ CONTRACTION = 0.7
 
 LAST_DIGITS = 1e7 * EPS
 """Share of the largest unknown within which steps remain that are rounding, of formulas that cancel, too."""
+
+DIGITS = 4.0
+"""Times its own rounding that a gradient may be, and tell nothing."""
 
 NOISY = 3.0
 """Multiple of the rounding of the residuals below which a step that does not shrink is made of it."""
@@ -114,11 +119,13 @@ class Arrival:
         """Whether no unknown moves beyond its last digits, by a step that is not short anyway.
 
         One unknown that is known absurdly well, of a point at the very centre of a camera, would hide that
-        all others still move.
+        all others still move. Unknowns that hang together closely, as coefficients of a polynomial do, may
+        move further, by a gradient that is all rounding.
         """
         if length <= NEGLIGIBLE * unit:
             return True
-        return float(np.abs(step).max()) <= LAST_DIGITS * float(np.abs(sizes_of(self._equations.table)).max())
+        largest = float(np.abs(sizes_of(self._equations.table)).max())
+        return float(np.abs(step).max()) <= LAST_DIGITS * largest or is_balanced(self._equations)
 
     def _is_within_roughness(self, step: FloatArray, length: float) -> bool:
         """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""
@@ -146,6 +153,39 @@ def sizes_of(table: UnknownTable) -> FloatArray:
     for blocks in table.curved:
         sizes[blocks.scalars] = 1.0
     return sizes
+
+
+def is_balanced(equations: NormalEquations) -> bool:
+    """Whether the gradient is made of the rounding of the residuals, for each unknown.
+
+    A residual with derivatives a is rounded by about eps |a| |x|, x the unknowns that it has.
+    """
+    table, sizes = equations.table, np.abs(sizes_of(equations.table))
+    pulls, noise = np.zeros(table.n_scalars), np.zeros(table.n_scalars)
+    for prior in equations.priors:
+        weights = np.square(prior.weights)
+        digits = np.maximum(sizes[prior.scalars], np.abs(prior.values))
+        np.add.at(pulls, prior.scalars, prior.residuals(table.values) * weights)
+        np.add.at(noise, prior.scalars, np.square(digits * weights))
+    for batch in equations.batches:
+        if batch.clusters is not None:
+            return False
+        _add_pulls(table, batch, sizes, pulls, noise)
+    return bool((np.abs(pulls) <= DIGITS * EPS * np.sqrt(noise))[~table.frozen].all())
+
+
+def _add_pulls(
+    table: UnknownTable, batch: Batch, sizes: FloatArray, pulls: FloatArray, noise: FloatArray
+) -> None:
+    """Adds the part of a batch to the gradient, and the square of its rounding over eps."""
+    m, count, scalars = batch.shape.n_residuals, batch.shape.n_unknowns, batch.scalars()
+    rows = jacobian_rows(table, batch)
+    weights = np.where(batch.active, np.square(batch.weights[:, : batch.n]), 0.0)
+    for residual, weight, derivatives in zip(rows[:m], weights, rows[m:].reshape(m, count, -1), strict=True):
+        digits = (np.abs(derivatives) * sizes[scalars]).sum(axis=0)
+        pull, rounding = derivatives * (weight * residual), np.square(derivatives * (weight * digits))
+        np.add.at(pulls, scalars, np.where(weight > 0.0, pull, 0.0))
+        np.add.at(noise, scalars, np.where(weight > 0.0, rounding, 0.0))
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:

@@ -91,7 +91,11 @@ def _rows(table: UnknownTable, free: FreeUnknowns, batch: Batch) -> list[Row]:
     """The linearised constraints of a batch; frozen unknowns drop out."""
     wrong = np.flatnonzero(table.eliminated[batch.blocks].any(axis=0))
     if wrong.size:
-        raise InputError(f"constraint {batch.label(wrong[0])}: it concerns a block that is to be eliminated")
+        block = batch.blocks[table.eliminated[batch.blocks[:, wrong[0]]], wrong[0]][0]
+        raise InputError(
+            f"constraint {batch.label(wrong[0])}: it concerns {table.names[block]!r}, which is to be "
+            f"eliminated, and takes no constraints then: eliminate([{block}], False) takes it back"
+        )
     count, unknowns = batch.shape.n_residuals, batch.shape.n_unknowns
     evaluated = jacobian_rows(table, batch)
     undefined = np.flatnonzero(~np.isfinite(evaluated).all(axis=0))

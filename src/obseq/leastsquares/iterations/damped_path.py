@@ -29,6 +29,9 @@ NEAR = 0.1
 MOST_FACTORS = 12
 """Dampings that are tried for one step."""
 
+TOWARDS = 0.5
+"""Share of the radius that a step may go towards hard constraints."""
+
 LEAST = 1e-9
 """Least damping where the undamped matrix is singular."""
 
@@ -59,11 +62,12 @@ class DampedPath:
         self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._given = damping
-        self._damping, self._norm, self._slope = 0.0, 0.0, 1.0
+        self._damping, self._norm, self._slope, self._share = 0.0, 0.0, 1.0, 1.0
         self._scale = np.ones(equations.pattern.n)
         self._lost = 0
         self._is_new = True
         self._stepped: NewtonStep | None = None
+        self._reach = np.inf
         self._curvature = None if is_bold else curvature_of(equations)
         self._is_bent = False
         self._solve: Callable[[FloatArray], FloatArray] = solver.solve
@@ -107,6 +111,7 @@ class DampedPath:
 
     def within(self, radius: float) -> Trial:
         """The step of the last linearisation whose norm is about the radius, or the shorter full one."""
+        self._restrain(radius)
         damping, low, high = self._aimed(radius), 0.0, np.inf
         for _ in range(MOST_FACTORS):
             step = self._step(damping)
@@ -119,8 +124,21 @@ class DampedPath:
             damping = self._between(self._aimed(radius), low, high)
         return self._trial(self._regular_step())
 
+    def _restrain(self, radius: float) -> None:
+        """Steps towards hard constraints, which no damping shortens, are kept to a share of the radius."""
+        reach = TOWARDS * radius if self._equations.constraints else np.inf
+        if reach != self._reach:
+            self._reach, self._stepped = reach, None
+
+    def _towards(self, offset: FloatArray) -> tuple[FloatArray, float]:
+        """The step to take towards the constraints, and its share of what they ask for."""
+        norm = self._norm_of(offset) if np.isfinite(self._reach) else 0.0
+        share = self._reach / norm if norm > self._reach else 1.0
+        return share * offset, share
+
     def full(self) -> Trial:
         """The undamped step, or the least damped one."""
+        self._restrain(np.inf)
         if not self._is_bent:
             return self._trial(self._regular_step())
         self._is_bent, self._stepped = False, None
@@ -155,7 +173,7 @@ class DampedPath:
             with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
                 linearisation = equations.damped(damping, floor)
             self._used = self._of_damped if damping else self._solver
-            offset = factor_unexplained(self._used, linearisation)
+            offset, self._share = self._towards(factor_unexplained(self._used, linearisation))
         except SingularMatrixError as error:
             self._lost = len(error.indices)
             return None
@@ -241,5 +259,5 @@ class DampedPath:
             weights = linearisation.diagonal.copy()
             weights[self._equations.free.scalars] = self._scale
             promised += linearisation.damping * float(np.sum(weights * np.square(step.move)))
-        is_full = self._is_least and not self._is_bent
-        return Trial(step.move, step.length, self._norm, promised, is_full, linearisation)
+        is_full = self._is_least and not self._is_bent and self._share == 1.0
+        return Trial(step.move, step.length, self._norm, promised, is_full, linearisation, self._share)

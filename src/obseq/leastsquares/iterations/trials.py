@@ -29,6 +29,7 @@ class Trial:
         promised: the decrease of the cost that the linearisation promises.
         is_full: whether it is the Gauss-Newton step.
         linearisation: the linearisation it comes from.
+        share: how much of the way to hard constraints it goes.
     """
 
     move: FloatArray
@@ -37,6 +38,7 @@ class Trial:
     promised: float
     is_full: bool
     linearisation: Linearisation
+    share: float = 1.0
 
 
 def scaled(trial: Trial, share: float) -> Trial:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, roughness
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, roughness
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
 from obseq.leastsquares.iterations.trials import ROUNDED_COST, Trial, gain_of, scaled, share_of
+from obseq.leastsquares.iterations.violation import Violation
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
@@ -147,12 +148,14 @@ class _Search:
         self._dark_length, self._in_the_dark = np.inf, 0
         self._restrained, self._prompt, self._chances = 0, FIRST_EXCURSION, EXCURSION
         self._trail = Trail()
+        self._violation: Violation | None = None
         self.known = -1
 
     def advance(self) -> tuple[Trial, StopReason | None]:
         """One iteration: the unknowns have moved by an accepted step, or are where they were."""
         self._linearise()
         trial = self._path.within(self._radius)
+        self._note_violation(trial.linearisation.diagonal)
         reason = self._arrived(trial)
         if reason is not None:
             self._equations.table.move(trial.move)
@@ -199,6 +202,9 @@ class _Search:
         for _ in range(MOST_TRIALS):
             cost, after = trial.linearisation.cost, self._cost_after(trial.move)
             gain = gain_of(trial, cost, after)
+            if gain <= LEAST_GAIN and np.isfinite(after) and self._restores(trial):
+                self._restrained += 1
+                return trial, None
             if gain <= LEAST_GAIN and self._is_dark(trial, cost, after):
                 return trial, self._stumbled(trial)
             if self._refuses_first(trial, gain):
@@ -218,6 +224,19 @@ class _Search:
                 self._learn(trial, gain, cost, after)
             trial = self._path.within(self._radius)
         return trial, StopReason.NO_DECREASE
+
+    def _note_violation(self, weights: FloatArray) -> None:
+        if not self._equations.constraints:
+            return
+        if self._violation is None:
+            self._violation = Violation(self._equations, weights)
+        self._violation.note()
+
+    def _restores(self, trial: Trial) -> bool:
+        """Whether a step that its cost refuses brings hard constraints nearer; the unknowns have moved."""
+        if self._violation is None:
+            return False
+        return self._violation.narrows(resolution(self._equations.table, trial.linearisation.diagonal))
 
     def _cost_after(self, move: FloatArray) -> float:
         """Moves; the cost there, infinite where it is not defined."""

@@ -142,7 +142,7 @@ def number(given: object, what: str) -> float:
     return float(given)
 
 
-def callback(given: Callable[..., Any] | None, what: str) -> None:
+def callback(given: Callable[..., object] | None, what: str) -> None:
     """Refuses what cannot be called; None is no callback."""
     if given is not None and not callable(given):
         raise InputError(f"{what}: a function is wanted, not {given!r}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -14,16 +14,17 @@ from obseq.leastsquares.problem.arguments import real, text, texts, truths
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.given import (
     block_columns,
-    numbers_by_name,
+    observation_rows,
     rows_given,
     stretched_columns,
 )
 from obseq.leastsquares.problem.losses import named_loss
+from obseq.leastsquares.problem.measured import Measured
 from obseq.leastsquares.problem.shapes import turns_of
-from obseq.leastsquares.problem.weights import root_weights
+from obseq.leastsquares.problem.weights import Weighing, root_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
@@ -82,7 +83,6 @@ class Batch:
         "_sigmas",
         "_table",
         "_weighed",
-        "_whitening",
         "blocks",
         "clusters",
         "contexts",
@@ -154,21 +154,15 @@ class Batch:
 
     @property
     def observations(self) -> FloatArray:
-        """(n, m) what was measured; a copy."""
-        return np.array(self.observation_tiles[:, : self.n].T, order="C")
+        """(n, m) what was measured, a copy that is only read; a row of linear ones: coefficients, value.
+
+        They are replaced as a whole, in any form that `add` takes; (n,) are new values of linear rows.
+        """
+        return Measured.of(np.array(self.observation_tiles[:, : self.n].T, order="C"))
 
     @observations.setter
     def observations(self, new: ArrayLike | Mapping[str, ArrayLike] | None) -> None:
-        width = len(self.shape.observation_rows)
-        if isinstance(new, Mapping):
-            array = numbers_by_name(self.shape, new, self.n)
-        else:
-            array = np.zeros((self.n, 0)) if new is None else real(new, f"{self.name}, observations")
-        if array.shape != (self.n, width) and not (array.shape == (self.n,) and width == 1):
-            raise InputError(
-                f"{self.name}: observations have shape {array.shape}; expected ({self.n}, {width})"
-            )
-        array = array.reshape(self.n, width)
+        array = observation_rows(self.shape, new, self.n, self.observation_tiles)
         is_finite = np.isfinite(array)
         if np.count_nonzero(is_finite) < is_finite.size:
             wrong = int(is_finite.all(axis=1).argmin())
@@ -222,16 +216,17 @@ class Batch:
         Raises:
             InputError: a sigma is no positive number any more.
         """
-        sigmas, active = self._weighed
-        if np.count_nonzero(sigmas != self._sigmas) or np.count_nonzero(active != self._active):
+        last = self._weighed
+        if np.count_nonzero(last.sigmas != self._sigmas) or np.count_nonzero(last.active != self._active):
             self._sigmas = self._checked_sigmas(self._sigmas)
             self._weigh()
 
     def _weigh(self) -> None:
         """Weight = active / sigma."""
-        self._weighed = (self._sigmas.copy(), self._active.copy())
+        whitening = None
         if self.clusters is not None:
-            self._whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
+            whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
+        self._weighed = Weighing(self._sigmas.copy(), self._active.copy(), self.roots, whitening)
         self.weights = np.zeros((self.shape.n_residuals, padded_length(self.n)))
         self.weights[:, : self.n] = root_weights(self._sigmas, self._active).T
 
@@ -309,7 +304,9 @@ class Batch:
 
         Each is divided by its factor `sigmas`, and by the root of its robust weight.
         """
-        weights, scaled = self.weights[:, : self.n].T.ravel(), self._whitening.copy()
+        whitening = self._weighed.whitening
+        assert whitening is not None
+        weights, scaled = self.weights[:, : self.n].T.ravel(), whitening.copy()
         scaled.data *= np.repeat(weights, np.diff(scaled.indptr))
         return scaled
 
@@ -326,25 +323,26 @@ class Batch:
             rows: (m, k, n) for each residual, k values of each observation.
             chosen: observations that the last axis stands for; all when None.
         """
-        if self.clusters is not None:
-            if chosen is not None:
-                raise InputError(
-                    f"{self.name}: observations of a cluster are whitened together, not one by one"
-                )
-            flat = rows.transpose(2, 0, 1).reshape(-1, rows.shape[1])
-            whole = (self._whitening @ flat).reshape(self.n, -1, rows.shape[1])
-            return np.asarray(whole.transpose(1, 2, 0))
-        if not self.roots.size:
-            return rows
-        m = self.shape.n_residuals
-        roots = np.zeros((m, m, rows.shape[2]))
-        entries = self.roots[:, : self.n] if chosen is None else self.roots[:, chosen]
-        roots[np.triu_indices(m)] = entries
-        return np.asarray(np.einsum("rsn,skn->rkn", roots, rows))
+        if self.clusters is not None and chosen is not None:
+            raise InputError(f"{self.name}: observations of a cluster are whitened together, not one by one")
+        return self._weighed.whitened(rows, chosen)
 
     def robust_weights(self) -> FloatArray:
         """(n,) what the loss makes of the weight of each observation: 1 full, 0 none."""
-        return np.square(self.weights[0, : self.n] * self.sigmas[:, 0])
+        return self.weighing().robust_weights()
+
+    def weighing(self) -> Weighing:
+        """What its residuals are weighed by, for one who keeps it."""
+        last = self._weighed
+        if self._loss is None:
+            return last
+        robust = np.square(self.weights[0, : self.n] * last.sigmas[:, 0])
+        return Weighing(last.sigmas, last.active, last.roots, last.whitening, robust)
+
+    def scalars(self) -> IntArray:
+        """(n_unknowns, n) positions of the unknowns of each observation."""
+        roles = zip(self.blocks, self.shape.roles, strict=True)
+        return np.concatenate([self._table.start[ids] + np.arange(role.size)[:, None] for ids, role in roles])
 
     def label(self, row: int) -> str:
         """What to call one observation in a message: its label, or the blocks it joins."""

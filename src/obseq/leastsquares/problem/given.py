@@ -58,7 +58,33 @@ def _checked_role(table: UnknownTable, shape: Shape, role: Role, ids: ArrayLike)
     return array
 
 
-def numbers_by_name(shape: Shape, given: Mapping[str, ArrayLike], n: int) -> FloatArray:
+def observation_rows(
+    shape: Shape, given: ArrayLike | Mapping[str, ArrayLike] | None, n: int, present: FloatArray
+) -> FloatArray:
+    """(n, m) observations, checked for their shape.
+
+    Args:
+        shape: the formula.
+        given: (n, m), (n,) when m is 1, or by name; None when the formula takes none. Of linear rows (n,)
+            are right-hand sides.
+        n: number of observations.
+        present: (m, n or more) what they are now: the coefficients of linear rows.
+    """
+    if isinstance(given, Mapping):
+        return _numbers_by_name(shape, given, n)
+    array = np.zeros((n, 0)) if given is None else real(given, f"{shape.name}, observations")
+    width = len(shape.observation_rows)
+    if shape.is_linear and array.shape == (n,):
+        array = np.column_stack([present[:-1, :n].T, array])
+    if array.shape != (n, width) and not (array.shape == (n,) and width == 1):
+        more = f", coefficients and right-hand side, or ({n},), right-hand sides" if shape.is_linear else ""
+        raise InputError(
+            f"{shape.name}: observations have shape {array.shape}; expected ({n}, {width}){more}"
+        )
+    return array.reshape(n, width)
+
+
+def _numbers_by_name(shape: Shape, given: Mapping[str, ArrayLike], n: int) -> FloatArray:
     """(n, m) numbers from arrays by name, each of its natural shape for all rows, or for one and all."""
     known = {column.name: column for column in shape.columns}
     _refuse_other_names(f"{shape.name}: observations", known.keys(), given.keys())

@@ -28,7 +28,7 @@ class Prior:
         weights: (n_scalars,) inverse sigmas.
     """
 
-    __slots__ = ("_group", "_sigmas", "_table", "_values", "ids", "scalars", "weights")
+    __slots__ = ("_group", "_kept", "_sigmas", "_table", "_values", "ids", "scalars", "weights")
 
     def __init__(
         self, table: UnknownTable, ids: ArrayLike, values: ArrayLike, sigmas: ArrayLike, group: str
@@ -41,7 +41,8 @@ class Prior:
         shape = (len(self.ids), size)
         given = finite(_stretched(values, shape, "prior: values"), shape, "prior: values")
         spread = _checked_sigmas(table, self.ids, sigmas, shape)
-        kept = np.isfinite(spread)
+        self._kept: BoolArray = np.isfinite(spread)
+        kept = self._kept
         self.scalars: IntArray = table.consecutive(self.ids, size)[kept]
         self.values = given[kept]
         self.sigmas = spread[kept][:, None]
@@ -58,27 +59,42 @@ class Prior:
 
     @property
     def values(self) -> FloatArray:
-        """(n_scalars,) given values."""
+        """(n_scalars,) given values; new ones may be (n, k) as well, as they were added."""
         return self._values
 
     @values.setter
     def values(self, new: ArrayLike) -> None:
-        self._values: FloatArray = frozen(finite(new, (self.n_scalars,), "prior: values"))
+        given = self._flat(new, "values")
+        self._values: FloatArray = frozen(finite(given, (self.n_scalars,), "prior: values"))
 
     @property
     def sigmas(self) -> FloatArray:
-        """(n_scalars, 1) given standard deviations."""
+        """(n_scalars, 1) given standard deviations; new ones may be (n, k) as well, as they were added."""
         return self._sigmas
 
     @sigmas.setter
     def sigmas(self, new: ArrayLike) -> None:
-        given = np.array(_stretched(new, (self.n_scalars, 1), "prior: sigmas"))
+        flat = self._flat(new, "sigmas")
+        column = flat[:, None] if flat.shape == (self.n_scalars,) else flat
+        given = np.array(_stretched(column, (self.n_scalars, 1), "prior: sigmas"))
         is_right = np.isfinite(given) & (given > 0.0)
         if not is_right.all():
             row = int(is_right.argmin())
             raise InputError(f"{self.label(row)}: sigma must be positive, not {given[row, 0]}")
         self._sigmas: FloatArray = frozen(given)
         self.weights: FloatArray = root_weights(given, self.active)[:, 0]
+
+    def _flat(self, new: ArrayLike, what: str) -> FloatArray:
+        """Those of the components that have an equation, of numbers (n, k) for all; others as they are."""
+        given = real(new, f"prior: {what}")
+        if given.shape == self._kept.shape:
+            return np.asarray(given[self._kept])
+        if given.ndim and given.shape not in ((self.n_scalars,), (self.n_scalars, 1)):
+            raise InputError(
+                f"prior: {what} have shape {given.shape}; expected {self._kept.shape}, a row for each block, "
+                f"or ({self.n_scalars},), without the components that have an infinite sigma"
+            )
+        return given
 
     @property
     def n_scalars(self) -> int:

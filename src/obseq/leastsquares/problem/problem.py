@@ -106,6 +106,9 @@ class Problem:
     ) -> Batch:
         """Adds plain linear rows: sum of coefficients times unknowns = value.
 
+        The `observations` of the batch are (n, m), the coefficients of each row and its value; (n,) given to
+        them later are new values.
+
         Args:
             columns: for each of k places in the rows, the ids (n,) of the blocks that stand there.
             coefficients: for each place, (n, block size).

@@ -92,6 +92,11 @@ class Shape:
     first_row: int
     formula: Kernel | None
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether its observations are coefficients and a right-hand side."""
+        return self.formula is None
+
     @cached_property
     def role_rows(self) -> IntArray:
         """(n_roles, 4) row, size, row and size of the context of each block."""

@@ -33,6 +33,8 @@ class Cofactors:
         row, column = free[:, :, None], free[:, None, :]
         low, high = np.minimum(row, column), np.maximum(row, column)
         present = low >= 0
+        if not present.any():
+            return np.zeros(present.shape)
         at = self.pattern.indptr[np.where(present, low, 0)] + high - low
         return np.where(present, self.values[np.where(present, at, 0)], 0.0)
 
@@ -51,6 +53,8 @@ class Cofactors:
         rows = np.atleast_1d(np.asarray(first, dtype=np.int64))
         columns = np.atleast_1d(np.asarray(second, dtype=np.int64))
         free_rows, free_columns = self._free.number[rows], self._free.number[columns]
+        if not (free_rows >= 0).any():
+            return np.zeros((len(rows), len(columns)))
         units = np.zeros((self.pattern.n, len(columns)))
         present = np.flatnonzero(free_columns >= 0)
         units[free_columns[present], present] = 1.0

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
+    from obseq.leastsquares.problem.weights import Weighing
 
 Columns: TypeAlias = "Mapping[str, list[str] | FloatArray | BoolArray]"
 
@@ -47,26 +48,26 @@ def unknown_columns(
     }
 
 
-def observation_columns(parts: Iterable[tuple[Batch, FloatArray, FloatArray]]) -> Columns:
+def observation_columns(parts: Iterable[tuple[Batch, FloatArray, Weighing]]) -> Columns:
     """Columns with one row per scalar residual: formula, observation, residual, sigma, normalised, weight.
 
     The weight is that of the robust loss: 1 full, 0 none; 0 too for inactive observations.
 
     Args:
-        parts: batches with their residuals and normalised residuals, (n, n_residuals) each.
+        parts: batches with their residuals (n, n_residuals), and what these were weighed by.
     """
     columns: dict[str, list[str]] = {key: [] for key in ("formula", "observation", "residual_name")}
     numbers: dict[str, list[FloatArray]] = {key: [] for key in ("residual", "sigma", "normalised", "weight")}
-    for batch, residuals, normalised in parts:
+    for batch, residuals, weighing in parts:
         m = batch.shape.n_residuals
         labels = [batch.label(row) for row in range(batch.n)]
         columns["formula"] += [batch.name] * (batch.n * m)
         columns["observation"] += [label for label in labels for _ in range(m)]
         columns["residual_name"] += [str(k) for k in range(m)] * batch.n
         numbers["residual"].append(residuals.ravel())
-        numbers["sigma"].append(np.broadcast_to(batch.sigmas, residuals.shape).ravel())
-        numbers["normalised"].append(normalised.ravel())
-        numbers["weight"].append(np.repeat(batch.robust_weights(), m))
+        numbers["sigma"].append(weighing.sigmas.ravel())
+        numbers["normalised"].append((weighing.whitened_residuals(residuals) / weighing.sigmas).ravel())
+        numbers["weight"].append(np.repeat(weighing.robust_weights(), m))
     joined = {key: np.concatenate(parts) if parts else np.zeros(0) for key, parts in numbers.items()}
     return {**columns, **joined}
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
+    from obseq.leastsquares.problem.weights import Weighing
     from obseq.leastsquares.solution.cofactors import Cofactors
 
 
@@ -118,6 +119,8 @@ class LeastSquaresResult:
     state: State = field(repr=False)
     frozen: BoolArray = field(repr=False)
     _residuals: Mapping[Batch, FloatArray] = field(repr=False)
+    _weighings: Mapping[Batch, Weighing] = field(repr=False)
+    _prior_values: Mapping[Prior, FloatArray] = field(repr=False)
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
     evaluations: int = 0
@@ -139,7 +142,7 @@ class LeastSquaresResult:
 
     def values(self, ids: ArrayLike) -> FloatArray:
         """Solution of blocks that are alike: (n, k); (n, 3, 3) for rotations; (n, 3) for directions."""
-        return self.table.read(ids, self.state)
+        return self.table.read(self._solved(ids, "values"), self.state)
 
     @expecting(batch=instance(Batch))
     def residuals(self, batch: Batch) -> FloatArray:
@@ -151,17 +154,24 @@ class LeastSquaresResult:
 
     def whitened_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) what the adjustment sees: residuals, whitened where they are correlated."""
-        residuals = self.residuals(batch)
-        return np.ascontiguousarray(batch.whitened(residuals.T[:, None])[:, 0].T)
+        return self.weighing(batch).whitened_residuals(self.residuals(batch))
 
     def normalised_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) residuals divided by the given sigmas."""
-        return self.whitened_residuals(batch) / batch.sigmas
+        return self.whitened_residuals(batch) / self.weighing(batch).sigmas
+
+    def weighing(self, batch: Batch) -> Weighing:
+        """The sigmas, and what else its residuals were weighed by, whatever became of them since."""
+        self.residuals(batch)
+        return self._weighings[batch]
 
     @expecting(prior=instance(Prior))
     def prior_residuals(self, prior: Prior) -> FloatArray:
         """(n_scalars,) unknowns minus given values at the solution."""
-        return prior.residuals(self.state.values)
+        try:
+            return np.asarray(self.state.values[prior.scalars] - self._prior_values[prior])
+        except KeyError:
+            raise InputError(f"this {prior.name} prior was not part of the solved system") from None
 
     def covariance(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n, k, k) covariances of blocks that are alike, in squared units; zero where frozen.
@@ -172,11 +182,12 @@ class LeastSquaresResult:
             ids: blocks.
             a_priori: with the given sigmas as they are, instead of scaled by the variance factor.
         """
-        return self.cofactors.blocks(ids) * self._factor(a_priori)
+        return self.cofactors.blocks(self._solved(ids, "covariance")) * self._factor(a_priori)
 
     def covariance_between(self, first: ArrayLike, second: ArrayLike, a_priori: bool = False) -> FloatArray:
         """(n k, m l) covariances between two lists of blocks, whether or not an observation joins them."""
-        rows, columns = self.table.scalars(first).ravel(), self.table.scalars(second).ravel()
+        both = (self._solved(ids, "covariance_between") for ids in (first, second))
+        rows, columns = (self.table.scalars(ids).ravel() for ids in both)
         return self.cofactors.between(rows, columns) * self._factor(a_priori)
 
     def precisions(self, ids: ArrayLike, a_priori: bool = False) -> FloatArray:
@@ -235,7 +246,7 @@ class LeastSquaresResult:
 
     def observations(self, package: str | None = None) -> Any:
         """One row per scalar residual: columns, or a table of "pandas" or "pyarrow"."""
-        parts = ((batch, v, self.normalised_residuals(batch)) for batch, v in self._residuals.items())
+        parts = ((batch, v, self._weighings[batch]) for batch, v in self._residuals.items())
         columns = observation_columns(parts)
         return columns if package is None else as_table(columns, package)
 
@@ -249,6 +260,17 @@ class LeastSquaresResult:
         if self._cofactors is None:
             raise InputError("covariances were not asked for: solve(covariance=True)")
         return self._cofactors
+
+    def _solved(self, ids: ArrayLike, what: str) -> IntArray:
+        """Ids of blocks of the solved system."""
+        blocks = self.table.checked(ids, what)
+        is_new = self.table.start[blocks] >= len(self.frozen)
+        if is_new.any():
+            name = self.table.names[blocks[is_new][0]]
+            raise InputError(
+                f"{what}: {name!r} was added after this solution and has no part in it; solve again"
+            )
+        return blocks
 
     def _factor(self, a_priori: bool) -> float:
         if a_priori:

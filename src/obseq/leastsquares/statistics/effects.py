@@ -45,7 +45,7 @@ def effects_of_biases(quality: Reliability, batch: Batch, points: ArrayLike) -> 
     scalars = state.equations.table.scalars(points)
     numbers = state.equations.free.number[scalars]
     found = Effects(np.zeros(batch.n, np.int64), np.full((batch.n, numbers.shape[1]), np.nan))
-    wanted = np.flatnonzero(np.isfinite(biases) & batch.active)
+    wanted = np.flatnonzero(np.isfinite(biases) & state.weighing(batch).active)
     for first in range(0, len(wanted), BIASES_AT_A_TIME):
         rows = wanted[first : first + BIASES_AT_A_TIME]
         changes = state.solve(np.ascontiguousarray(state.influences(batch, rows) * biases[rows]))

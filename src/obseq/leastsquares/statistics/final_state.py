@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
+    from obseq.leastsquares.problem.weights import Weighing
     from obseq.leastsquares.solution.cofactors import Cofactors
     from obseq.leastsquares.solution.result import LeastSquaresResult
     from obseq.leastsquares.system import LeastSquares
@@ -81,16 +82,32 @@ class FinalState:
         k = batch.shape.n_residuals
         results = np.zeros((batch.n, k * k if crossed else k))
         roles = np.array([(role.row, role.size) for role in batch.shape.roles], dtype=np.int64)
-        inverse = self._inverse()
+        inverse, given = self._inverse(), self.weighing(batch)
         largest = max(role.size for role in batch.shape.roles)
         block, row = np.empty((largest, largest)), np.empty((k, batch.shape.n_unknowns))
         for first in range(0, batch.n, OBSERVATIONS_AT_A_TIME):
             chosen = slice(first, min(first + OBSERVATIONS_AT_A_TIME, batch.n))
-            weights = np.ascontiguousarray(root_weights(batch.sigmas[chosen], batch.active[chosen]).T)
+            weights = np.ascontiguousarray(root_weights(given.sigmas[chosen], given.active[chosen]).T)
             starts = np.ascontiguousarray(batch.starts[:, chosen])
             rows = EquationRows(self._derivatives(batch, chosen), weights, starts, roles)
             leverages(rows, inverse, crossed, results[chosen], block, row)
         return results.reshape(batch.n, k, k) if crossed else results
+
+    def weighing(self, batch: Batch) -> Weighing:
+        """The sigmas, and what else its residuals were weighed by."""
+        return self.result.weighing(batch)
+
+    def whitening(self, batch: Batch, chosen: IntArray | None = None) -> FloatArray:
+        """(n, m, m) matrices U with U' U the inverse of the covariance of each observation.
+
+        Args:
+            batch: a batch without clusters.
+            chosen: (n,) observations; all when None.
+        """
+        given = self.weighing(batch)
+        index = np.arange(batch.n) if chosen is None else chosen
+        rows = np.eye(batch.shape.n_residuals)[:, :, None] / given.sigmas[index].T[None]
+        return np.ascontiguousarray(given.whitened(rows, index).transpose(2, 0, 1))
 
     def _inverse(self) -> SparseInverse:
         """Q as loops read it."""
@@ -145,13 +162,14 @@ class FinalState:
         """Residuals over sigmas, in the order and the shapes of `all_leverages`."""
         result, equations = self.result, self.equations
         of_priors = ((result.prior_residuals(p) * p.weights)[:, None] for p in equations.priors)
-        return [*(result.whitened_residuals(b) / b.sigmas for b in equations.batches), *of_priors]
+        return [*(result.normalised_residuals(b) for b in equations.batches), *of_priors]
 
     def rows(self, batch: Batch, chosen: ArrayLike) -> FloatArray:
         """(k, n_residuals, n_free) rows of the Jacobian over the sigmas, for a few observations (k,)."""
         index = np.atleast_1d(np.asarray(chosen, dtype=np.int64))
         k, m, u = len(index), batch.shape.n_residuals, batch.shape.n_unknowns
-        weights = root_weights(batch.sigmas[index], batch.active[index]).T
+        given = self.weighing(batch)
+        weights = root_weights(given.sigmas[index], given.active[index]).T
         weighted = self._derivatives(batch, index).reshape(m, u, k) * weights[:, None, :]
         result = np.zeros((k, m, self.equations.n_unknowns))
         for role, ids in zip(batch.shape.roles, batch.blocks[:, index], strict=True):
@@ -166,16 +184,17 @@ class FinalState:
         """(n_free, k) what unit biases of observations (k,) of one residual do to the right-hand side."""
         if batch.clusters is not None:
             return np.asarray((self.cluster_rows(batch).T @ batch.whitening_matrix()[:, chosen]).toarray())
-        weights = batch.robust_weights()[chosen] * whitening(batch, chosen)[:, 0, 0]
+        weights = self.weighing(batch).robust_weights()[chosen] * self.whitening(batch, chosen)[:, 0, 0]
         return np.asarray(self.rows(batch, chosen)[:, 0].T * weights)
 
     def alone(self, batch: Batch, row: int) -> Alone:
         """One active observation of a batch, as what leaving it out, or a bias of it, needs it."""
         if batch.clusters is not None:
             return self._alone_in_cluster(batch, row)
-        whiten = whitening(batch, np.array([row]))[0]
+        whiten = self.whitening(batch, np.array([row]))[0]
         residuals = whiten @ self.result.residuals(batch)[row]
-        return Alone(self.rows(batch, [row])[0], residuals, whiten, float(batch.robust_weights()[row]))
+        weight = float(self.weighing(batch).robust_weights()[row])
+        return Alone(self.rows(batch, [row])[0], residuals, whiten, weight)
 
     def _alone_in_cluster(self, batch: Batch, row: int) -> Alone:
         """The same of an observation that is correlated with others: P = W' W is the inverse covariance."""
@@ -202,7 +221,7 @@ class FinalState:
         derivatives = self._raw_rows(batch, chosen)[shape.n_residuals :]
         if batch.is_correlated:
             rows = derivatives.reshape(shape.n_residuals, shape.n_unknowns, -1)
-            derivatives = batch.whitened(rows, chosen).reshape(derivatives.shape)
+            derivatives = self.weighing(batch).whitened(rows, chosen).reshape(derivatives.shape)
         return np.ascontiguousarray(derivatives)
 
     def _raw_rows(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
@@ -228,19 +247,6 @@ def _in_tiles(chosen: IntArray | slice) -> tuple[int, IntArray | slice]:
     return len(chosen), np.append(chosen, np.repeat(chosen[-1:], -len(chosen) % LANES))
 
 
-def whitening(batch: Batch, chosen: IntArray | None = None) -> FloatArray:
-    """(n, m, m) matrices U with U' U the inverse of the covariance of each observation.
-
-    Args:
-        batch: the batch.
-        chosen: (n,) observations; all when None.
-    """
-    index = np.arange(batch.n) if chosen is None else chosen
-    m = batch.shape.n_residuals
-    rows = np.eye(m)[:, :, None] / batch.sigmas[index].T[None]
-    return np.ascontiguousarray(batch.whitened(rows, index).transpose(2, 0, 1))
-
-
 def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
     """The state that a result describes.
 
@@ -260,9 +266,10 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
 
 
 def _refuse_new_weights(equations: NormalEquations, result: LeastSquaresResult) -> None:
+    are_alike = all(batch.weighing().is_like(result.weighing(batch)) for batch in equations.batches)
     cost = sum(prior.sum_of_squares(result.state.values) for prior in equations.priors)
     for batch in equations.batches:
         rows = whitened_residual_rows(batch, result.residuals(batch).T) * batch.weights[:, : batch.n]
         cost += float(np.square(rows if batch.active.all() else rows[:, batch.active]).sum())
-    if not abs(cost - result.cost) <= 1e-12 + 1e-6 * result.cost:
+    if not are_alike or not abs(cost - result.cost) <= 1e-12 + 1e-6 * result.cost:
         raise InputError("weights or sigmas have changed since this result: solve again with covariance=True")

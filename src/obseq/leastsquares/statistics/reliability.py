@@ -16,7 +16,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.leastsquares.statistics.final_state import FinalState, final_state, whitening
+from obseq.leastsquares.statistics.final_state import FinalState, final_state
 from obseq.leastsquares.statistics.hypothesis_tests import (
     non_centrality,
     normal_critical,
@@ -215,10 +215,11 @@ class Reliability:
     def residual_cofactors(self, batch: Batch) -> FloatArray:
         """(n, n_residuals, n_residuals) cofactors of residual vectors, in squared units of residuals."""
         leverages = self._state.leverages(batch, crossed=True)
-        whitened = residual_cofactors(leverages, batch.robust_weights())
-        colour = np.linalg.inv(whitening(batch))
+        given = self._state.weighing(batch)
+        whitened = residual_cofactors(leverages, given.robust_weights())
+        colour = np.linalg.inv(self._state.whitening(batch))
         cofactors = colour @ whitened @ np.swapaxes(colour, 1, 2)
-        cofactors[~batch.active] = np.nan
+        cofactors[~given.active] = np.nan
         return np.asarray(cofactors)
 
     def effect_of_bias(
@@ -246,7 +247,7 @@ class Reliability:
         Raises:
             InputError: the observation is inactive, or the others do not determine the unknowns without it.
         """
-        if not batch.active[row]:
+        if not self._state.weighing(batch).active[row]:
             raise InputError(f"{batch.label(row)}: the observation is not active, it is left out already")
         own = self._state.alone(batch, row)
         solved = self._state.solve(np.ascontiguousarray(own.rows.T))
@@ -311,20 +312,21 @@ def reliability(
 def _of_batch(
     state: FinalState, batch: Batch, shift: float, sigma0: float | None, groups: Sequence[IntArray]
 ) -> ObservationReliability[Batch]:
-    residuals, weights = state.result.residuals(batch), batch.robust_weights()
+    given = state.weighing(batch)
+    residuals, weights = state.result.residuals(batch), given.robust_weights()
     joint: tuple[JointTest, ...] = ()
     if batch.clusters is not None:
         sigmas = np.sqrt(batch.clusters.variances()).reshape(residuals.shape)
         numbers, joint = _of_clusters(state, batch, residuals, groups)
     elif batch.roots.size:
-        roots = whitening(batch)
+        roots = state.whitening(batch)
         numbers = correlated_numbers(residuals, roots, state.leverages(batch, crossed=True), weights)
         sigmas = np.linalg.norm(np.linalg.inv(roots), axis=2)
     else:
-        sigmas = np.asarray(batch.sigmas)
+        sigmas = given.sigmas
         numbers = independent_numbers(residuals, sigmas, state.leverages(batch), weights[:, None])
         joint = tuple(tests_of_groups(state, batch, residuals, groups)) if groups else ()
-    active = np.broadcast_to(batch.active[:, None], residuals.shape)
+    active = np.broadcast_to(given.active[:, None], residuals.shape)
     return _record(state, batch, residuals, sigmas, numbers, active, shift, sigma0, joint)
 
 

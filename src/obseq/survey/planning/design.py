@@ -135,9 +135,14 @@ def plan(
         progress: Receives what is being done.
 
     Raises:
-        InputError: Points have no coordinates and are not placed by observations, or a name is unknown.
+        InputError: Points have no coordinates and are not placed by observations, a name is unknown, or the
+            number of draws is negative.
         SingularSystemError: The observations do not determine some unknowns, which the message names.
     """
+    if draws < 0:
+        raise InputError(
+            f"plan: draws={draws}; give 0 for none, or how many times to adjust drawn observations"
+        )
     given, network = network, placed(network)
     simulation = Simulation(network)
     mask = _mask(network, counted)
