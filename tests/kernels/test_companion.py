@@ -10,7 +10,7 @@ import pytest
 
 import obseq
 from obseq.kernels import derivatives, shared_rows
-from obseq.kernels.companion import Companion, companion
+from obseq.kernels.companion import Companion, Trend, companion
 from obseq.kernels.layout import LANES
 from obseq.kernels.tiles import aligned_tiles
 
@@ -20,6 +20,12 @@ SETTINGS = obseq.Calculator.values.__globals__
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(SETTINGS, "processors", lambda: 2)
+
+
+@pytest.fixture
+def always(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is faster."""
+    monkeypatch.setattr(Trend, "shares", lambda _: True)
 
 
 def evaluated(formula: obseq.Calculator, n: int, threaded: int, monkeypatch) -> list[np.ndarray]:
@@ -32,7 +38,7 @@ def evaluated(formula: obseq.Calculator, n: int, threaded: int, monkeypatch) -> 
 @pytest.mark.parametrize("streamed", [0, 1 << 60])
 @pytest.mark.parametrize("n", [LANES - 1, 2000, 9001])
 @pytest.mark.parametrize("name", ["Dist2DCons", "TopoHz", "TopoSubFrame", "BlocRigid_RE"])
-def test_two_threads_give_what_one_gives(name: str, n: int, streamed: int, monkeypatch) -> None:
+def test_two_threads_give_what_one_gives(name: str, n: int, streamed: int, monkeypatch, always) -> None:
     formula = obseq.calculator(name)
     alone = evaluated(formula, n, 1 << 60, monkeypatch)
     monkeypatch.setitem(SETTINGS, "QUICK_ROWS", 0)
@@ -74,7 +80,7 @@ def test_what_is_taken_is_left_to_who_took_it() -> None:
     np.testing.assert_array_equal(values[LANES:], formula.values(u, o)[LANES:])
 
 
-def test_several_threads_at_once_get_what_is_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_threads_at_once_get_what_is_theirs(monkeypatch: pytest.MonkeyPatch, always) -> None:
     """One has the companion; the others evaluate alone."""
     formulas = [obseq.calculator(name) for name in ("TopoHz", "Dist3D", "TopoZen")]
     expected = [evaluated(formula, 9000, 1 << 60, monkeypatch) for formula in formulas]
@@ -86,7 +92,7 @@ def test_several_threads_at_once_get_what_is_theirs(monkeypatch: pytest.MonkeyPa
                     np.testing.assert_array_equal(one, other)
 
 
-def test_an_interruption_waits_for_what_the_other_has_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interruption_waits_for_what_the_other_has_taken(monkeypatch, always) -> None:
     written: list[int] = []
 
     def interrupted(board: np.ndarray, *_: object) -> None:
@@ -101,7 +107,6 @@ def test_an_interruption_waits_for_what_the_other_has_taken(monkeypatch: pytest.
     formula, whole, helper = obseq.calculator("Dist3D"), shared_rows.share_rows, companion()
     expected = evaluated(formula, 9000, 1 << 60, monkeypatch)
     assert helper is not None
-    helper._alone = 0  # others may have kept it waiting
     monkeypatch.setattr(shared_rows, "share_rows", interrupted)
     with pytest.raises(KeyboardInterrupt):
         evaluated(formula, 9000, 1, monkeypatch)
@@ -123,7 +128,7 @@ def test_without_its_thread_the_caller_does_all_the_work() -> None:
         return aligned_tiles(kernel.rows, 2)
 
     arrays, scratch = (u, o, values, derived), (new_tiles(), np.empty((0, 6)))
-    assert helper.evaluate(kernel.value_and_jacobian_address, kernel.rows, arrays, scratch, new_tiles)
+    assert helper._share(kernel.value_and_jacobian_address, kernel.rows, arrays, scratch, new_tiles)
     np.testing.assert_array_equal(values, formula.values(u, o))
 
 
@@ -160,18 +165,42 @@ def test_copies_of_a_process_have_companions_of_their_own_and_processes_end() ->
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "done\n", "")
 
 
-def test_who_keeps_others_waiting_is_not_called_for_a_while() -> None:
-    """Each time for twice as long and one more; being called in vain is forgiven seven times."""
-    helper = Companion()
-    helper.end()
-    for expected in (1, 3, 7):
-        helper._judge(-1)
-        assert [helper._stays_alone() for _ in range(expected + 1)] == [True] * expected + [False]
-    for _ in range(7):
-        helper._judge(0)
-        assert not helper._stays_alone()
-    helper._judge(2)
-    for expected in (False, True):
-        for _ in range(7 if not expected else 1):
-            helper._judge(0)
-        assert helper._stays_alone() is expected
+def shared(trend: Trend, count: int, alone: float, together: float) -> list[bool]:
+    """Which of so many evaluations are shared, where they take so long."""
+    found = []
+    for _ in range(count):
+        found.append(trend.shares())
+        trend.note(found[-1], together if found[-1] else alone)
+    return found
+
+
+def test_what_is_faster_is_done_again() -> None:
+    """Alone twice at first, and every 64th time."""
+    assert shared(Trend(), 130, 2.0, 1.0) == [k > 2 and k % 64 != 0 for k in range(1, 131)]
+
+
+def test_what_is_slower_together_is_done_alone_each_time_for_longer() -> None:
+    """Four attempts, then 4, 12 and 28 evaluations alone, beside the 64th; then it has become faster."""
+    trend = Trend()
+    expected = [False] * 2 + [True] * 4 + [False] * 4 + [True] * 4 + [False] * 12 + [True] * 4
+    assert shared(trend, 30, 1.0, 2.0) == expected
+    assert shared(trend, 33, 1.0, 2.0) == [False] * 28 + [True] * 4 + [False]
+    assert shared(trend, 80, 1.0, 0.5)[-10:] == [True] * 10
+
+
+def test_a_first_evaluation_that_takes_long_is_no_measure() -> None:
+    trend = Trend()
+    shared(trend, 1, 1e6, 2.0)
+    assert shared(trend, 10, 1.0, 2.0)[-5:] == [False] * 4 + [True]
+
+
+def test_where_the_other_thread_helps_somebody_else_the_caller_is_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    formula, helper = obseq.calculator("TopoZen"), companion()
+    expected = evaluated(formula, 9000, 1 << 60, monkeypatch)
+    assert helper is not None
+    with helper._is_free:
+        for _ in range(4):
+            for found, other in zip(evaluated(formula, 9000, 1, monkeypatch), expected, strict=True):
+                np.testing.assert_array_equal(found, other)

@@ -245,9 +245,11 @@ class Calculator:
         streams = derivatives.nbytes >= STREAMED_BYTES * (1 if helper is None else 2)
         rows = np.empty((LANES if streams else 0, derivatives.shape[1]))
         arrays, scratch = (u, o, values, derivatives), (_scratch(run), rows)
-        make = functools.partial(_new_scratch, run)
-        if helper is None or not helper.evaluate(run.address, run.rows, arrays, scratch, make):
+        if helper is None:
             _tiles().evaluate_rows(run.address, scratch[0], run.rows, *arrays, 0, n, rows)
+        else:
+            new_tiles = functools.partial(_new_scratch, run)
+            helper.evaluate(run.address, run.rows, arrays, scratch, new_tiles)
 
     def _result(self, out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
         """The array that results are written to: a new one, or the one given if it is as it must be."""

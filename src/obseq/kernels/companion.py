@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import math
 import os
 import threading
 import time
@@ -20,14 +21,18 @@ import numpy as np
 
 from obseq.kernels import shared_rows
 from obseq.kernels.layout import LANES, STRIDE
+from obseq.kernels.tiles import evaluate_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray
 
-LEAST_CHUNK = 512
-"""Rows that a thread takes at a time, at least."""
+    Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    Scratch = tuple[FloatArray, FloatArray]
+
+CHUNK_DOUBLES = 8192
+"""Numbers in the tiles of the rows that a thread takes at a time: some microseconds of work."""
 
 LOOKS = 6000
 """How often the thread looks for more to do before it sleeps: some tenths of a millisecond."""
@@ -38,15 +43,52 @@ PATIENCE = 2000
 NAP = 5e-5
 """Seconds that the caller sleeps then between looks."""
 
-MOST_VAIN = 8
-"""So many times the thread may be called in vain, one after the other."""
+MOST_SLOW = 4
+"""Evaluations of a kernel, one after the other, that may take longer together than alone."""
 
-MOST_ALONE = 255
-"""Evaluations that the caller then does alone, at most."""
+MOST_ALONE = 256
+"""Evaluations of it that are done alone then, at most."""
 
+FIRST_ALONE = 2
+"""Evaluations of it that are done alone first; one may be the first of all, for which code is loaded."""
+
+NOW_AND_THEN = 64
+"""One of so many evaluations is done alone, to know what that takes."""
 
 UNKNOWN = -1
 """The processor that a thread runs on, where the system does not say."""
+
+
+class Trend:
+    """What evaluations of a kernel take, alone and together: whichever was faster is done again.
+
+    It depends on the machine, on what else it does, and on how soon one evaluation follows the other, since a
+    thread that sleeps takes some time to wake.
+    """
+
+    def __init__(self) -> None:
+        self._count, self._alone = 0, math.inf
+        self._slow, self._left, self._most_left = 0, 0, 0
+
+    def shares(self) -> bool:
+        """Whether the next evaluation is to be done together."""
+        self._count += 1
+        if self._left:
+            self._left -= 1
+            return False
+        return self._count > FIRST_ALONE and self._count % NOW_AND_THEN != 0
+
+    def note(self, is_shared: bool, seconds: float) -> None:
+        """Takes note of how long a row has taken."""
+        if not is_shared:
+            self._alone = min(seconds, 0.75 * self._alone + 0.25 * seconds)
+        elif seconds < self._alone:
+            self._slow = self._most_left = 0
+        else:
+            self._slow += 1
+            if self._slow == MOST_SLOW:
+                self._slow, self._most_left = 0, min(2 * self._most_left + MOST_SLOW, MOST_ALONE)
+                self._left = self._most_left
 
 
 class Companion:
@@ -58,55 +100,55 @@ class Companion:
         self._wake.acquire()
         self._sleeps, self._ends = True, False
         self._held: tuple[FloatArray, ...] = ()
-        self._caller = UNKNOWN
-        self._vain, self._alone, self._most_alone = 0, 0, 0
-        self._scratch: dict[int, FloatArray] = {}
+        self._kept_off = UNKNOWN
+        self._tiles: dict[int, FloatArray] = {}
+        self._trends: dict[int, Trend] = {}
         shared_rows.help_with_rows(self._board, 0)  # it is compiled now
         self._thread = threading.Thread(target=self._work, name="obseq-companion", daemon=True)
         self._thread.start()
         atexit.register(self.end)
 
     def evaluate(
-        self,
-        address: int,
-        n_rows: int,
-        arrays: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-        scratch: tuple[FloatArray, FloatArray],
-        new_scratch: Callable[[], FloatArray],
-    ) -> bool:
-        """Evaluates rows of arguments together; false where the caller is to do it alone.
-
-        That is so while the thread helps somebody else; and for a while, each time for longer, after it kept
-        the caller waiting, or came too late again and again: others keep the processors busy.
+        self, address: int, n_rows: int, arrays: Arrays, scratch: Scratch, new_tiles: Callable[[], FloatArray]
+    ) -> None:
+        """Evaluates rows of arguments: together, or alone where that is faster or the thread helps others.
 
         Args:
             address: Address of the kernel.
             n_rows: Rows of its tiles.
             arrays: Unknowns, observations, residuals and what the kernel writes after them.
             scratch: Tiles, and the rows with which results go past the caches, or none of these.
-            new_scratch: Makes the same tiles, for the other thread.
+            new_tiles: Makes the same tiles, for the other thread.
 
         Raises:
             KeyboardInterrupt: it was interrupted, and nothing is written any more.
         """
+        trend = self._trends.get(address) or self._trends.setdefault(address, Trend())
+        start = time.perf_counter()
+        is_shared = trend.shares() and self._share(address, n_rows, arrays, scratch, new_tiles)
+        if not is_shared:
+            evaluate_rows(address, scratch[0], n_rows, *arrays, 0, len(arrays[0]), scratch[1])
+        trend.note(is_shared, (time.perf_counter() - start) / len(arrays[0]))
+
+    def _share(
+        self, address: int, n_rows: int, arrays: Arrays, scratch: Scratch, new_tiles: Callable[[], FloatArray]
+    ) -> bool:
+        """Evaluates rows of arguments together; false where the thread helps others."""
         is_mine = False
         try:
             is_mine = self._is_free.acquire(blocking=False)
-            if not is_mine or self._stays_alone():
+            if not is_mine:
                 return False
             tiles, rows = scratch
-            if address not in self._scratch:
-                self._scratch[address] = new_scratch()
-            others = self._scratch[address], np.empty_like(rows)
+            if address not in self._tiles:
+                self._tiles[address] = new_tiles()
+            others = self._tiles[address], np.empty_like(rows)
             batch = tiles.size // (n_rows * STRIDE) * LANES
-            chunk = batch * max(1, LEAST_CHUNK // batch)
+            chunk = batch * max(1, CHUNK_DOUBLES // (n_rows * batch))
             self._settle()
             self._held = (*arrays, *others)
             self._call()
-            helped = shared_rows.share_rows(
-                self._board, chunk, PATIENCE, address, n_rows, *arrays, *scratch, *others
-            )
-            self._judge(helped)
+            shared_rows.share_rows(self._board, chunk, PATIENCE, address, n_rows, *arrays, *scratch, *others)
         finally:
             if is_mine:
                 self._leave_off()
@@ -119,26 +161,21 @@ class Companion:
         with suppress(KeyboardInterrupt):  # the program ends already
             self._thread.join()
 
-    def _stays_alone(self) -> bool:
-        """Whether the thread is not asked this time."""
-        self._alone -= 1
-        return self._alone >= 0
-
-    def _judge(self, helped: int) -> None:
-        """Takes note of how many chunks the thread has done, -1 when it kept the caller waiting."""
-        if helped > 0:
-            self._vain = self._most_alone = 0
-            return
-        self._vain += 1 if helped == 0 else MOST_VAIN
-        if self._vain >= MOST_VAIN:
-            self._vain, self._most_alone = 0, min(2 * self._most_alone + 1, MOST_ALONE)
-            self._alone = self._most_alone
-
     def _call(self) -> None:
         """Wakes the thread if it sleeps; if it is about to sleep, it will not be there this time."""
         if self._sleeps:
-            self._caller = _processor()
+            self._keep_off(_processor())
             self._rouse()
+
+    def _keep_off(self, processor: int) -> None:
+        """Keeps the thread off the processor of the caller, with whom it would take turns."""
+        if processor == self._kept_off:
+            return
+        others, thread = os.sched_getaffinity(0) - {processor}, self._thread.native_id
+        if others and thread is not None:
+            with suppress(OSError):  # it may run elsewhere only since just now
+                os.sched_setaffinity(thread, others)
+        self._kept_off = processor
 
     def _rouse(self) -> None:
         with suppress(RuntimeError):  # it has been called before, and has not woken up yet
@@ -162,7 +199,6 @@ class Companion:
             self._sleeps = True
             self._wake.acquire()
             self._sleeps = False
-            _make_room(self._caller)
             shared_rows.help_with_rows(self._board, LOOKS)
 
 
@@ -196,17 +232,6 @@ def _processor() -> int:
     """The processor that this thread runs on."""
     system = _system()
     return UNKNOWN if system is None else int(system.sched_getcpu())
-
-
-def _make_room(processor: int) -> None:
-    """Moves this thread to another processor than that of the caller, with whom it would take turns."""
-    if processor == UNKNOWN or _processor() != processor:
-        return
-    everywhere = os.sched_getaffinity(0)
-    if len(everywhere) > 1:
-        with suppress(OSError):  # it may run elsewhere only since just now
-            os.sched_setaffinity(0, everywhere - {processor})
-            os.sched_setaffinity(0, everywhere)
 
 
 _COMPANIONS: dict[int, Companion] = {}

@@ -62,16 +62,13 @@ def share_rows(
     rows: FloatRows,
     tiles_of_helper: FloatArray,
     rows_of_helper: FloatRows,
-) -> int:
+) -> None:
     """Evaluates rows of arguments from the first one on, until all have been taken.
 
     Args: those of `tiles.evaluate_rows`, with the scratch of each thread, and
         board: What both threads know.
         chunk: Rows that are taken at a time; they fill all tiles each time.
         patience: How often it is looked whether the helper has finished, too.
-
-    Returns:
-        How many chunks the helper has evaluated; -1 when it is not seen to finish.
     """
     n = len(unknowns)
     offer(
@@ -93,10 +90,8 @@ def share_rows(
         first = last
     for looked in range(patience):
         if seen(board, AT_WORK) == 0:
-            left: int = board[AT_THE_END]
-            return (n + chunk - 1) // chunk - left
+            break
         wait(board, looked)
-    return -1
 
 
 @compiled
