@@ -41,6 +41,9 @@ from obseq.kernels.calculator import THREADED_ROWS
 from obseq.pools import processors
 
 ROWS = (1, 100, 1_000, 10_000, 100_000)
+SETTLED = 10
+"""Evaluations after which all code is loaded, alone and shared."""
+
 LARGE = 10_000
 """Rows whose arguments and results, of most formulas, are more than the second cache holds."""
 
@@ -88,6 +91,7 @@ def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> 
         if memory := timings.get("memory"):
             row.memory[n] = ratio(memory, timings["obseq"])
         if n >= THREADED_ROWS and processors() > 1:
+            all_of_them["obseq"](SETTLED)
             timings = race(all_of_them, rounds, time.perf_counter)
             row.shared[n] = ratio(timings["rival"], timings["obseq"])
     return row

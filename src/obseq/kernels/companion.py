@@ -163,8 +163,8 @@ class Companion:
 
     def _call(self) -> None:
         """Wakes the thread if it sleeps; if it is about to sleep, it will not be there this time."""
+        self._keep_off(_processor())
         if self._sleeps:
-            self._keep_off(_processor())
             self._rouse()
 
     def _keep_off(self, processor: int) -> None:
