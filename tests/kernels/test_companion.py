@@ -147,7 +147,7 @@ assert right() and right()
 if hasattr(os, "fork"):
     child = os.fork()
     if not child:
-        os._exit(0 if right() and right() and threading.active_count() == 2 else 1)
+        sys.exit(0 if right() and right() and right() and threading.active_count() == 2 else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 assert right()
 print("done")

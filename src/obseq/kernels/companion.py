@@ -214,11 +214,14 @@ def companion() -> Companion | None:
 
 
 @cache
-def _system() -> ctypes.CDLL | None:
-    """Functions of the system, where it says which processor a thread runs on, and can be told; else None."""
+def _system() -> ctypes.PyDLL | None:
+    """Functions of the system, where it says which processor a thread runs on, and can be told; else None.
+
+    They take less than letting go of Python's lock, which the other thread may be waiting for.
+    """
     if not hasattr(os, "sched_setaffinity"):
         return None
-    system = ctypes.CDLL(None)
+    system = ctypes.PyDLL(None)
     return system if hasattr(system, "sched_getcpu") else None
 
 
