@@ -84,7 +84,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "screening": ("adjustment", "initial", "model", "points", "kinds"),
         "tables": ("files", "model", "kinds"),
         "fieldwork": ("screening", "adjustment", "initial", "model"),
-        "grid_bearings": ("fieldwork", "model", "kinds"),
+        "grid_bearings": ("fieldwork", "adjustment", "model", "kinds"),
         "network": ("grid_bearings", "fieldwork", "screening", "adjustment", "initial", "files", "model"),
         "in_memory": ("network", "tables"),
         "epochs": ("adjustment", "initial", "model"),

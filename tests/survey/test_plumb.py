@@ -88,6 +88,14 @@ def test_heights_need_a_vertical(tmp_path):
         read(tmp_path, observations, points, frame="IGNF:LAMB93").adjust()
 
 
+def test_an_azimuth_needs_a_horizon(tmp_path):
+    (tmp_path / "n.obs").write_text("8 A P 100 0.001\n3 A P 100 0.001\n4 A P 0 0.001\n")
+    (tmp_path / "n.cor").write_text("1 A 4680890 1254240 4133148 0 0 0\n0 P 4680990 1254240 4133148\n")
+    network = Network.read(tmp_path / "n.obs", tmp_path / "n.cor", frame="GeoC")
+    with pytest.raises(InputError, match=r"Azim A -> P \(.*n\.obs:1\): an azimuth is .* in the horizon"):
+        network.adjust()
+
+
 PLAIN = "1 A 0 0 10 0.001\n1 B 100 0 12 0.001\n0 P 20 30 3\n"
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.errors import InputError
 from obseq.report.result_file import read_json
 from obseq.survey import Network
 from obseq.survey.point_files import csv_of
@@ -120,6 +121,15 @@ def test_a_bearing_to_a_point_without_coordinates_is_turned_as_well(tmp_path):
     network = Network.read_project(tmp_path / "n.dat", points_crs="EPSG:6565", refraction=1.0)
     adjusted = network.point_system.coordinates(network.adjust().points.coordinates)
     assert adjusted[1, 1] == pytest.approx(250000.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("frame", ["GeoC", "LEuc*0*0*0*0*0*0"])
+def test_a_bearing_of_a_map_needs_a_horizon(tmp_path, frame):
+    (tmp_path / "n.dat").write_text(
+        STARNET.format(unit="FeetUS", a=2602000, b=250000, c=300, d=1000, p=2603000)
+    )
+    with pytest.raises(InputError, match=r"n\.dat:\d+\): a bearing from grid north .* local tangent frame"):
+        Network.read_project(tmp_path / "n.dat", points_crs="EPSG:6565", frame=frame)
 
 
 def test_azimuths_of_tables_are_from_geographic_north(tmp_path):

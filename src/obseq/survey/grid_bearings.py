@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
+from obseq.errors import InputError
+from obseq.survey.adjustment.frame import RTL_HINT
 from obseq.survey.kinds.registry import among, codes_where
 
 if TYPE_CHECKING:
@@ -26,13 +28,21 @@ def from_grid_north(fieldwork: Fieldwork) -> FieldBook:
     A bearing is the angle of the straight line between two points on the map. It becomes the azimuth of the
     sight between them: with the convergence of the meridian, and what the sight is curved on the map. Where
     points are not known, first values from the observations are good enough.
+
+    Raises:
+        InputError: the frame of the computation is on the Earth, and its stations have no vertical.
     """
     book, points, system = fieldwork.book, fieldwork.points, fieldwork.points_crs
     rows = np.flatnonzero(among(book.observations.types, codes_where(lambda kind: kind.is_from_north)))
     is_map = system.kind is crs.Kind.PROJ and not system.is_geographic
-    is_turning = is_map and isinstance(fieldwork.frame.system, crs.LocalTangent)
-    if not rows.size or not is_turning or not points.has_coordinates.any():
+    is_rigid = isinstance(fieldwork.frame.system, crs.RigidSystem)
+    if not (rows.size and is_map and is_rigid and points.has_coordinates.any()):
         return book
+    if not fieldwork.frame.has_vertical:
+        raise InputError(
+            f"{book.label(rows[0])}: a bearing from grid north becomes an azimuth in the horizon of its "
+            f"station, which the frame {fieldwork.frame.system.definition} does not have; {RTL_HINT}"
+        )
     xyz = _places(fieldwork, rows)
     turns = _turn(fieldwork, xyz[book.observations.from_points[rows]], xyz[book.observations.to_points[rows]])
     bearings = f"{len(rows)} bearings are" if len(rows) > 1 else "1 bearing is"

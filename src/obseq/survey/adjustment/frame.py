@@ -74,6 +74,11 @@ class Frame:
         return not self.is_plane
 
     @property
+    def is_geocentric(self) -> bool:
+        """Whether its axes are those of the Earth, of which none is up or to the north anywhere."""
+        return self.system.kind is crs.Kind.GEOCENTRIC
+
+    @property
     def has_vertical(self) -> bool:
         """Whether stations have a vertical."""
         return self.is_plane or self.system.kind is crs.Kind.LOCAL_TANGENT

@@ -9,7 +9,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.kinds.registry import codes_where
+from obseq.survey.adjustment.frame import RTL_HINT
+from obseq.survey.kinds.registry import among, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -104,22 +105,27 @@ class Plumb:
         """Raises InputError when what the observations need of plumb lines is not given.
 
         With deflections, every plumb set-up and both ends of height differences need one; a height of
-        instrument or target needs a vertical.
+        instrument or target needs a vertical, an azimuth a horizon in which north is.
         """
         observations = book.observations
+        from_north = among(observations.types, codes_where(lambda kind: kind.is_from_north))
+        if self.frame.is_geocentric and (from_north & observations.active).any():
+            row = int(np.flatnonzero(from_north & observations.active)[0])
+            raise InputError(
+                f"{book.label(row)}: an azimuth is from north in the horizon of its station, and a "
+                f"geocentric frame has none; {RTL_HINT}"
+            )
         with_heights = (observations.from_heights != 0.0) | (observations.to_heights != 0.0)
         if not self.frame.has_vertical and (with_heights & observations.active).any():
             row = int(np.flatnonzero(with_heights & observations.active)[0])
             raise InputError(
                 f"{book.label(row)}: a height of instrument or target is along the vertical, which the "
-                "frame does "
-                "not have; compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
+                f"frame does not have; {RTL_HINT}"
             )
         if self.is_deflected and not self.frame.has_vertical:
             raise InputError(
-                "deflections of the vertical are given, and the frame has no vertical; compute in a local "
-                "tangent "
-                "frame (--frame RTL*X0*Y0*Z0*DEFINITION), or leave them out with --ignore deflections"
+                "deflections of the vertical are given, and the frame has no vertical; "
+                f"{RTL_HINT}, or leave them out with --ignore deflections"
             )
         if self.is_deflected:
             self._require_deflections(book, orientations)
