@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
-from obseq.images import ControlPoints
+from obseq.images import ControlPoints, Poses
 from obseq.images.files.opk import check_convention, opk_text, read_opk
 
 NAMES = [f"P{k}" for k in range(30)]
@@ -18,6 +18,25 @@ def test_poses_as_text_come_back(tmp_path):
     assert (again.images, again.cameras) == (poses.images, poses.cameras)
     np.testing.assert_array_equal(again.centres, poses.centres)
     np.testing.assert_allclose(again.rotations, poses.rotations, atol=1e-14)
+
+
+def renamed(poses, name):
+    return Poses.of([name, *poses.images[1:]], poses.centres, poses.rotations)
+
+
+@pytest.mark.parametrize("name", ["image 0", "a,b", "a b, c"])
+def test_names_with_blanks_or_commas_come_back(tmp_path, name):
+    poses, _ = scenes.ring()
+    (tmp_path / "p.txt").write_text(opk_text(renamed(poses, name)))
+    again = read_opk(tmp_path / "p.txt")
+    assert again.images == (name, *poses.images[1:])
+    np.testing.assert_array_equal(again.centres, poses.centres)
+
+
+@pytest.mark.parametrize("name", ["#1", "a;b", "a\tb", " a", "a\nb"])
+def test_names_that_have_no_place_are_refused(name):
+    with pytest.raises(InputError, match="has no place in a text of omega, phi, kappa"):
+        opk_text(renamed(scenes.ring()[0], name))
 
 
 def test_columns_and_units_are_as_told(tmp_path):

@@ -129,27 +129,39 @@ def _words(line: str, count: int) -> list[str]:
 
 
 def opk_text(poses: Poses) -> str:
-    """Poses as text that `read_opk` takes: name, centre, omega, phi, kappa in degrees."""
+    """Poses as text that `read_opk` takes: name, centre, omega, phi, kappa in degrees.
+
+    Fields are separated by blanks; by semicolons where names have blanks or commas.
+
+    Raises:
+        InputError: a name has no place in such a text.
+    """
+    check_names(poses.images)
+    separator = " " if all(map(_is_word, poses.images)) else "; "
     angles = np.degrees(poses.attitudes("opk"))
     rows = [
-        f"{name} {' '.join(f'{value:.17g}' for value in (*centre, *turn))}\n"
+        separator.join([name, *(f"{value:.17g}" for value in (*centre, *turn))]) + "\n"
         for name, centre, turn in zip(poses.images, poses.centres.tolist(), angles.tolist(), strict=True)
     ]
-    check_names(poses.images)
     return "# image X Y Z omega phi kappa (degrees; camera to world, y up, z backwards)\n" + "".join(rows)
+
+
+def _is_word(name: str) -> bool:
+    """Whether a name is one field among others that are separated by blanks."""
+    return len(name.split()) == 1 and "," not in name
 
 
 def check_names(images: Iterable[str]) -> None:
     """Refuses images whose names such a text cannot hold.
 
     Raises:
-        InputError: one has blanks or commas.
+        InputError: one begins with #, has semicolons, line ends or tabs, or blanks around it.
     """
-    blank = [name for name in images if len(name.split()) != 1 or "," in name]
-    if blank:
+    wrong = [name for name in images if name != name.strip() or re.search(r"^#|[;\t\r\n\v\f]|^$", name)]
+    if wrong:
         raise InputError(
-            f"image {blank[0]!r}: a name with blanks or commas has no place in a text of omega, phi, kappa; "
-            "write the table of images (--poses)"
+            f"image {wrong[0]!r}: a name that begins with #, with a semicolon or a tab in it or blanks "
+            "around it, has no place in a text of omega, phi, kappa; write the table of images (--poses)"
         )
 
 
