@@ -139,7 +139,7 @@ def errors_of(site, folder):
     return site.read(folder).gross_errors()
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [8, 11])
 def test_directions_counted_anticlockwise(planted, tmp_path, seed):
     site = planted.made_site(np.random.default_rng(seed))
     change(site, directions(site, -1), 3, lambda v: 400.0 - v)
