@@ -80,6 +80,11 @@ def test_axes_and_hands_change_nothing_but_the_names_of_coordinates(tmp_path):
     assert third.points.coordinates == pytest.approx(north_east.points.coordinates, abs=1e-9)
 
 
+def test_a_letter_with_its_accent_is_the_same_in_one_character_or_two(tmp_path):
+    body = POINTS.replace('id="P"', 'id="\u00e9"') + SIGHTS.replace('to="P"', 'to="e\u0301"')
+    assert Network.read_project(network(tmp_path, body)).points.names == ("A", "B", "\u00e9")
+
+
 def test_degrees_have_sigmas_in_seconds(tmp_path):
     # 59.0334 gon are 53.13006 degrees; 10 cc are 3.24 seconds.
     degrees = SIGHTS.replace('val="59.0334" stdev="10"', 'val="53-07-48.2160" stdev="3.24"')

@@ -25,7 +25,7 @@ OF_MANY += ["all_in_millimetres", "all_in_feet", "swapped_coordinates", "all_coo
 OF_MANY += ["exchanged_known_points", "mistyped_coordinate"]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [2, 8, 11])
 @pytest.mark.parametrize("mistake", SINGLE + SIGHTS)
 def test_a_wrong_observation_is_named_with_its_cause(planted, mistake, seed):
     count = planted.counted(getattr(planted, mistake), range(seed, seed + 1))
@@ -35,15 +35,17 @@ def test_a_wrong_observation_is_named_with_its_cause(planted, mistake, seed):
 @pytest.mark.slow(reason="dozens of causes are tried, each on the whole network")
 @pytest.mark.parametrize("mistake", OF_MANY)
 def test_one_cause_of_many_contradictions_is_named(planted, mistake):
-    count = planted.counted(getattr(planted, mistake), range(1, 3))
-    assert (count.named, count.first) == (2, 2)
+    """In the two least of the first fifteen networks, which have the fewest observations to tell it by."""
+    for seed in (8, 11):
+        count = planted.counted(getattr(planted, mistake), range(seed, seed + 1))
+        assert (count.named, count.first) == (1, 1)
 
 
 def test_honest_networks_raise_no_alarm(planted):
     assert planted.counted(None, range(100, 105)).announced == 0
 
 
-def spoilt(planted, folder, mistake, seed=1):
+def spoilt(planted, folder, mistake, seed=11):
     random = np.random.default_rng(seed)
     site = planted.made_site(random)
     return site, getattr(planted, mistake)(site, random), site.write(folder)
@@ -92,7 +94,7 @@ def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, t
 
 
 def test_several_gross_errors_come_worst_first(planted, tmp_path):
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(11)
     site = planted.made_site(random)
     done = [planted.one_in_millimetres(site, random), planted.one_elevation(site, random)]
     network = site.read(tmp_path)
@@ -103,7 +105,7 @@ def test_several_gross_errors_come_worst_first(planted, tmp_path):
 
 
 def test_what_was_not_tried_on_a_large_network_is_said(planted, tmp_path, monkeypatch):
-    site = planted.made_site(np.random.default_rng(1))
+    site = planted.made_site(np.random.default_rng(11))
     site.write(tmp_path)
     network = site.read(tmp_path)
     middle = np.nanmean(network.points.coordinates, axis=0)
@@ -116,7 +118,7 @@ def test_what_was_not_tried_on_a_large_network_is_said(planted, tmp_path, monkey
 
 
 def test_only_the_worst_are_explained_one_by_one(planted, tmp_path, monkeypatch):
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(11)
     site = planted.made_site(random)
     planted.one_in_millimetres(site, random)
     planted.one_elevation(site, random)

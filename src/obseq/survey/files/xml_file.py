@@ -162,8 +162,10 @@ class _Builder:
     def _begin(self, name: str, given: dict[str, str]) -> None:
         """An element begins."""
         line = min(self._parser.CurrentLineNumber or 1, len(self._file.lines))
-        attributes = {key: composed(value) for key, value in given.items()}
-        element = Element(self._file, name.rpartition(":")[2], attributes, line)
+        for key, value in given.items():
+            if not value.isascii():
+                given[key] = composed(value)
+        element = Element(self._file, name.rpartition(":")[2], given, line)
         if len(self._open) == DEEPEST:
             raise element.error(f"the elements are nested deeper than {DEEPEST} levels")
         if self._open:
@@ -175,7 +177,8 @@ class _Builder:
     def _end(self, _: str) -> None:
         """It ends."""
         element, parts = self._open.pop()
-        element.text = composed("".join(parts))
+        if parts:
+            element.text = composed("".join(parts))
 
     def _hold(self, content: str) -> None:
         """Text stands in it."""
