@@ -7,7 +7,7 @@ import pytest
 
 import obseq
 from obseq.errors import InputError
-from obseq.leastsquares import reliability, snoop
+from obseq.leastsquares import SnoopingEnd, reliability, snoop
 from obseq.leastsquares.statistics.distributions import beta_above, non_central_above
 from obseq.leastsquares.statistics.hypothesis_tests import non_centrality, normal_critical, tau_critical
 from obseq.leastsquares.statistics.joint_levels import (
@@ -158,6 +158,23 @@ def test_snooping_leaves_out_the_vector_of_which_no_component_stands_out(statist
     assert {gone.row, *(row for _, row in gone.companions)} == {15, 16, 17}
     assert gone.degrees == 3 and gone.statistic > gone.critical and gone.p_value < 0.01
     assert len(gone.blunders) == 3 and gone.blunder == gone.blunders[0]
+
+
+@pytest.mark.parametrize("error", [0.0, 1e4])
+def test_a_vector_of_which_only_a_combination_is_controlled_is_tested_as_one(error):
+    """Each component has less redundancy than is taken for control, what they are together a little more."""
+    system = obseq.LeastSquares()
+    point, along = system.add_points(["P"], np.zeros((1, 3))), np.array([[1.0, 0.0, 1.05]]) / 1.45
+    vector = system.add_linear([np.repeat(point, 3)], [np.eye(3)], np.zeros(3), 1.0, list("XYZ"))
+    for _ in range(20):
+        system.add_linear([point], [along], [error], 840.0 * 20**0.5)
+    groups = {vector: [np.arange(3)]}
+    quality = reliability(system, system.solve(covariance=True), groups=groups)
+    assert not quality.of(vector).controlled.any() and quality.of(vector).joint[0].degrees == 1
+    found = snoop(system, 0.01, groups=groups)
+    assert (found.end, found.suspects) == (
+        (SnoopingEnd.NEEDED, ("linear Z",)) if error else (SnoopingEnd.CLEAN, ())
+    )
 
 
 def test_a_vector_that_is_needed_stays():

@@ -153,8 +153,16 @@ def worst_tests(part: Part, limits: Limits) -> Iterator[Test]:
         if test.degrees:
             statistic = limits.scaled(test)
             share = statistic / limits.of(test.degrees)
-            worst = int(test.rows[np.nanargmax(np.abs(part.w[test.rows, 0]))])
-            yield Test(part, statistic, test.degrees, share, (worst, 0), test)
+            yield Test(part, statistic, test.degrees, share, (_worst(part, test), 0), test)
+
+
+def _worst(part: Part, test: JointTest) -> int:
+    """The equation of a joint test whose own is the worst; where only their combination is controlled, the
+    one with the largest error.
+    """
+    alone = np.abs(part.w[test.rows, 0])
+    sizes = np.abs(test.blunder) if np.isnan(alone).all() else np.nan_to_num(alone)
+    return int(test.rows[np.argmax(sizes)])
 
 
 def tied_names(part: Part, limits: Limits, share: float) -> Iterator[str]:
