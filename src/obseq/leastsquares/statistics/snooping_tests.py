@@ -157,9 +157,7 @@ def worst_tests(part: Part, limits: Limits) -> Iterator[Test]:
 
 
 def _worst(part: Part, test: JointTest) -> int:
-    """The equation of a joint test whose own is the worst; where only their combination is controlled, the
-    one with the largest error.
-    """
+    """The equation whose own test is the worst; the one with the largest error where none has one."""
     alone = np.abs(part.w[test.rows, 0])
     sizes = np.abs(test.blunder) if np.isnan(alone).all() else np.nan_to_num(alone)
     return int(test.rows[np.argmax(sizes)])
