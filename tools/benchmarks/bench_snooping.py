@@ -129,9 +129,10 @@ def sidak_critical(tests: int) -> float:
     return -float(special.ndtri((1.0 - (1.0 - OVERALL) ** (1.0 / tests)) / 2.0))
 
 
-def rates(network: Measured, draws: int, seed: int) -> Rates:
-    """What tests find in so many draws of the errors."""
-    response, root = transfer(network), np.linalg.cholesky(network.covariance)
+def rates(network: Measured, draws: int, seed: int, response: FloatArray | None = None) -> Rates:
+    """What tests find in so many draws of the errors; `response` as of `transfer`, where it is known."""
+    response = transfer(network) if response is None else response
+    root = np.linalg.cholesky(network.covariance)
     chance, n = np.random.default_rng(seed), len(root)
     sigmas = np.sqrt(np.diag(network.covariance))
     clean = np.abs(response @ (root @ chance.standard_normal((n, draws))))
