@@ -7,6 +7,7 @@ while that takes away much of what is left. The block must fit without them, and
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -115,7 +116,7 @@ def _best(
         limit: sigma0 above which nothing serves.
     """
     tried = [
-        (more, _without(trials, more, solution, limit))
+        (more, trials.once((more, solution, limit), partial(_without, trials, more, solution, limit)))
         for more in _with_the_worst(trials, left, solution)
         if len(more.control) <= most_control
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections import deque
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Hashable
 
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.approach import Solving
@@ -61,6 +62,17 @@ class Attempts:
     given: Poses
     told: Callable[[str], None]
     options: Solving
+
+    @cached_property
+    def known(self) -> dict[Hashable, BundleSolution | None]:
+        """Solutions that may be asked for again, by what was changed."""
+        return {}
+
+    def once(self, change: Hashable, solve: Callable[[], BundleSolution | None]) -> BundleSolution | None:
+        """A solution that is found the first time it is asked for."""
+        if change not in self.known:
+            self.known[change] = solve()
+        return self.known[change]
 
     @property
     def cameras(self) -> dict[str, Camera]:
