@@ -44,7 +44,7 @@ def of_chance(share: float, draws: int = DRAWS, times: float = 3.5) -> float:
 @pytest.mark.parametrize("name", NAMES)
 def test_single_tests_reject_as_often_as_announced(bench, networks, name) -> None:
     network, response = networks[name]
-    rates = bench.rates(network, DRAWS, seed=7, response=response)
+    rates = bench.rates(network, response, DRAWS, seed=7)
     # Tests of one adjustment depend on each other: as many draws count as they have
     assert rates.alarms == pytest.approx(
         bench.LEVEL, abs=of_chance(bench.LEVEL, DRAWS * len(network.design) // 3)
