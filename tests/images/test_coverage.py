@@ -24,7 +24,7 @@ def _interior(solution):
     return errors[None, kept], solution.camera_covariance("c")[None][:, kept][:, :, kept]
 
 
-def _drawn(solution, seed):
+def _drawn(solution, seed, tolerance=1e-6):
     """The solution of a block of other noise: its observations in the same system, from where that stands."""
     block, _, _ = scenes.block(seed=seed)
     (item,), (control, given) = solution.equations.measures, solution.equations.control
@@ -35,7 +35,9 @@ def _drawn(solution, seed):
     linear = control.observations.copy()
     linear[:, -1] = known.coordinates[rows] / known.sigmas[rows]  # after the coefficients
     control.observations = linear
-    result = solution.equations.system.solve(strategy="levenberg-marquardt", covariance=True)
+    result = solution.equations.system.solve(
+        strategy="levenberg-marquardt", tolerance=tolerance, covariance=True
+    )
     return replace(solution, result=result)
 
 
@@ -52,7 +54,7 @@ def test_the_regions_of_95_percent_hold_the_truth_in_95_percent_of_200_blocks():
     places = np.array([truth[name] for name in first.points])
     inside = []
     for seed in range(1000, 1200):
-        solution = _drawn(first, seed)
+        solution = _drawn(first, seed, tolerance=1e-2)  # of a standard deviation: no share changes by that
         redundancy = solution.result.redundancy
         centres = _inside(solution.poses.centres - poses.centres, solution.centre_covariances, redundancy)
         points = _inside((solution.coordinates - places)[6:], solution.point_covariances[6:], redundancy)

@@ -74,13 +74,13 @@ class Scheme:
                 first_camera + 10 * self.camera[:, None] + np.arange(10),
             ]
         )
-        rows = np.zeros((len(self.xy), 2, first_point + 3 * n_points))
-        np.put_along_axis(rows, np.broadcast_to(columns[:, None], jacobian.shape), jacobian, axis=2)
-        matrix = rows.reshape(-1, rows.shape[2])
-        normal = matrix.T @ matrix
-        at = np.arange(first_point, len(normal))
+        size = first_point + 3 * n_points
+        places, turned = size * columns[:, :, None] + columns[:, None, :], np.swapaxes(jacobian, 1, 2)
+        normal = np.bincount(places.ravel(), (turned @ jacobian).ravel(), size**2).reshape(size, size)
+        at = np.arange(first_point, size)
         normal[at, at] += 1.0  # the points, one millimetre about where they are
-        step = np.linalg.solve(normal, -matrix.T @ values.ravel())
+        right = np.bincount(columns.ravel(), (turned @ values[:, :, None]).ravel(), size)
+        step = np.linalg.solve(normal, -right)
         moves = step[:first_camera].reshape(-1, 6)
         self.centres += moves[:, :3]
         self.rotations = self.rotations @ exponential(-moves[:, 3:])

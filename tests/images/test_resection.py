@@ -100,6 +100,15 @@ def test_the_covariance_is_that_of_many_images_with_noise():
     np.testing.assert_allclose(scatter / given, 1.0, atol=0.15)
 
 
+def test_poses_are_the_same_without_their_covariances():
+    measures, control, _ = _scene(8, noise=0.3)
+    found = resect(measures, control, CAMERA)
+    plain = resect(measures, control, CAMERA, ResectionOptions(covariance=False))
+    assert np.isfinite(found.covariances).all() and np.isnan(plain.covariances).all()
+    np.testing.assert_array_equal(plain.poses.centres, found.poses.centres)
+    np.testing.assert_array_equal(plain.residuals, found.residuals)
+
+
 def test_too_few_points_and_points_on_a_line():
     measures, control, _ = _scene(5)
     with pytest.raises(InputError, match="image i: 3 of its points are control points"):

@@ -5,6 +5,7 @@ import pytest
 
 from obseq.geometry import exponential
 from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses, Weighting
+from obseq.images.initial import rough
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 NOISE = 0.3
@@ -163,3 +164,9 @@ def test_a_point_that_is_lost_far_away_is_called_back(far):
     assert not found.left_out
     assert len(found.iterations) == len(other.iterations)
     np.testing.assert_allclose(found.coordinates, other.coordinates, atol=1e-9)
+
+
+def test_images_without_points_take_the_median_of_all_distances():
+    distances, image = np.array([5.0, 1.0, np.nan, 3.0, 2.0, 8.0, np.nan]), np.array([0, 0, 0, 0, 2, 2, 3])
+    np.testing.assert_array_equal(rough._medians(distances, image, 4), [3.0, 3.0, 5.0, 3.0])
+    assert np.isnan(rough._medians(distances[[2, 6]], image[[2, 6]], 4)).all()

@@ -285,9 +285,9 @@ def test_errors_say_what_is_missing():
 
 
 @pytest.mark.slow
-def test_a_million_and_a_half_observations():
+def test_hundreds_of_thousands_of_observations():
     rng = np.random.default_rng(0)
-    side, repeats = 80, 40
+    side, repeats = 40, 40
     x, y = np.meshgrid(np.arange(side), np.arange(side))
     heights = rng.normal(0, 1.0, side * side)  # as uneven as wide: few iterations
     grid = np.column_stack([x.ravel(), y.ravel(), heights]).astype(float)
@@ -304,7 +304,7 @@ def test_a_million_and_a_half_observations():
     system.add_prior(points, grid, 1e-2)
     result = system.solve(covariance=True, tolerance=1e-2)  # redundancies do not ask for more
     assert result.converged
-    assert len(i) > 1_450_000
+    assert len(i) > 360_000
     quality = reliability(system, result)
     assert quality.sum_of_redundancy_numbers == pytest.approx(result.redundancy, rel=1e-9)
     assert quality.of(batch).redundancy.min() > 1 - 1 / repeats  # of n alike, none says more than an nth

@@ -59,8 +59,11 @@ def observe(batch, values):
 
 
 def estimated(system, *parts, **options):
-    """Variance components of a system, which keeps the sigmas that were given."""
-    found = variance_components(system, *parts, **options)
+    """Variance components of a system, which keeps the sigmas that were given.
+
+    A last round of one hundredth moves the mean of many by less than a thousandth of what it is uncertain by.
+    """
+    found = variance_components(system, *parts, tolerance=0.01, **options)
     found.restore()
     return found
 

@@ -129,9 +129,9 @@ def sidak_critical(tests: int) -> float:
     return -float(special.ndtri((1.0 - (1.0 - OVERALL) ** (1.0 / tests)) / 2.0))
 
 
-def rates(network: Measured, draws: int, seed: int) -> Rates:
-    """What tests find in so many draws of the errors."""
-    response, root = transfer(network), np.linalg.cholesky(network.covariance)
+def rates(network: Measured, response: FloatArray, draws: int, seed: int) -> Rates:
+    """What tests find in so many draws of the errors; `response` as of `transfer`."""
+    root = np.linalg.cholesky(network.covariance)
     chance, n = np.random.default_rng(seed), len(root)
     sigmas = np.sqrt(np.diag(network.covariance))
     clean = np.abs(response @ (root @ chance.standard_normal((n, draws))))
@@ -223,7 +223,7 @@ def main() -> None:
 
 def show(name: str, network: Measured, draws: int, seed: int) -> None:
     """Prints what tests find in one network."""
-    got, n = rates(network, draws, seed), len(network.design)
+    got, n = rates(network, transfer(network), draws, seed), len(network.design)
     print(f"{name}: {n} observations, {draws} draws of each")
     print(f"  single tests that reject without blunder: {got.alarms:.5f} (level {LEVEL:g})")
     print(f"  adjustments with any alarm at the overall level {OVERALL:g}: {got.overall:.3f}")

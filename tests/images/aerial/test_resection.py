@@ -113,11 +113,9 @@ def test_an_exact_view_is_found(count):
 
 def test_precisions_are_those_of_simulated_measures():
     ground = scattered(12)
-    pixels, _ = view(ground)
-    rng = np.random.default_rng(8)
-    drawn = [
-        resect(lambert93(), CAMERA, pixels + rng.normal(0.0, 0.5, pixels.shape), ground) for _ in range(300)
-    ]
+    pixels, matrix = view(ground)
+    noise = np.random.default_rng(8).normal(0.0, 0.5, (300, *pixels.shape))
+    drawn = [resect(lambert93(), CAMERA, pixels + off, ground, start=(PLACE, matrix)) for off in noise]
     places = np.array([one.position for one in drawn])
     stated = np.mean([np.diag(one.covariance)[:3] for one in drawn], axis=0)
     np.testing.assert_allclose(places.var(axis=0) / stated, 1.0, atol=0.25)

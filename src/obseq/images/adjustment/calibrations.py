@@ -59,9 +59,13 @@ def _freed(trials: Trials, parameters: str) -> BundleSolution | None:
     """A block that fits with parameters and those before them as unknowns; None where they were so before."""
     if not _are_held(trials.block, parameters):
         return None
-    made, order = trials.copy(), list(CALLED)
-    made.free_parameters("|".join(order[: order.index(parameters) + 1]))
-    return trials.fitting(made, f"another {CALLED[parameters]}")
+
+    def fitting() -> BundleSolution | None:
+        made, order = trials.copy(), list(CALLED)
+        made.free_parameters("|".join(order[: order.index(parameters) + 1]))
+        return trials.fitting(made, f"another {CALLED[parameters]}")
+
+    return trials.once(parameters, fitting)
 
 
 def _are_held(block: AdjustableBlock, parameters: str) -> bool:

@@ -79,9 +79,7 @@ def _scale(trials: Trials) -> float | None:
         return None
     scale = 1.0
     for _ in range(ROUNDS):
-        changed = trials.copy()
-        changed.control = changed.control.scaled(scale)
-        found = trials.solved(changed, f"sigmas of control points times {scale:.3g}", covariance=True)
+        found = _with_sigmas(trials, scale)
         step = None if found is None or is_rejected(found) else _component(found)
         if step is None or not 0.0 < scale * step < LARGE:
             return None
@@ -89,6 +87,15 @@ def _scale(trials: Trials) -> float | None:
         if 1.0 / NEAR < step < NEAR:
             return scale
     return None
+
+
+def _with_sigmas(trials: Trials, scale: float) -> BundleSolution | None:
+    """The block with the sigmas of control points multiplied, and covariances."""
+    if scale == 1.0 and trials.before.result.has_covariances:
+        return trials.before
+    changed = trials.copy()
+    changed.control = changed.control.scaled(scale)
+    return trials.solved(changed, f"sigmas of control points times {scale:.3g}", covariance=True)
 
 
 def _component(found: BundleSolution) -> float | None:

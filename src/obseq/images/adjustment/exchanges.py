@@ -58,7 +58,7 @@ def _explanation(
     trials: Trials, changed: AdjustableBlock | None, left_out: AdjustableBlock | None, what: str, said: str
 ) -> str:
     """What is said of an exchange that explains as much as leaving out both does; else empty."""
-    found = trials.solved(changed, f"{what} exchanged")
+    found = trials.solved(changed, f"{what} exchanged", limit=HOPELESS)
     if found is None or (found.sigma0 or 0.0) > HOPELESS or trials.gains(found) < LOUD**2:
         return ""
     without = trials.solved(left_out, f"the block without {what}")

@@ -7,6 +7,7 @@ while that takes away much of what is left. The block must fit without them, and
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,8 @@ MOST = 3
 """Observations that are left out together."""
 GAIN = 0.2
 """Share of the sum of squares that each of them takes away, at least."""
+MOST_SCALARS = 6
+"""Of one of them: an observed pose."""
 CLEAN = 2.0
 """Sigmas: where control points are off by less, and image points by less than twice, no more is wrong."""
 RAYS, OF_KNOWN = 4, 3
@@ -84,7 +87,7 @@ def gross_errors(trials: Trials, least: int = 1, most_control: int = MOST) -> st
     left, found = _Left(), trials.before
     fits = False
     while len(left) < MOST and not (fits and _is_clean(found)):
-        more, without = _best(trials, left, found, most_control)
+        more, without = _best(trials, left, found, most_control, _needed(found, fits))
         gain = 0.0 if without is None else squares(found) - squares(without)
         if without is None or gain < (LOUD**2 * variance(without) if fits else GAIN * squares(found)):
             break
@@ -94,12 +97,29 @@ def gross_errors(trials: Trials, least: int = 1, most_control: int = MOST) -> st
     return _words(trials, left, found) if is_so else ""
 
 
+def _needed(found: BundleSolution, fits: bool) -> float:
+    """The sigma0 above which leaving one more out of a solution has taken too little away."""
+    left = squares(found) * (1.0 if fits else 1.0 - GAIN)
+    return float(np.sqrt(left / max(found.result.redundancy - MOST_SCALARS, 1)))
+
+
 def _best(
-    trials: Trials, left: _Left, solution: BundleSolution, most_control: int
+    trials: Trials, left: _Left, solution: BundleSolution, most_control: int, limit: float
 ) -> tuple[_Left, BundleSolution | None]:
-    """What is left out beside it that leaves least, and the solution; None where none converges."""
-    worst = _with_the_worst(trials, left, solution)
-    tried = [(more, _without(trials, more, solution)) for more in worst if len(more.control) <= most_control]
+    """What is left out beside it that leaves least, and the solution; None where none serves.
+
+    Args:
+        trials: of the block.
+        left: what is left out already.
+        solution: without that.
+        most_control: how many control points may be among what is left out.
+        limit: sigma0 above which nothing serves.
+    """
+    tried = [
+        (more, trials.once((more, solution, limit), partial(_without, trials, more, solution, limit)))
+        for more in _with_the_worst(trials, left, solution)
+        if len(more.control) <= most_control
+    ]
     good = [(squares(found), more, found) for more, found in tried if found is not None]
     return min(good, key=lambda item: item[0])[1:] if good else (left, None)
 
@@ -111,13 +131,15 @@ def _is_clean(solution: BundleSolution) -> bool:
     return bool(is_small) and not worst_control(solution, CLEAN)
 
 
-def _without(trials: Trials, left: _Left, from_there: BundleSolution) -> BundleSolution | None:
+def _without(trials: Trials, left: _Left, from_there: BundleSolution, limit: float) -> BundleSolution | None:
     """The block without it; from other poses where more wrong observations spoil those from the measures."""
     made, said = left.of(trials), f"the block without its {len(left)} worst observations"
+    if len(trials.given):
+        return trials.solved(made, said, limit=limit)
     found = trials.solved(made, said)
-    if found is None and made is not None and not len(trials.given):
+    if found is None and made is not None:
         made.poses = from_there.poses
-        found = trials.solved(made, said)
+        found = trials.solved(made, said, limit=limit)
     return found
 
 

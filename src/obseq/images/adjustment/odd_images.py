@@ -42,7 +42,7 @@ TIMES = 3.0
 NEAR, SIGMAS = 3.0, 6.0
 """Pixels and sigmas: a measure fits that misses its point by less than the larger of both."""
 NEARLY_ALL = 0.9
-LOOSE = ResectionOptions(triplets=200, max_error=np.inf)
+LOOSE = ResectionOptions(triplets=200, max_error=np.inf, covariance=False)
 
 
 @dataclass(frozen=True)

@@ -311,7 +311,7 @@ def put_points(
     lost = wanted & ~found.is_placed
     off = misfit(found)
     if off > ROUGH:
-        places, needed = usual_places(rays, poses, cameras, found)
+        places, needed = usual_places(rays, poses, found)
         coordinates[wanted & needed] = places[wanted & needed]
         lost &= ~needed
     return {int(k): found.reasons[k] for k in np.flatnonzero(lost)}, off

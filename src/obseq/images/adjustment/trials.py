@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+from collections import deque
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +15,7 @@ from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Hashable
 
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.approach import Solving
@@ -35,6 +37,14 @@ LOUD, QUIET = 6.0, 3.0
 """Standard deviations: what contradicts the others leaves more than the first, what agrees less than that."""
 EXPLAINED = 0.9
 """Share of what leaving observations out explains, from which a change of them is the explanation."""
+CREEPING, FALLS = 8, 0.01
+"""Iterations in which sigma0 falls by less than this share: far above what it must come to, it never does."""
+CLOSE = 1e-4
+"""Share of its standard deviation by which an unknown may still move when a trial ends: sigma0 is known."""
+
+
+class HopelessError(ObseqError):
+    """A trial that has come to where it stays, far from fitting."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +62,17 @@ class Attempts:
     given: Poses
     told: Callable[[str], None]
     options: Solving
+
+    @cached_property
+    def known(self) -> dict[Hashable, BundleSolution | None]:
+        """Solutions that may be asked for again, by what was changed."""
+        return {}
+
+    def once(self, change: Hashable, solve: Callable[[], BundleSolution | None]) -> BundleSolution | None:
+        """A solution that is found the first time it is asked for."""
+        if change not in self.known:
+            self.known[change] = solve()
+        return self.known[change]
 
     @property
     def cameras(self) -> dict[str, Camera]:
@@ -76,14 +97,22 @@ class Attempts:
         return made
 
     def solved(
-        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+        self,
+        block: AdjustableBlock | None,
+        change: str,
+        covariance: bool = False,
+        limit: float = np.inf,
     ) -> BundleSolution | None:
-        """The solution of a changed block, if it converges."""
-        found = self.last(block, change, covariance)
+        """The solution of a changed block, if it converges; none is needed with a sigma0 above the limit."""
+        found = self.last(block, change, covariance, limit)
         return found if found is not None and found.converged and found.sigma0 is not None else None
 
     def last(
-        self, block: AdjustableBlock | None, change: str, covariance: bool = False
+        self,
+        block: AdjustableBlock | None,
+        change: str,
+        covariance: bool = False,
+        limit: float = np.inf,
     ) -> BundleSolution | None:
         """The solution of a changed block, converged or not, if there is any."""
         if block is None:
@@ -91,18 +120,30 @@ class Attempts:
         try:
             self.told(f"the block does not fit: trying {change}")
             block.initialise(causes=False)
-            return block.solve(**{**self._as_before(change), "covariance": covariance})
+            weights_change = self._is_robust or self.options.get("blunders")  # what is large may fall at last
+            watch = _Watch(np.inf if weights_change else limit)
+            return block.solve(**{**self._as_before(change, watch), "covariance": covariance})
         except ObseqError:
             return None
 
     def fitting(self, block: AdjustableBlock | None, change: str) -> BundleSolution | None:
         """The solution of a changed block that fits, and as no mirror image."""
-        found = self.solved(block, change)
+        found = self.solved(block, change, limit=max(self._largest, BAD))
         return None if found is None or is_mirrored(found) or not self.fits(found) else found
 
     def fits(self, found: BundleSolution) -> bool:
         """Whether a solution is a good one."""
-        return _sigma0(found) < BAD
+        return _sigma0(found) < self._largest
+
+    @property
+    def _largest(self) -> float:
+        """The sigma0 above which a solution is no good one."""
+        return BAD
+
+    @property
+    def _is_robust(self) -> bool:
+        """Whether some measures are weakened by their residuals."""
+        return any(part.weighting is not None and part.weighting.loss for part in self.block.sets)
 
     def explains(self, changed: BundleSolution, without: BundleSolution) -> bool:
         """Whether a change of observations makes them agree with the rest, as it is without them."""
@@ -122,13 +163,19 @@ class Attempts:
         """Iterations of a trial."""
         return FEW
 
-    def _as_before(self, change: str) -> Solving:
+    def _as_before(self, change: str, watch: _Watch) -> Solving:
         """The options, with a limit to the iterations that a hopeless trial does not pass."""
-        given = self.options.get("max_iterations")
+        given, tolerance = self.options.get("max_iterations"), self.options.get("tolerance")
+
+        def progress(step: Iteration) -> None:
+            self.told(_step(change, step))
+            watch.note(step)
+
         return {
             **self.options,
             "max_iterations": min(given or self._most, self._most),
-            "progress": lambda step: self.told(_step(change, step)),
+            "tolerance": tolerance if self._is_robust else max(tolerance or 0.0, CLOSE),
+            "progress": progress,
         }
 
 
@@ -144,8 +191,12 @@ class Trials(Attempts):
 
     def fits(self, found: BundleSolution) -> bool:
         """Whether a solution is ten times better, good by its test, or better than a mirror image."""
+        return _sigma0(found) < self._largest or not is_rejected(found)
+
+    @property
+    def _largest(self) -> float:
         most = _sigma0(self.before) * (1.0 if is_mirrored(self.before) else SHARE)
-        return _sigma0(found) < min(most, HOPELESS) or not is_rejected(found)
+        return min(most, HOPELESS)
 
     def contradicts(self, without: BundleSolution) -> bool:
         """Whether what is left out in a solution contradicts all the rest."""
@@ -177,6 +228,25 @@ class Trials(Attempts):
     @property
     def _most(self) -> int:
         return min(max(FEW, TIMES * len(self.before.iterations)), MOST)
+
+
+class _Watch:
+    """Gives a trial up that creeps along above the largest sigma0 with which it would serve."""
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._seen: deque[float] = deque(maxlen=CREEPING + 1)
+
+    def note(self, step: Iteration) -> None:
+        """Looks at one more iteration.
+
+        Raises:
+            HopelessError: the last ones have brought next to nothing.
+        """
+        self._seen.append(0.0 if step.sigma0 is None else step.sigma0)
+        least, most = min(self._seen), max(self._seen)
+        if len(self._seen) > CREEPING and least > self._limit and most - least < FALLS * most:
+            raise HopelessError(f"sigma0 stays at {least:.3g}")
 
 
 def _step(change: str, step: Iteration) -> str:

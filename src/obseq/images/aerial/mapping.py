@@ -134,10 +134,11 @@ class MapSystem:
 def _east_north_up(geodetic: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit vectors, each (n, 3), at longitude and latitude (n, 2), radians."""
     lon, lat = _columns(geodetic)
-    zero = np.zeros_like(lon)
-    east = np.stack([-np.sin(lon), np.cos(lon), zero], axis=-1)
-    north = np.stack([-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)], axis=-1)
-    return east, north, np.cross(east, north)
+    (sin_lon, cos_lon), (sin_lat, cos_lat) = ((np.sin(angle), np.cos(angle)) for angle in (lon, lat))
+    east = np.stack([-sin_lon, cos_lon, np.zeros_like(lon)], axis=-1)
+    north = np.stack([-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat], axis=-1)
+    up = np.stack([cos_lat * cos_lon, cos_lat * sin_lon, sin_lat], axis=-1)
+    return east, north, up
 
 
 def _columns(pairs: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
-from obseq.geometry import exponential
+from obseq.geometry import exponential, skew
 from obseq.images.aerial.angles import angles_from_matrices
 from obseq.images.aerial.frames import LocalFrames
 
@@ -193,7 +193,7 @@ def _jacobian(rays: FloatArray, ground: FloatArray, centre: FloatArray, turn: Fl
     sight = away @ turn.T
     slope = sight[:, :2] / sight[:, 2:]
     by_point = (rays[:, 2] / sight[:, 2])[:, None, None] * (turn[:2] - slope[:, :, None] * turn[2])
-    by_rotation = -np.cross(by_point, away[:, None, :])
+    by_rotation = -by_point @ skew(away)
     return np.concatenate([-by_point, by_rotation], axis=2).reshape(-1, 6)
 
 

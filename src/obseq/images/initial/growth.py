@@ -42,7 +42,7 @@ LOOSER = 8.0
 """Times as large as usual misses may be for the last images: unknown distortion makes tens of pixels."""
 LEAST_OF_A_FRAME = 3
 """Known points that bring a block to the world."""
-FRAME_OPTIONS = ResectionOptions(triplets=200, max_error=8.0)
+FRAME_OPTIONS = ResectionOptions(triplets=200, max_error=8.0, covariance=False)
 
 
 @dataclass(eq=False)

@@ -42,6 +42,7 @@ class Intersection:
         n_rays: (n,) rays of each.
         reasons: (n,) why a point is not placed; empty where it is.
         residuals: (m, 2) computed minus measured, pixels; NaN where the point is not placed.
+        directions: (m, 3) unit vectors of the rays in the world; NaN where none can be formed.
     """
 
     names: tuple[str, ...]
@@ -50,6 +51,7 @@ class Intersection:
     n_rays: IntArray
     reasons: tuple[str, ...]
     residuals: FloatArray
+    directions: FloatArray
 
     @property
     def is_placed(self) -> BoolArray:
@@ -113,7 +115,8 @@ def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) ->
     n = len(measures.point_names)
     counts = np.bincount(measures.point, minlength=n)
     with np.errstate(invalid="ignore", divide="ignore"):
-        start, spread = closest_to_rays(rays.centres, rays.directions(), measures.point, n)
+        directions = rays.directions()
+        start, spread = closest_to_rays(rays.centres, directions, measures.point, n)
         reasons = np.where(spread <= PARALLEL, "its rays are parallel", "").astype(object)
         reasons[~np.isfinite(spread)] = "a ray cannot be formed: the distortion has no inverse there"
         reasons[counts < 2] = "fewer than two rays"
@@ -125,8 +128,9 @@ def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) ->
         reasons[lost] = "its rays do not meet"
         lost = reasons != ""
         points[lost], covariances[lost], residuals[lost[measures.point]] = np.nan, np.nan, np.nan
+    residuals *= measures.sigmas
     return Intersection(
-        measures.point_names, points, covariances, counts, tuple(reasons), residuals * measures.sigmas
+        measures.point_names, points, covariances, counts, tuple(reasons), residuals, directions
     )
 
 
@@ -136,11 +140,6 @@ def _by_camera(cameras: Sequence[Camera], image: IntArray) -> list[tuple[Camera,
     if len(first) == 1:
         return [(cameras[0], slice(None))]
     return [(cameras[k], np.flatnonzero(number[image] == j)) for j, k in enumerate(first)]
-
-
-def directions_of(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) -> FloatArray:
-    """(m, 3) unit directions in the world of the rays of measures; NaN where none can be formed."""
-    return _Rays.of(measures, poses, cameras).directions()
 
 
 def closest_to_rays(

@@ -131,11 +131,11 @@ def _cubics(entries: FloatArray) -> FloatArray:
 
 def epipolar_angles(matrices: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
     """(k, n) larger of the angles of two rays to their epipolar planes, for matrices (k, 3, 3)."""
-    normals1 = np.einsum("kij,nj->kni", matrices, second)
-    normals2 = np.einsum("kji,nj->kni", matrices, first)
+    normals1, normals2 = second @ np.swapaxes(matrices, 1, 2), first @ matrices
     gap = np.abs(np.einsum("ni,kni->kn", first, normals1))
+    least = np.minimum(*(np.einsum("kni,kni->kn", normals, normals) for normals in (normals1, normals2)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        angles = gap / np.minimum(np.linalg.norm(normals1, axis=2), np.linalg.norm(normals2, axis=2))
+        angles = gap / np.sqrt(least)
     return np.asarray(np.nan_to_num(angles, nan=np.pi, posinf=np.pi))
 
 

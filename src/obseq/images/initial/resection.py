@@ -54,12 +54,14 @@ class ResectionOptions:
         max_error: pixels; an image whose median residual after the search is above is refused.
         seed: of the choice of triplets: the same seed gives the same poses.
         max_iterations: of the refinement.
+        covariance: False where no precision of the poses will be asked for.
     """
 
     triplets: int = 500
     max_error: float = 20.0
     seed: int = 0
     max_iterations: int = 20
+    covariance: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,8 @@ class Resection:
 
     Attributes:
         poses: of the images, in the order of the measures.
-        covariances: (n, 6, 6) of centre and small rotation, with the given sigmas of the measures (a priori).
+        covariances: (n, 6, 6) of centre and small rotation, with the given sigmas of the measures (a priori);
+            NaN where they were not asked for.
         sigma0: (n,) unit-weight estimate per image; NaN without redundancy.
         measures: the measures that were used: those of control points.
         residuals: (m, 2) computed minus measured, pixels, of all of them.
@@ -123,7 +126,7 @@ def resect(
         [pose.rotation for _, pose, _, _ in searches],
         cameras=[camera.name for camera in per_image],
     )
-    refined = refine_poses(start, known, ground, per_image, is_used, chosen.max_iterations)
+    refined = refine_poses(start, known, ground, per_image, is_used, chosen.max_iterations, chosen.covariance)
     second = np.array([ratio for _, _, ratio, _ in searches])
     return Resection(*refined[:3], known, *refined[3:], is_used, second)
 
@@ -248,6 +251,7 @@ def refine_poses(
     cameras: Sequence[Camera],
     is_used: BoolArray,
     max_iterations: int = 20,
+    covariance: bool = True,
 ) -> tuple[Poses, FloatArray, FloatArray, FloatArray]:
     """Poses by least squares, with points and calibrations as they are.
 
@@ -258,6 +262,7 @@ def refine_poses(
         cameras: camera of each image of `start`.
         is_used: (n,) False for measures without influence.
         max_iterations: no more than these.
+        covariance: False for NaN instead of covariances.
 
     Returns:
         Poses, (k, 6, 6) a-priori covariances, (k,) sigma0 per image, (n, 2) residuals.
@@ -283,11 +288,13 @@ def refine_poses(
             formula, blocks, measures.xy[rows], measures.sigmas[rows], labels, active=is_used[rows]
         )
         batches.append((rows, batch))
-    result = system.solve(max_iterations=max_iterations, covariance=True)
+    result = system.solve(max_iterations=max_iterations, covariance=covariance)
     for rows, batch in batches:
         residuals[rows] = result.residuals(batch)
     poses = Poses.of(start.images, result.values(centres), result.values(rotations), cameras=start.cameras)
-    covariances = _pose_covariances(result, centres, rotations)
+    covariances = np.full((len(start), 6, 6), np.nan)
+    if covariance:
+        covariances = _pose_covariances(result, centres, rotations)
     squares = np.sum(np.square(residuals / measures.sigmas), axis=1) * is_used
     return poses, covariances, _sigma0(squares, image, is_used, len(start)), residuals
 

@@ -11,13 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.geometry import sums_by_owner
-from obseq.images.initial.intersection import directions_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.camera import Camera
     from obseq.images.initial.intersection import Intersection
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
@@ -35,21 +31,18 @@ def misfit(found: Intersection) -> float:
     return float(np.median(known)) if known.size else 0.0
 
 
-def usual_places(
-    measures: ImagePoints, poses: Poses, cameras: Sequence[Camera], found: Intersection
-) -> tuple[FloatArray, BoolArray]:
+def usual_places(measures: ImagePoints, poses: Poses, found: Intersection) -> tuple[FloatArray, BoolArray]:
     """Points at the usual distance on their rays, and which of the points need them: lost, or far off.
 
     Args:
         measures: of the points that were intersected.
         poses: of their images, in their order.
-        cameras: camera of each image of `poses`.
         found: the intersections.
 
     Returns:
         (n, 3) the means of the places on the rays, and (n,) whether a point has no better one.
     """
-    centres, directions = poses.centres[measures.image], directions_of(measures, poses, cameras)
+    centres, directions = poses.centres[measures.image], found.directions
     reach = np.linalg.norm(found.coordinates[measures.point] - centres, axis=1)
     usual = _medians(reach, measures.image, len(poses))[measures.image]
     n = len(measures.point_names)
@@ -66,7 +59,10 @@ def _medians(values: FloatArray, owner: np.ndarray, n: int) -> FloatArray:
     """(n,) medians of the finite values of each owner; that of all where it has none."""
     finite = np.isfinite(values)
     whole = float(np.median(values[finite])) if finite.any() else np.nan
-    found = np.full(n, whole)
-    for k in np.unique(owner[finite]):
-        found[k] = np.median(values[finite & (owner == k)])
+    found, known, owner = np.full(n, whole), values[finite], owner[finite]
+    known = known[np.lexsort((known, owner))]
+    counts = np.bincount(owner, minlength=n)
+    there, first = counts > 0, np.cumsum(counts) - counts
+    low, high = first + (counts - 1) // 2, first + counts // 2
+    found[there] = 0.5 * (known[low[there]] + known[high[there]])
     return found

@@ -62,7 +62,8 @@ class DampedPath:
         self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._given = damping
-        self._damping, self._norm, self._slope, self._share = 0.0, 0.0, 1.0, 1.0
+        self._damping, self._norm, self._share = 0.0, 0.0, 1.0
+        self._pull: FloatArray | None = None
         self._scale = np.ones(equations.pattern.n)
         self._lost = 0
         self._is_new = True
@@ -174,11 +175,9 @@ class DampedPath:
                 linearisation = equations.damped(damping, floor)
             self._used = self._of_damped if damping else self._solver
             offset, self._share = self._towards(factor_unexplained(self._used, linearisation))
-        except SingularMatrixError as error:
-            self._lost = len(error.indices)
-            return None
-        except SingularSystemError:
-            self._lost = 0
+        except (SingularMatrixError, SingularSystemError) as error:
+            self._lost = len(error.indices) if isinstance(error, SingularMatrixError) else 0
+            self._pull = None
             return None
         self._linearisation = linearisation
         self._solve = self._used.solve
@@ -216,11 +215,18 @@ class DampedPath:
         )
 
     def _measure(self, step: NewtonStep, damping: float) -> None:
-        """Norm of the step, and how fast it falls with more damping: - d norm / d damping, over the norm."""
-        self._damping, self._norm = damping, self._norm_of(step.inner)
-        pull = self._scale * step.inner
-        fall = float(pull @ self._solve(pull)) if self._norm > 0.0 else 0.0
-        self._slope = fall / self._norm**2 if fall > 0.0 else 0.0
+        """Norm of the step, and what `_slope` needs of it."""
+        self._damping, self._norm, self._pull = damping, self._norm_of(step.inner), self._scale * step.inner
+
+    def _slope(self) -> float:
+        """How fast the norm of the last step falls with more damping: - d norm / d damping, over the norm.
+
+        The matrix is still factored as it was for this step; 0 where none could be factored since.
+        """
+        if self._pull is None or not self._norm > 0.0:
+            return 0.0
+        fall = float(self._pull @ self._solve(self._pull))
+        return fall / self._norm**2 if fall > 0.0 else 0.0
 
     def _norm_of(self, inner: FloatArray) -> float:
         return math.sqrt((self._scale * np.square(inner)).sum())
@@ -240,9 +246,10 @@ class DampedPath:
         given, self._given = self._given, None
         if given is not None:
             return given
-        if (self._norm <= radius and self._is_least) or self._slope == 0.0 or np.isinf(radius):
+        if (self._norm <= radius and self._is_least) or np.isinf(radius):
             return least
-        return float(max(least, self._damping + (self._norm - radius) / radius / self._slope))
+        slope = self._slope()
+        return float(max(least, self._damping + (self._norm - radius) / radius / slope)) if slope else least
 
     def _between(self, aimed: float, low: float, high: float) -> float:
         """What is aimed at, kept between a damping that is too weak and one that is too strong."""

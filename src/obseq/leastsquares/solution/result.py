@@ -251,6 +251,11 @@ class LeastSquaresResult:
         return columns if package is None else as_table(columns, package)
 
     @property
+    def has_covariances(self) -> bool:
+        """Whether covariances were asked for."""
+        return self._cofactors is not None
+
+    @property
     def cofactors(self) -> Cofactors:
         """The inverse of the normal matrix.
 
