@@ -107,7 +107,7 @@ sys.exit(begin())
 
 
 @pytest.mark.parametrize(
-    ("program", "module"), [("obseq", "obseq.cli.main"), ("gencode", "obseq.codegen.main")]
+    ("program", "module"), [("obseq", "obseq.cli.main"), ("gencode", "obseq.codegen.ondemand")]
 )
 def test_a_command_that_is_interrupted_while_it_loads(program: str, module: str) -> None:
     command = [sys.executable, "-c", LOADING, program, module]
