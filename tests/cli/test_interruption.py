@@ -18,6 +18,7 @@ from obseq.cli.main import main
 LENDER = """\
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a runner in the background has it ignored
+import numpy, pyproj, pyproj.transformer  # which each copy would load before it adjusts
 from obseq.cli.main import main
 from obseq import survey
 adjust = survey.Network.adjust
