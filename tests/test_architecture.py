@@ -138,17 +138,23 @@ def test_what_generation_takes_from_the_kernels_is_their_layout_and_functions(ro
     assert wrong == []
 
 
-FOLDER_NAMED = re.compile(
-    r"\\\n|\bfrom\s*\.|\b(?:import|from)\b[^\n]*(?<![.\w])(?:formulas|codegen|generated)\b"
-)
-"""What a file has that imports a folder, or relative to its own; few others have it."""
+NAMED = r"[^\n]*(?<![.\w])(?:formulas|codegen|generated)\b"
+FOLDER_NAMED = tuple(map(re.compile, (r"\\\n", r"from\s*\.", f"import{NAMED}", f"from{NAMED}")))
+"""What a file has that imports a folder, or relative to its own; few others have it.
+
+Each begins with letters, for which a text is looked through ten times as fast.
+"""
+
+
+def may_name_a_folder(text: str) -> bool:
+    return any(named.search(text) for named in FOLDER_NAMED)
 
 
 def test_folders_are_imported_by_their_installed_names() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: import obseq.{name}"
         for path in tracked_files()
-        if path.suffix == ".py" and FOLDER_NAMED.search(path.read_text("utf-8"))
+        if path.suffix == ".py" and may_name_a_folder(path.read_text("utf-8"))
         for line, name in imports_of(path)
         if name.split(".")[0] in ("formulas", "codegen", "generated")
     ]

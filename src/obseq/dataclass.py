@@ -60,20 +60,24 @@ def _filling(cls: type) -> Callable[..., None]:
         field.name: field.default_factory for field in fields if field.default_factory is not MISSING
     }
 
-    least = _least_given(fields)
-    tail = tuple(field.default for field in fields[least:])
+    tail = tuple(field.default for field in fields[_least_given(fields) :])
+    optional = count - _least_given(fields)
+    setter = object.__setattr__.__get__
 
     def fill(self: Value, /, *given: Value, **named: Value) -> None:
+        lacking = count - len(given)
+        if not named and 0 <= lacking <= optional:
+            if lacking:
+                given += tail[-lacking:]
+            any(
+                map(setter(self), names, given)
+            )  # a loop: whoever touches `__dict__` makes each reading slower
+            if has_more:
+                self.__post_init__()
+            return
         values = self.__dict__
-        is_whole = False
-        if not named and least <= len(given) <= count:
-            is_whole = True
-            for name, value in zip(names, given + tail[len(given) - least :], strict=True):
-                values[name] = value  # quicker than `update` with the pairs
-        elif not given and is_plain and len(named) == count and known.issuperset(named):
-            is_whole = True
+        if not given and is_plain and len(named) == count and known.issuperset(named):
             values.update(named)
-        if is_whole:
             if has_more:
                 self.__post_init__()
             return

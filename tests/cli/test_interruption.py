@@ -18,6 +18,7 @@ from obseq.cli.main import main
 LENDER = """\
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a runner in the background has it ignored
+import numpy, pyproj, pyproj.transformer  # which each copy would load before it adjusts
 from obseq.cli.main import main
 from obseq import survey
 adjust = survey.Network.adjust
@@ -107,7 +108,7 @@ sys.exit(begin())
 
 
 @pytest.mark.parametrize(
-    ("program", "module"), [("obseq", "obseq.cli.main"), ("gencode", "obseq.codegen.main")]
+    ("program", "module"), [("obseq", "obseq.cli.main"), ("gencode", "obseq.codegen.ondemand")]
 )
 def test_a_command_that_is_interrupted_while_it_loads(program: str, module: str) -> None:
     command = [sys.executable, "-c", LOADING, program, module]

@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -74,19 +75,42 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def printed(copy: Path, *scripts: str) -> list[str]:
-    """What each script prints, one after the other in a process that imports the copy.
+LENDER = """
+import os, sys, numpy
+for line in sys.stdin:
+    program, output = line.rstrip("\\n").split("\\t")
+    child = os.fork()
+    if not child:
+        for stream in (1, 2):
+            os.dup2(os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
+        exec(compile(open(program).read(), program, "exec"), {})
+        sys.exit()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+"""A process that has loaded NumPy, nothing of ours; it runs each program in a copy of itself."""
 
-    Python's own files of what changes in it are not kept.
-    """
+
+@pytest.fixture(scope="module")
+def lender(copy: Path) -> Iterator[subprocess.Popen[str]]:
+    """Waits for programs that import the copy; Python's own files of what changes in it are not kept."""
     environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    command, pipe = [sys.executable, "-c", LENDER], subprocess.PIPE
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+        yield process
+
+
+def printed(lender: subprocess.Popen[str], copy: Path, *scripts: str) -> list[str]:
+    """What each script prints, one after the other in a process that imports the copy."""
+    assert lender.stdin is not None and lender.stdout is not None
     check = f"import obseq\nassert obseq.__file__.startswith({str(copy)!r})\n"
-    program = check + f"print({BETWEEN!r}, end='')\n".join(scripts)
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split(BETWEEN)
+    program, output = copy / "program.py", copy / "output"
+    program.write_text(check + f"print({BETWEEN!r}, end='')\n".join(scripts), encoding="utf-8")
+    output.unlink(missing_ok=True)
+    print(program, output, sep="\t", file=lender.stdin, flush=True)
+    status = lender.stdout.readline()
+    text = output.read_text(encoding="utf-8")
+    assert status == "0\n", text
+    return text.split(BETWEEN)
 
 
 BETWEEN = "next script\n"
@@ -124,16 +148,16 @@ def test_every_compiled_room_has_a_case() -> None:
     assert {"generated"} | rooms - {"compilation"} == CASES.keys()
 
 
-@pytest.mark.slow  # seven processes; at first two compilations of each loop
-def test_a_change_in_what_is_called_is_seen(copy: Path) -> None:
+@pytest.mark.slow  # seven programs; at first two compilations of each loop
+def test_a_change_in_what_is_called_is_seen(copy: Path, lender: subprocess.Popen[str]) -> None:
     """One change after the other is seen; what was compiled before is as good when all is as it was."""
     everything = [script for script, *_ in CASES.values()]
-    first = printed(copy, *everything)
+    first = printed(lender, copy, *everything)
     for place, (script, file, before, after) in enumerate(CASES.values()):
         path = copy / "obseq" / file
         text = path.read_text(encoding="utf-8")
         assert before in text
         path.write_text(text.replace(before, after), encoding="utf-8")
-        assert printed(copy, script) != [first[place]], file
+        assert printed(lender, copy, script) != [first[place]], file
         path.write_text(text, encoding="utf-8")
-    assert printed(copy, WITHOUT_COMPILER, *everything)[1:] == first
+    assert printed(lender, copy, WITHOUT_COMPILER, *everything)[1:] == first

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import obseq
+from obseq.compilation import cache as machine_code
 from obseq.formulas.radiometry import RadiomVignetLin
 from obseq.kernels import derivatives, loading, ondemand
 
@@ -19,6 +20,11 @@ UNKNOWNS, OBSERVATIONS = [2.0, 3.0, 0.5, 0.25], [10.0, 1.0]
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder for modules that are built; machine code, which goes by its content, is the user's."""
+    code = machine_code.user_folder().resolve() / machine_code.KEPT_IN
+    (tmp_path / "cache").mkdir()
+    if code.is_dir():
+        (tmp_path / "cache" / machine_code.KEPT_IN).symlink_to(code)
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
     loading.load.cache_clear()
     ondemand._say_once.cache_clear()
@@ -87,7 +93,7 @@ def test_derivatives_along_a_direction_of_a_generated_formula(
 
 def test_a_generated_formula_is_never_built(cache: Path) -> None:
     obseq.calculator("TopoHz")
-    assert not cache.exists()
+    assert {path.name for path in cache.iterdir()} <= {machine_code.KEPT_IN}
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,11 @@ PLACES = {"m": 5, "rad": 9}
 DIGITS = 5
 """Significant digits of residuals, precisions and what judges them."""
 _SMALL = f"%.{DIGITS}g"
+MANY = 300
+"""Numbers from which arrays are quicker than one after the other."""
+_POWERS = [float(f"1e{k}") for k in range(23)]
+_EXACT = 1e12
+"""Products below it are exact to a thousandth: ties of the last digit apart, rounded as decimals are."""
 
 
 def rounded(value: float | None, places: int = PLACES["m"]) -> float | None:
@@ -31,6 +36,40 @@ def rounded(value: float | None, places: int = PLACES["m"]) -> float | None:
 def small(value: float | None) -> float | None:
     """A number with the significant digits that the page can show."""
     return None if value is None or not math.isfinite(value) else float(_SMALL % value)
+
+
+def all_rounded(
+    values: Sequence[float | None], places: int | Sequence[int] = PLACES["m"]
+) -> list[float | None]:
+    """The same of many numbers, each to the digits of its own or all to the same."""
+    import numpy as np
+
+    power = 10.0 ** np.asarray(places)
+    with np.errstate(over="ignore"):
+        whole = np.rint(np.array(values, np.float64) * power)  # None is NaN
+    found: list[float | None] = (whole / power).tolist()
+    for k in np.flatnonzero(~(np.abs(whole) < _EXACT)).tolist():
+        found[k] = rounded(values[k], places if isinstance(places, int) else places[k])
+    return found
+
+
+def all_small(values: Sequence[float | None]) -> list[float | None]:
+    """The same of many numbers; ties of the last digit may go either way."""
+    if len(values) < MANY:
+        return list(map(small, values))
+    import numpy as np
+
+    numbers = np.array(values, np.float64)  # None is NaN
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = DIGITS - 1 - np.floor(np.log10(np.abs(numbers)))
+    is_usual = np.abs(places) < len(_POWERS)  # of which the powers are exact, and numbers other than 0
+    power = np.array(_POWERS)[np.where(is_usual, np.abs(places), 0.0).astype(np.intp)]
+    found: list[float | None] = np.where(
+        places < 0, np.rint(numbers / power) * power, np.rint(numbers * power) / power
+    ).tolist()
+    for k in np.flatnonzero(~is_usual).tolist():
+        found[k] = small(values[k])
+    return found
 
 
 def column(title: str, quantity: str, values: Iterable[object], **more: object) -> Column:
@@ -53,20 +92,21 @@ def table(name: str, short: str, title: str, columns: Sequence[Column], **more: 
 
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:
     """A column of one field of records, to the digits of residuals and precisions; dots lead inside."""
-    return column(title, quantity, map(small, map(attrgetter(name), rows)), **more)
+    return column(title, quantity, all_small(list(map(attrgetter(name), rows))), **more)
 
 
 def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more: object) -> Column:
     """The same of records of which some may be missing."""
     value = attrgetter(name)
-    return column(title, quantity, (None if row is None else small(value(row)) for row in parts), **more)
+    found = [None if row is None else value(row) for row in parts]
+    return column(title, quantity, all_small(found), **more)
 
 
 def element(
     title: str, quantity: str, parts: Iterable[Sequence[float] | None], k: int, **more: object
 ) -> Column:
     """A column of one element of tuples of which some may be missing."""
-    return column(title, quantity, (None if row is None else small(row[k]) for row in parts), **more)
+    return column(title, quantity, all_small([None if row is None else row[k] for row in parts]), **more)
 
 
 def ellipse_columns(ellipses: Iterable[EllipseRecord | None]) -> Iterator[Column]:

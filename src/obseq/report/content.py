@@ -11,6 +11,7 @@ from obseq.report.columns import (
     PLACES,
     Column,
     Table,
+    all_rounded,
     choice,
     column,
     element,
@@ -77,13 +78,14 @@ def _observations(record: AdjustmentRecord, rows: Rows) -> Table | None:
 
 def _observed(record: AdjustmentRecord, rows: Rows) -> list[Column]:
     found = record.observations
+    places = [PLACES[unit_of(row)] for row in found]
     return [
         choice("type", [row.type for row in found], key="type"),
         column("from", "point", (rows[row.origin] for row in found), key="from"),
         column("to", "point", (rows[row.target] for row in found), key="to"),
         column("backsight", "point", (rows.get(row.backsight or "") for row in found)),
-        column("observed", "observed", (rounded(row.value, PLACES[unit_of(row)]) for row in found)),
-        column("adjusted", "observed", (rounded(row.adjusted, PLACES[unit_of(row)]) for row in found)),
+        column("observed", "observed", all_rounded([row.value for row in found], places)),
+        column("adjusted", "observed", all_rounded([row.adjusted for row in found], places)),
         field("sigma", "small", found, "sigma"),
         field("residual", "small", found, "residual", by_size=True),
     ]
@@ -155,7 +157,7 @@ def _points(record: AdjustmentRecord, _: Rows) -> Table | None:
     columns = [
         column("point", "point", range(len(found))),
         _classes(record),
-        *(column(axis, "length", (rounded(getattr(point, axis)) for point in found)) for axis in "xyz"),
+        *(column(axis, "length", all_rounded([getattr(point, axis) for point in found])) for axis in "xyz"),
         *(field(f"s{axis}", "small_length", found, f"s{axis}") for axis in "xyz"),
         *(element(f"inner s{axis}", "small_length", inner, k) for k, axis in enumerate("xyz")),
         *(element(f"moved {axis}", "small_length", moved, k, **given) for k, axis in enumerate("xyz")),
@@ -193,7 +195,7 @@ def _crs(record: AdjustmentRecord, _: Rows) -> Table | None:
 def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
     unit = (record.points_crs_height_unit if axis == "z" else record.points_crs_unit) or "m"
     places = units.DECIMALS.get(unit, 4)
-    values = (rounded(getattr(point, f"crs_{axis}"), places + 1) for point in record.points)
+    values = all_rounded([getattr(point, f"crs_{axis}") for point in record.points], places + 1)
     more = {} if unit == "m" else {"decimals": places, "unit": unit}
     return column(axis, "length", values, **more)
 

@@ -1,6 +1,7 @@
 // Shapes and distances on the canvas, in its units.
 
 const MOST_LINES = 1000;
+const HERE = [0, 0];
 
 function disc(path, x, y, radius) {
   path.moveTo(x + radius, y);
@@ -40,10 +41,10 @@ function addLine(lines, colour, isDashed, from, to, shift) {
   if (!found) lines.set(key, (found = { colour, isDashed, paths: [], count: 0 }));
   if (found.count % MOST_LINES === 0) found.paths.push(new Path2D());
   found.count += 1;
-  const [dx, dy] = shift ? across(from, to, shift) : [0, 0];
   const path = found.paths[found.paths.length - 1];
-  path.moveTo(from[0] + dx, from[1] + dy);
-  path.lineTo(to[0] + dx, to[1] + dy);
+  const aside = shift ? across(from, to, shift) : HERE;
+  path.moveTo(from[0] + aside[0], from[1] + aside[1]);
+  path.lineTo(to[0] + aside[0], to[1] + aside[1]);
 }
 
 /** The smallest and largest of some values. */

@@ -105,17 +105,17 @@ class Plan {
     for (const pair of this.sights.list) {
       const [from, to] = [this.at[pair.a], this.at[pair.b]];
       if (!from || !to || this.isOutside(from, to)) continue;
-      const types = pair.types.filter((type) => this.visible.has(type));
-      if (!types.length) continue;
+      if (!pair.types.some((type) => this.visible.has(type))) continue;
       count += 1;
-      for (const [colour, shift] of this.sightColours(pair, types)) addLine(lines, colour, !pair.used, from, to, shift);
+      if (this.colouring === "none") addLine(lines, this.palette.sight, !pair.used, from, to, 0);
+      else for (const [colour, shift] of this.sightColours(pair)) addLine(lines, colour, !pair.used, from, to, shift);
     }
     this.stroke(lines, count);
   }
 
-  sightColours(pair, types) {
+  sightColours(pair) {
+    const types = pair.types.filter((type) => this.visible.has(type));
     if (this.colouring === "type") return types.map((type, k) => [TYPE_COLOURS[type % TYPE_COLOURS.length], 2 * (k - (types.length - 1) / 2)]);
-    if (this.colouring === "none") return [[this.palette.sight, 0]];
     const value = this.sights.worst(pair, this.colouring, this.visible, this.typeOf);
     const { limits, colours } = CLASSES[this.colouring];
     return [[value === null ? this.palette.sight : colours[limits.filter((limit) => value >= limit).length], 0]];
@@ -134,8 +134,8 @@ class Plan {
     this.context.globalAlpha = 1;
   }
 
-  isOutside([ax, ay], [bx, by]) {
-    return Math.max(ax, bx) < 0 || Math.max(ay, by) < 0 || Math.min(ax, bx) > this.width || Math.min(ay, by) > this.height;
+  isOutside(a, b) {
+    return Math.max(a[0], b[0]) < 0 || Math.max(a[1], b[1]) < 0 || Math.min(a[0], b[0]) > this.width || Math.min(a[1], b[1]) > this.height;
   }
 
   /** How many times ellipses are larger than life: the usual one reaches half way to its neighbour. */

@@ -31,10 +31,13 @@ class Table {
     return Boolean(this.content.angular?.[row]);
   }
 
-  /** The number that filters of a column compare: in the unit shown. */
-  number(column, row) {
-    const value = column.values[row];
-    return value === null ? NaN : value * scaleOf(column, this.isAngular(row)).factor;
+  /** The number of each row that filters of a column compare: in the unit shown. */
+  numbers(column) {
+    const [straight, angular] = [false, true].map((isAngular) => scaleOf(column, isAngular).factor);
+    return (row) => {
+      const value = column.values[row];
+      return value === null ? NaN : value * (this.isAngular(row) ? angular : straight);
+    };
   }
 
   build() {
@@ -87,12 +90,18 @@ class Table {
     const [column, text] = [this.columns[k], input.value.trim()];
     const wish = text.toLowerCase();
     if (!text) this.filters[k] = null;
-    else if (input.tagName === "SELECT") this.filters[k] = (row) => this.text(column, row) === text;
-    else if (isText(column)) this.filters[k] = (row) => this.text(column, row).toLowerCase().includes(wish);
+    else if (input.tagName === "SELECT") this.filters[k] = () => {
+      const wanted = column.choices.indexOf(text);
+      return (row) => column.values[row] === wanted;
+    };
+    else if (isText(column)) this.filters[k] = () => (row) => this.text(column, row).toLowerCase().includes(wish);
     else {
       const keeps = numberFilter(text);
       input.toggleAttribute("aria-invalid", keeps === null);
-      this.filters[k] = keeps && ((row) => keeps(this.number(column, row)));
+      this.filters[k] = keeps && (() => {
+        const number = this.numbers(column);
+        return (row) => keeps(number(row));
+      });
     }
     this.scroll.scrollTop = 0;
     this.refresh();
@@ -107,10 +116,11 @@ class Table {
 
   /** The rows that are shown, in their order. */
   refresh() {
-    const tests = this.filters.filter(Boolean);
+    const tests = this.filters.filter(Boolean).map((filter) => filter());
+    if (this.point !== null) tests.unshift(this.ofPoint(this.point));
     const rows = [];
     for (let row = 0; row < this.size; row += 1) {
-      if ((this.point === null || this.hasPoint(row, this.point)) && tests.every((test) => test(row))) rows.push(row);
+      if (tests.every((test) => test(row))) rows.push(row);
     }
     this.rows = this.order ? this.sorted(rows) : rows;
     this.describe();
@@ -134,8 +144,10 @@ class Table {
     return numbers.concat(rows.filter((row) => Number.isNaN(key[row])));
   }
 
-  hasPoint(row, point) {
-    return this.columns.some((column) => column.quantity === "point" && column.values[row] === point);
+  /** Whether a row names a point. */
+  ofPoint(point) {
+    const columns = this.columns.filter((column) => column.quantity === "point");
+    return (row) => columns.some((column) => column.values[row] === point);
   }
 
   get hasPoints() {
@@ -155,8 +167,15 @@ class Table {
     this.count.textContent = all ? `${this.size} rows` : `${this.rows.length} of ${this.size} rows`;
     this.chip.hidden = this.point === null;
     this.chip.textContent = this.point === null ? "" : `point ${this.names[this.point]} ✕ show all`;
-    this.widths.replaceChildren(...this.measured());
+    this.measure();
     this.table.setAttribute("aria-rowcount", String(this.rows.length + 2));
+  }
+
+  /** Gives columns their widths; they stay while units and language do, whatever is filtered or sorted. */
+  measure() {
+    const shownIn = Object.values(settings).join(" ");
+    if (this.shownIn !== shownIn) this.widths.replaceChildren(...this.measured());
+    this.shownIn = shownIn;
   }
 
   /** Widths of columns from their longest texts: those of a sample of the rows. */
