@@ -69,9 +69,8 @@ def _filling(cls: type) -> Callable[..., None]:
         if not named and 0 <= lacking <= optional:
             if lacking:
                 given += tail[-lacking:]
-            any(
-                map(setter(self), names, given)
-            )  # a loop: whoever touches `__dict__` makes each reading slower
+            # a loop; whoever touches `__dict__` makes each reading slower
+            any(map(setter(self), names, given))
             if has_more:
                 self.__post_init__()
             return
