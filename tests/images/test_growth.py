@@ -15,7 +15,7 @@ from obseq.images import (
     relative_orientation,
     similarity,
 )
-from obseq.images.initial.relative import essential_matrices
+from obseq.images.initial.relative import epipolar_angles, essential_matrices
 
 
 def _rays(n: int = 40, planar: bool = False, seed: int = 0):
@@ -46,6 +46,21 @@ def test_essential_matrices_satisfy_their_equations():
         assert np.linalg.det(matrix) == pytest.approx(0.0, abs=1e-7)
         singular = np.linalg.svd(matrix, compute_uv=False)
         assert singular[0] == pytest.approx(singular[1], rel=1e-5)
+
+
+def test_rays_are_judged_by_the_larger_of_their_angles_to_the_epipolar_planes():
+    """A ray that passes near the other camera has a plane that turns much when it moves a little."""
+    first, _, pose = _rays(20)
+    second = np.roll(first, 3, axis=0)
+    first[0] = pose.centre + np.array([0.05, 0.0, 0.0])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    base, other = pose.centre, second @ pose.rotation.T
+    matrix = np.cross(base, pose.rotation.T).T
+    planes = [np.cross(base, rays) for rays in (other, first)]
+    planes = [plane / np.linalg.norm(plane, axis=1, keepdims=True) for plane in planes]
+    expected = [np.abs(np.einsum("ni,ni->n", *pair)) for pair in ((first, planes[0]), (other, planes[1]))]
+    assert (np.abs(expected[0] / expected[1] - 1.0) > 0.1).any()
+    np.testing.assert_allclose(epipolar_angles(matrix[None], first, second)[0], np.maximum(*expected))
 
 
 def test_wrong_pairs_are_found():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.survey import Network
+from obseq.survey import Network, simulate
 
 GON = math.pi / 200.0
 
@@ -92,8 +92,13 @@ def test_an_azimuth_needs_a_horizon(tmp_path):
     (tmp_path / "n.obs").write_text("8 A P 100 0.001\n3 A P 100 0.001\n4 A P 0 0.001\n")
     (tmp_path / "n.cor").write_text("1 A 4680890 1254240 4133148 0 0 0\n0 P 4680990 1254240 4133148\n")
     network = Network.read(tmp_path / "n.obs", tmp_path / "n.cor", frame="GeoC")
-    with pytest.raises(InputError, match=r"Azim A -> P \(.*n\.obs:1\): an azimuth is .* in the horizon"):
+    with pytest.raises(
+        InputError, match=r"Azim A -> P \(.*n\.obs:1\): an azimuth is .* in the horizon"
+    ) as told:
         network.adjust()
+    with pytest.raises(InputError) as again:
+        simulate(network, 1)
+    assert str(again.value) == str(told.value)
 
 
 PLAIN = "1 A 0 0 10 0.001\n1 B 100 0 12 0.001\n0 P 20 30 3\n"

@@ -11,6 +11,7 @@ import numpy as np
 from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.survey.adjustment.equations import Equations
+from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.network import Network
 from obseq.survey.planning.truth import placed, truth, with_values
@@ -41,6 +42,7 @@ class Simulation:
     @cached_property
     def _equations(self) -> Equations:
         network = self.network
+        Plumb(network.frame, network.points).check(network.book, self.truth.orientations)
         return Equations(network.frame, network.point_system, network.points, network.book, self.truth)
 
     @cached_property
