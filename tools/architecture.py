@@ -18,7 +18,6 @@ FILES = (
     "comparison_record",
     "dataclass",
     "errors",
-    "lazy",
     "packages",
     "plain",
     "plan_record",
@@ -95,12 +94,6 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """The same for the rooms, and single files, inside a room."""
-
-FORMER = {
-    "survey": ("former",),
-    "leastsquares": ("former", "losses", "reliability", "snooping", "hypothesis_tests", "objects"),
-}
-"""Files that only say where their names are now."""
 
 PATH = """\
 1. `survey/files`: a line of an OBS file becomes a row of a field book, with its file and line.
