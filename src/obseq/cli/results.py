@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
 from obseq.cli.parsing import output_file, say
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import summary
-from obseq.shown_units import METRIC, chosen_units
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -49,7 +51,7 @@ def add_units(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
 
 def in_units(record: AdjustmentRecord, arguments: argparse.Namespace) -> AdjustmentRecord:
     """The record with the units of its reports that --units asks for."""
-    return replace(record, units=chosen_units(arguments.units, record.units))
+    return structs.replace(record, units=chosen_units(arguments.units, record.units))
 
 
 def shown_in(network: "Network", words: Iterable[str]) -> "Network":

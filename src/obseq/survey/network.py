@@ -51,7 +51,7 @@ from obseq.survey.model import join, merge_points
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from obseq.shown_units import ShownUnits
+    from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import FieldBook, Points

@@ -12,7 +12,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 from obseq.survey.files.comp3d_dimensions import DIMENSIONS, check_dimensions
 from obseq.survey.files.comp3d_observations import read_observations
 from obseq.survey.files.cor import PointColumns

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 from obseq.survey.files.text import parse_number
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 from obseq.survey.files.dna import DnaFile
 from obseq.survey.files.dynadjust_measurements import field_book
 from obseq.survey.files.dynadjust_records import Header

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq import crs
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns
 from obseq.survey.files.gama_observations import Defaults, ObservationReader

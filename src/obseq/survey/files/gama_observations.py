@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.record import UnusedRecord
+from obseq.records.adjustment import UnusedRecord
 from obseq.survey.files import gama_values as values
 from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.files.text import quoted

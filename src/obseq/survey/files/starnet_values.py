@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.shown_units import ShownUnits, length_named
+from obseq.records.shown_units import ShownUnits, length_named
 from obseq.survey.files.text import quoted
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import csv
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from obseq.shown_units import METRES, ShownUnits
+from obseq.records.shown_units import METRES, ShownUnits
 from obseq.survey.files.default_sigmas import ANGLES
 from obseq.survey.files.table_clusters import Member
 from obseq.survey.files.text import LEAST_SIGMA, quoted
