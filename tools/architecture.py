@@ -45,7 +45,9 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "survey": ("leastsquares", "kernels", "geometry", "crs", "report"),
     "images": ("leastsquares", "kernels", "geometry", "crs", "survey", "report"),
     "project": ("images", "survey", "geometry", "crs"),
+    "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry"),
     "cli": (
+        "targets",
         "report",
         "survey",
         "images",
