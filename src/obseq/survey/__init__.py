@@ -1,4 +1,4 @@
-"""Survey networks: points, observations, stations, files and initial values.
+"""Survey networks: points, observations, stations and initial values.
 
 Names are loaded when they are first used: who adjusts a network does not load what plans one.
 """
@@ -7,15 +7,15 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from obseq.formats.obs.cor import read_cor, write_cor
+    from obseq.formats.obs.free_points import read_points
+    from obseq.formats.obs.obs import read_obs, write_obs
+    from obseq.formats.tables.network import network_from_tables
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.datum import Datum
     from obseq.survey.adjustment.instrument_unknowns import estimating
     from obseq.survey.adjustment.quality import Quality
     from obseq.survey.epochs.comparison import Comparison, compare
-    from obseq.survey.files.cor import read_cor, write_cor
-    from obseq.survey.files.obs import read_obs, write_obs
-    from obseq.survey.files.point import PointFileOptions, read_points
-    from obseq.survey.in_memory import network_from_tables
     from obseq.survey.initial.initial_values import InitialValues, initial_values
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.kinds.registry import KINDS, kind_of_formula
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from obseq.survey.network import Network
     from obseq.survey.planning.design import Plan, plan
     from obseq.survey.planning.simulation import simulate
+    from obseq.survey.point_file_options import PointFileOptions
 
 _HOMES = {
     "Adjustment": "adjustment.adjusted",
@@ -46,7 +47,7 @@ _HOMES = {
     "Observations": "model",
     "Orientation": "model",
     "Plan": "planning.design",
-    "PointFileOptions": "files.point",
+    "PointFileOptions": "point_file_options",
     "Points": "model",
     "Quality": "adjustment.quality",
     "Stations": "model",
@@ -58,14 +59,14 @@ _HOMES = {
     "kind_of_formula": "kinds.registry",
     "make_points": "model",
     "merge_points": "model",
-    "network_from_tables": "in_memory",
+    "network_from_tables": ".formats.tables.network",
     "plan": "planning.design",
-    "read_cor": "files.cor",
-    "read_obs": "files.obs",
-    "read_points": "files.point",
+    "read_cor": ".formats.obs.cor",
+    "read_obs": ".formats.obs.obs",
+    "read_points": ".formats.obs.free_points",
     "simulate": "planning.simulation",
-    "write_cor": "files.cor",
-    "write_obs": "files.obs",
+    "write_cor": ".formats.obs.cor",
+    "write_obs": ".formats.obs.obs",
 }
 
 __all__ = [
@@ -105,7 +106,7 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     if name in _HOMES:
-        return getattr(importlib.import_module(f"obseq.survey.{_HOMES[name]}"), name)
+        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     return importlib.import_module("obseq.survey.former").find(name)
 
 
