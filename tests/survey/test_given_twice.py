@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.formats.once import repetitions
 from obseq.survey import Network, read_cor, read_obs
+from obseq.survey.checks.repetitions import repetitions
 
 POINTS = "1 A 0 0 10 0.001\n1 B 100 0 12 0.001\n0 P 40 60 11\n"
 SIGHTS = (
