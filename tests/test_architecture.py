@@ -62,21 +62,19 @@ def test_every_room_has_its_arrows() -> None:
 @pytest.mark.parametrize("room", sorted(INSIDE))
 def test_every_room_within_a_room_has_its_arrows(room: str) -> None:
     found = {path.stem for path in ARCHITECTURE.folder_of(room).iterdir() if path.suffix in ("", ".py")}
-    beside = {"__pycache__", "__init__", "data", *ARCHITECTURE.FORMER.get(room, ())}
+    beside = {"__pycache__", "__init__", "data"}
     assert found - beside == INSIDE[room].keys()
 
 
 @pytest.mark.parametrize("room", sorted(ARROWS))
 def test_dependencies_point_one_way(room: str) -> None:
     allowed = {*ARROWS[room], *FILES, room}
-    offering = ARCHITECTURE.folder_of(room) / "__init__.py"
-    offered = allowed | {*ARCHITECTURE.OFFERED.get(room, ())}
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {room} may not import {name}"
         for path in modules_of(room)
         for line, name in imports_of(path)
         if name.startswith("obseq.")
-        and name.split(".")[1] not in (offered if path == offering else allowed)
+        and name.split(".")[1] not in allowed
         and not name.split(".")[1][0].isupper()
     ]
     assert wrong == []
@@ -94,8 +92,7 @@ def test_dependencies_inside_a_room_point_one_way(room: str) -> None:
     wrong = []
     for path in modules_of(room):
         within = path.relative_to(ARCHITECTURE.folder_of(room)).parts[0].removesuffix(".py")
-        others = (*INSIDE[room], *ARCHITECTURE.FORMER.get(room, ()))
-        allowed = {within, *INSIDE[room].get(within, others)}
+        allowed = {within, *INSIDE[room].get(within, INSIDE[room])}
         wrong += [
             f"{path.relative_to(ROOT)}:{line}: {within} may not import {name}"
             for line, name in imports_of(path)

@@ -18,7 +18,6 @@ FILES = (
     "comparison_record",
     "dataclass",
     "errors",
-    "lazy",
     "packages",
     "plain",
     "plan_record",
@@ -62,10 +61,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
 }
 """Each room and what it may import, type-only imports included. Codegen and the generated modules take the
 layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for, and
-`survey/network` the readers of formats."""
-
-OFFERED = {"survey": ("formats",)}
-"""Rooms above, of which the `__init__` of a room offers names to users: loaded when they are used."""
+`survey/files` what reads and writes files."""
 
 INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     "leastsquares": {
@@ -85,6 +81,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "kinds": (),
         "points": (),
         "point_file_options": (),
+        "files": (),
         "model": ("points", "kinds"),
         "checks": ("model", "kinds"),
         "initial": ("model", "kinds"),
@@ -99,6 +96,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
             "initial",
             "checks",
             "model",
+            "files",
             "point_file_options",
         ),
         "epochs": ("adjustment", "initial", "model"),
@@ -138,12 +136,6 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """The same for the rooms, and single files, inside a room."""
-
-FORMER = {
-    "survey": ("former",),
-    "leastsquares": ("former", "losses", "reliability", "snooping", "hypothesis_tests", "objects"),
-}
-"""Files that only say where their names are now."""
 
 PATH = """\
 1. `formats/obs`: a line of an OBS file becomes a row of a field book, with its file and line.

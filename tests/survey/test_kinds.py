@@ -80,14 +80,3 @@ def test_nobody_names_a_kind() -> None:
         if node.value in names
     ]
     assert named == []
-
-
-def test_the_former_name_of_codes_still_works_and_says_what_to_use() -> None:
-    with pytest.warns(DeprecationWarning, match=r"objects now, obseq\.survey\.KINDS"):
-        former = obseq.survey.ObservationType
-    assert (former.Dist, former(5).name, former.Hz.is_angle, former.DH.needs_station) == (
-        3,
-        "Hz",
-        True,
-        False,
-    )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from obseq.arguments import (
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
+from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum
 from obseq.survey.adjustment.drawing import network_html, network_text
@@ -52,11 +52,6 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 25
 QUALITY = Quality()
 GIVEN = Datum()
-
-
-def _of_formats(module: str, name: str) -> Any:
-    """A function of the room of formats, which stands above this one: it is loaded when files are read."""
-    return getattr(import_module(f"obseq.formats.{module}"), name)
 
 
 def _area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
@@ -152,7 +147,7 @@ class Network:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         points = (points_crs, point_sigma, point_format, point_options)
-        network: Network = _of_formats("networks", "read_network")(
+        network = files.read_network(
             observation_files, point_files, frame, points, encoding, ignore, refraction
         )
         return network if geoid is None else network.with_deflections(geoid)
@@ -200,10 +195,9 @@ class Network:
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
-        network: Network = _of_formats("networks", "read_project_network")(
+        return files.read_project_network(
             paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas
         )
-        return network
 
     @expecting(geoid=PATH)
     def with_deflections(self, geoid: str | Path) -> Network:
@@ -224,9 +218,7 @@ class Network:
         xyz = self.fieldwork.initial_values().coordinates
         xyz = np.where(np.isfinite(xyz), xyz, np.nanmean(xyz, axis=0))
         longitudes, latitudes, _ = self.frame.system.geodetic(xyz).T
-        heights, *columns = (
-            _of_formats("dynadjust.geoid", "read_geoid")(geoid).at(self.points.names, longitudes, latitudes).T
-        )
+        heights, *columns = files.read_geoid(geoid).at(self.points.names, longitudes, latitudes).T
         found = np.column_stack(columns)
         if not np.isfinite(found).any():
             raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")
