@@ -49,7 +49,7 @@ from obseq.errors import ObseqError
 from obseq.images import BundleAdjustment
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.adjustment.refusals import explained
-from obseq.images.files.block_tables import BlockFiles, read_measures
+from obseq.formats.blocks.tables import BlockFiles, read_measures
 from obseq.images.output.record import record_of
 from obseq.survey import Network
 
