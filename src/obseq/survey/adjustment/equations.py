@@ -301,11 +301,11 @@ class Equations:
             residuals[rows] = found[:, 0] / scales
         return residuals, sigmas
 
-    def signs(self, coordinates: FloatArray) -> FloatArray:
+    def scales(self, coordinates: FloatArray) -> FloatArray:
         """(n,) what a unit of computed minus observed is in the residual of its equation; 0 for inactive."""
         found = np.zeros(len(self._book.observations))
         for rows, _ in self.batches.values():
-            found[rows] = self._signs(rows) * self._grid_scales(rows, coordinates)
+            found[rows] = self._grid_scales(rows, coordinates)
         return found
 
     def verticals(self, points: IntArray, coordinates: FloatArray) -> FloatArray:

@@ -121,13 +121,13 @@ class Catalogue:
         """What errors of one unit do to the equations, at a linearisation."""
         from scipy.sparse import coo_array
 
-        signs = equations.signs(effects.coordinates)
+        scales = equations.scales(effects.coordinates)
         first, n = len(self.rows), linear.n
-        own = np.append(-signs[self.rows], np.full(len(self.known), -1.0))
+        own = np.append(-scales[self.rows], np.full(len(self.known), -1.0))
         values, places, columns, start = [own], [np.arange(n)], [np.arange(n)], self._n_alone
         for cause, groups in self._single:
             assert cause.effect is not None
-            change = cause.effect(effects) * signs
+            change = cause.effect(effects) * scales
             values.append(change[groups.rows])
             places.append(self._column[groups.rows])
             columns.append(start + np.repeat(np.arange(len(groups)), np.diff(groups.starts)))
