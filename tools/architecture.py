@@ -47,7 +47,9 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "images": ("diagnosis", "leastsquares", "kernels", "geometry", "crs", "survey", "report", "reading"),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "reading"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
+    "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
+        "targets",
         "report",
         "formats",
         "survey",
