@@ -34,7 +34,14 @@ def test_every_kind_is_read_by_its_code(kind, tmp_path) -> None:
 
 
 GENERAL = {f"obseq.survey.kinds.{module}" for module in ("kind", "registry", "formulas")}
-FORMATS = ("survey/kinds", "survey/files", "project/topo.py", "report/rows.py", "report/scheme.py")
+FORMATS = (
+    "survey/kinds",
+    "survey/checks/both_faces.py",
+    "formats",
+    "project/topo.py",
+    "report/rows.py",
+    "report/scheme.py",
+)
 """Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""
 
 

@@ -1,4 +1,4 @@
-"""Survey networks: points, observations, stations, files and initial values.
+"""Survey networks: points, observations, stations and initial values.
 
 Names are loaded when they are first used: who adjusts a network does not load what plans one.
 """

@@ -4,13 +4,12 @@ from .adjustment.instrument_unknowns import estimating as estimating
 from .adjustment.quality import Quality as Quality
 from .epochs.comparison import Comparison as Comparison
 from .epochs.comparison import compare as compare
-from .files.cor import read_cor as read_cor
-from .files.cor import write_cor as write_cor
-from .files.obs import read_obs as read_obs
-from .files.obs import write_obs as write_obs
-from .files.point import PointFileOptions as PointFileOptions
-from .files.point import read_points as read_points
-from .in_memory import network_from_tables as network_from_tables
+from .files import network_from_tables as network_from_tables
+from .files import read_cor as read_cor
+from .files import read_obs as read_obs
+from .files import read_points as read_points
+from .files import write_cor as write_cor
+from .files import write_obs as write_obs
 from .initial.initial_values import InitialValues as InitialValues
 from .initial.initial_values import initial_values as initial_values
 from .kinds.kind import ObservationKind as ObservationKind
@@ -29,3 +28,4 @@ from .network import Network as Network
 from .planning.design import Plan as Plan
 from .planning.design import plan as plan
 from .planning.simulation import simulate as simulate
+from .point_file_options import PointFileOptions as PointFileOptions
