@@ -108,7 +108,7 @@ class BundleAdjustment(AdjustableBlock):
                 done += result.iterations
             check_weights(equations)
         except SingularSystemError as error:
-            raise in_words(self, start, error) from None
+            raise in_words(equations, error) from None
         return check_cameras(
             BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
         )

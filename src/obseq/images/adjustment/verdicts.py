@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import Start
     from obseq.images.block import Block
+    from obseq.leastsquares import LeastSquaresResult
 
 DATUMS = ("control", "centres", "points", "none")
 LEAST_OF_AN_IMAGE = 3
@@ -28,6 +29,7 @@ HINT = (
     "A block needs a datum: three control points that are not on a line, observed poses, or --datum centres "
     "(datum='centres')."
 )
+POINT_HINT = "Rays of these points are nearly parallel: measure them from farther apart, or leave them out."
 CAMERA_HINT = (
     "Hold parameters of the camera {} (--freeze '.*', or 'K.|p.|b.'; freeze_parameters), or give more images "
     "and control points."
@@ -135,20 +137,57 @@ def check_scale(block: Block, datum: str | Sequence[str]) -> None:
             )
 
 
-def in_words(block: Block, start: Start, error: SingularSystemError) -> SingularSystemError:
+def in_words(equations: Equations, error: SingularSystemError) -> SingularSystemError:
     """The error of a block whose measures leave unknowns undetermined: which, and what may be wrong."""
-    message = str(error)
-    if error.kernel is not None:
-        names = grouped(error.unknowns)
-        message = f"the observations do not determine {names} (rank deficiency {error.defect})"
-    owners = {name.rpartition(".")[0] for name in error.unknowns}
-    loose = [name for name in block.cameras if name in owners]
-    message = f"{message}\n{_hint(block, start, loose)}"
+    message = f"{_undetermined(error)}\n{_hint(equations, error)}"
     return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
 
 
-def _hint(block: Block, start: Start, cameras: Sequence[str]) -> str:
-    """What may be wrong with such a block, where these cameras have parameters among its unknowns."""
+def weakness(equations: Equations, result: LeastSquaresResult) -> str:
+    """Why a solution has no precisions, in a sentence; empty where it has, or nothing speaks against them."""
+    if result.weak is None:
+        return ""
+    short = _shortage(result.n_observations + result.n_constraints, result.n_unknowns, _least_free(equations))
+    if short:
+        return short
+    error = result.weak
+    if isinstance(error, SingularSystemError) and error.unknowns:
+        return f"{_undetermined(error)}. {_hint(equations, error)}"
+    return str(error)
+
+
+def _least_free(equations: Equations) -> int:
+    """Parameters that a datum takes where nothing places the block in the world."""
+    block, start = equations.block, equations.start
+    known = int(start.is_control.sum()) + _known_beside_points(block, start) + len(block.surveys)
+    return 0 if known else 7
+
+
+def _shortage(equations: int, unknowns: int, datum: int) -> str:
+    """What there is to say of so many equations for so many unknowns, some of which a datum takes."""
+    rest = unknowns - datum
+    if equations > rest:
+        return ""
+    taken = f"{rest} unknowns, and {datum} that the datum takes" if datum else f"{rest} unknowns"
+    counted = f"the block has {equations} equations for {taken}"
+    more = "measure more points in more images, or hold parameters of cameras (--freeze '.*')"
+    if equations == rest:
+        return f"{counted}: nothing checks the result; {more}"
+    return f"{counted}: it is {rest - equations} equations short; {more}"
+
+
+def _undetermined(error: SingularSystemError) -> str:
+    if error.kernel is None:
+        return str(error)
+    names = grouped(error.unknowns)
+    return f"the observations do not determine {names} (rank deficiency {error.defect})"
+
+
+def _hint(equations: Equations, error: SingularSystemError) -> str:
+    """What may be wrong with a block whose measures leave unknowns undetermined."""
+    block, start, system = equations.block, equations.start, equations.system
+    owners = {name.rpartition(".")[0] for name in error.unknowns}
+    cameras = [name for name in block.cameras if name in owners]
     counts = np.zeros(len(start.poses), dtype=np.int64)
     for part in start.sets:
         counts += np.bincount(part.image[part.rows], minlength=len(counts))
@@ -158,7 +197,14 @@ def _hint(block: Block, start: Start, cameras: Sequence[str]) -> str:
             f"Image {start.poses.images[poor[0]]}: {counts[poor[0]]} of its points take part, and a pose "
             f"takes {LEAST_OF_AN_IMAGE} ({poor.size} images have fewer); measure more, or leave it out."
         )
+    n_equations = system.n_observations + system.n_constraints
+    short = _shortage(n_equations, system.problem.n_free, _least_free(equations))
+    if short:
+        return f"{short[0].upper()}{short[1:]}."
     thresholds = [part.weighting for part in block.sets if part.weighting is not None]
     if any(part.threshold for part in thresholds):
         return THRESHOLD_HINT
-    return CAMERA_HINT.format(", ".join(cameras)) if cameras else HINT
+    if cameras:
+        return CAMERA_HINT.format(", ".join(cameras))
+    loose = [name for name in start.points if name in owners]
+    return POINT_HINT if loose and len(loose) == len(owners) else HINT

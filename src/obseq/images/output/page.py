@@ -79,6 +79,7 @@ def _facts(record: BundleRecord) -> str:
         f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
         f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
+        _bad(f"WEAK, without precisions: {record.weak}" if record.weak else ""),
         _bad(tested(record).strip()) if is_rejected else escaped(tested(record).strip()),
         f"weighted sums of squares: {squares}",
         f"{len(record.left_out)} things left out, {len(record.unmeasured)} control points in no image, "

@@ -45,6 +45,7 @@ def record_of(solution: BundleSolution, precisions: bool = True, cause: str = ""
         cause: what is wrong with the whole block (see `common_cause`).
     """
     result = solution.result
+    precisions = precisions and result.weak is None
     order = np.argsort(-_normalised(solution))[:WORST]
     return BundleRecord(
         result.n_observations + result.n_constraints,
@@ -73,6 +74,7 @@ def record_of(solution: BundleSolution, precisions: bool = True, cause: str = ""
         _global_test(solution),
         _left_out(solution.start.unmeasured),
         cause,
+        solution.weak,
     )
 
 
