@@ -7,8 +7,8 @@ import scenes
 import obseq.images.adjustment.free as free
 from obseq.cli.main import main
 from obseq.errors import DivergenceError, InputError, SingularSystemError
+from obseq.formats.bal.reader import read_bal
 from obseq.images import ControlPoints
-from obseq.images.files.bal import read_bal
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import summary
 
@@ -87,10 +87,10 @@ def test_given_poses_do_not_hide_that_control_points_have_one_place():
 
 
 def test_images_that_cannot_be_placed_are_told_with_reasons_and_notes():
-    block, poses, _ = scenes.block(n_control=0)
+    block = scenes.block(n_control=0)[0]
     block.poses = block.poses.select([])
     part = block.sets[0].measures
-    few = part.rows(np.flatnonzero((part.point < 5)))
+    few = part.rows(np.flatnonzero(part.point < 5))
     block.sets = []
     block.add_measures(few)
     block.notes = ["control.csv: 9 control points lack a height and are left out"]

@@ -14,7 +14,8 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights, in_words
+from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights
+from obseq.images.adjustment.weakness import in_words
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:

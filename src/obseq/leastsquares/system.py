@@ -220,8 +220,8 @@ class LeastSquares:
                 "levenberg-marquardt", "dogleg", "qr", "lsmr", "l1", or an object with parameters).
 
         Raises:
-            SingularSystemError: some unknowns are undetermined where the iterations start; they are named. Those
-                that are so where they end only are named by the result (`weak`).
+            SingularSystemError: some unknowns are undetermined where the iterations start; they are named.
+                Those that are so only where the iterations end are named by the result (`weak`).
             DivergenceError: an equation became undefined, and the observation is named; or the iterations
                 left where the equations determine the unknowns. These are back at the best values.
             InputError: a callback has changed what a solution takes for granted; it is named.

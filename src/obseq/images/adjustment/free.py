@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence, Sized
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.errors import ObseqError
     from obseq.geometry import RigidMotion
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.start import LeftOut
-    from obseq.errors import ObseqError
     from obseq.leastsquares import Iteration, LeastSquares, LeastSquaresResult
 
 SETTLINGS = 8

@@ -12,7 +12,7 @@ from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
-from obseq.images.adjustment.verdicts import weakness
+from obseq.images.adjustment.weakness import weakness
 from obseq.images.camera import are_in_front
 from obseq.images.names import index_of
 from obseq.images.poses import Poses

@@ -85,6 +85,7 @@ def _facts(record: BundleRecord) -> str:
         f"{len(record.left_out)} things left out, {len(record.unmeasured)} control points in no image, "
         f"{record.weakened} image points with less than half of their weight, {len(record.behind)} behind "
         "their camera (at the end of this page)",
+        *(_bad(f"Warning: {failure}") for failure in record.failures),
         *(f"note: {escaped(note)}" for note in record.notes),
         f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
     ]

@@ -37,6 +37,7 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         _list("Left out", record.left_out),
         _list("Control points that change nothing", record.unmeasured),
         _list("Not in pairs of their rigid blocks", record.unpaired),
+        "".join(f"Warning: {failure}\n" for failure in record.failures),
         "".join(f"note: {note}\n" for note in record.notes),
         _tests(record.reliability),
         _worst(record),

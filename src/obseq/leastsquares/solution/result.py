@@ -104,8 +104,8 @@ class LeastSquaresResult:
         redundant_constraints: hard constraints that follow from the others, by name.
         evaluations: at how many points the iterations computed all residuals; derivatives at a point that
             was tried before count no more (so do SciPy's `nfev` and MINPACK's).
-        weak: why there are no covariances: the error that names what is hardly determined where the iterations
-            ended; None where nothing was found to be. Who asks for covariances gets this error.
+        weak: why there are no covariances: the error that names what is hardly determined where the
+            iterations ended; None where nothing is. Who asks for covariances gets this error.
     """
 
     iterations: tuple[Iteration, ...]
