@@ -254,6 +254,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
@@ -300,6 +301,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
+    failures: tuple[str, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -314,7 +316,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
-        return self.converged and is_whole and is_clean
+        return self.converged and is_whole and is_clean and not self.failures
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""
