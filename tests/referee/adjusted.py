@@ -1,9 +1,9 @@
 """The dense adjustment: Gauss-Newton on exact derivatives, and all that follows from its normal equations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from referee.network import FROM_NORTH, TINY, Equations, Unknowns
+from referee.network import ABSOLUTE, FROM_NORTH, TINY, Equations, Unknowns
 
 TOLERANCE = 1e-6  # of sigma0, for the length of the last step in standard deviations
 SMALL = 1e-2  # of sigma0: steps below it that shrink no more are the rounding of geocentric coordinates
@@ -11,7 +11,7 @@ SINGULAR = 1e-9  # of the largest singular value of the scaled design
 MOST = 40
 
 
-class Undetermined(Exception):
+class UndeterminedError(Exception):
     """The observations do not determine the network."""
 
 
@@ -90,7 +90,7 @@ def adjust(network, start=None, polish=2):
         else:
             iterations += 1
         if iterations > MOST or not np.isfinite(step).all():
-            raise Undetermined("the iterations of the reference do not end")
+            raise UndeterminedError("the iterations of the reference do not end")
         unknowns.take(settled(network, unknowns, step, kernel, reference))
     return _result(network, unknowns, (v, root, white, basis, kernel), iterations + 1)
 
@@ -110,7 +110,7 @@ def solved(network, white, misfit, c, hold):
     kept = s > SINGULAR * s[0]
     missing = moving.shape[1] - int(kept.sum())
     if missing and network.inner is None:
-        raise Undetermined(f"{missing} motions are free")
+        raise UndeterminedError(f"{missing} motions are free")
     y = -(u[:, kept].T @ (misfit + white @ (scales * step))) / s[kept]
     step = scales * (step + moving @ (vt[kept].T @ y))
     basis = scales[:, None] * (moving @ (vt[kept].T / s[kept]))
@@ -173,16 +173,36 @@ def _result(network, unknowns, parts, iterations):
     )
 
 
-def freed(network, first):
-    """The network on inner constraints from an adjustment: known coordinates and azimuths have no part."""
-    from dataclasses import replace
-
+def freed(network, xyz, dropped=FROM_NORTH):
+    """The network on inner constraints from places: known coordinates and some kinds have no part."""
     points = [
-        replace(p, start=xyz, sigmas=np.where(p.sigmas == 0, 0.0, np.nan))
-        for p, xyz in zip(network.points, first.xyz, strict=True)
+        replace(p, start=place, sigmas=np.where(p.sigmas == 0, 0.0, np.nan))
+        for p, place in zip(network.points, xyz, strict=True)
     ]
-    rows = [k for k, o in enumerate(network.observations) if o.kind not in FROM_NORTH]
+    rows = [k for k, o in enumerate(network.observations) if o.kind not in dropped]
     number = {row: k for k, row in enumerate(rows)}
-    clusters = [([number[row] for row in members], block) for members, block in network.clusters]
+    clusters = [
+        ([number[row] for row in members], block)
+        for members, block in network.clusters
+        if members[0] in number
+    ]
     kept = [network.observations[row] for row in rows]
-    return replace(network, points=points, observations=kept, clusters=clusters, known=None)
+    return replace(
+        network, points=points, observations=kept, clusters=clusters, known=None, inner=network.inner or ()
+    )
+
+
+def inner_covariance(network, found):
+    """(3n, 3n) of all points as if nothing were known of any; None where something is held exactly."""
+    if any((p.sigmas == 0).any() for p in network.points):
+        return None
+    free = freed(network, found.xyz, FROM_NORTH + ABSOLUTE)
+    unknowns = Unknowns(free)
+    for key, part in unknowns.at.items():
+        unknowns.values[part] = found.unknowns.values[found.unknowns.at[key]]
+    unknowns.bases |= found.unknowns.bases
+    v, jacobian, covariance, c, hold = linearised(free, unknowns)
+    root = np.linalg.cholesky(covariance)
+    white = np.linalg.solve(root, jacobian)
+    basis, kernel, _ = solved(free, white, np.linalg.solve(root, v), c, hold)
+    return _result(free, unknowns, (v, root, white, basis, kernel), 0).covariance

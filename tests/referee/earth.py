@@ -162,8 +162,8 @@ def euler(omega, phi, kappa):
 class System:
     """The system in which points are given.
 
-    `to_earth` is a pipeline of PROJ to geocentric WGS 84; "" for the frame itself, "degrees" for longitude and
-    latitude of WGS 84.
+    `to_earth` is a pipeline of PROJ to geocentric WGS 84; "" for the frame itself, "degrees" for longitude
+    and latitude of WGS 84.
     """
 
     definition: str
@@ -181,8 +181,14 @@ class System:
         earth = self.frame.earth(p)
         if self.to_earth == "degrees":
             longitude, latitude, height = WGS84.geodetic(earth)
-            return np.stack([np.degrees(longitude.real) + 1j * np.degrees(longitude.imag),
-                             np.degrees(latitude.real) + 1j * np.degrees(latitude.imag), height], axis=-1)
+            return np.stack(
+                [
+                    np.degrees(longitude.real) + 1j * np.degrees(longitude.imag),
+                    np.degrees(latitude.real) + 1j * np.degrees(latitude.imag),
+                    height,
+                ],
+                axis=-1,
+            )
         flat = earth.real.reshape(-1, 3)
         steps = STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
         around = self._inverse((flat[:, None] + steps).reshape(-1, 3)).reshape(len(flat), 7, 3)

@@ -46,7 +46,9 @@ def placed(random, dialect):
     latitude = float(np.sign(random.uniform(-1, 1)) * random.uniform(88, 90 - 1e-4))
     if where != "pole":
         latitude = float(random.uniform(-75, 75))
-    longitude = float(random.uniform(-180, 180) if where != "date line" else random.choice([179.9999, -179.9999]))
+    longitude = float(
+        random.uniform(-180, 180) if where != "date line" else random.choice([179.9999, -179.9999])
+    )
     frame = tangent(longitude, latitude, float(random.choice([0.0, 350.0])))
     if where == "rigid":
         return (*_rigid(random, frame), where)
@@ -89,10 +91,15 @@ def _comp3d_place(random, where):
             frame, system, word = _on_a_map(random)
         centre = np.round(np.real(system.coordinates(np.zeros(3)))[:2]).tolist()
     else:
-        latitude = float(random.uniform(-75, 75) if where != "pole" else random.choice([-1, 1]) * random.uniform(88, 90))
+        latitude = float(
+            random.uniform(-75, 75) if where != "pole" else random.choice([-1, 1]) * random.uniform(88, 90)
+        )
         centre = random.choice([[0.0, 0.0], [5000.0, -3000.0]]).tolist()
         projection = f"+proj=sterea +lat_0={latitude!r} +lon_0=0 +k_0=1 +x_0={centre[0]!r} +y_0={centre[1]!r}"
-        system, word = System(projection, None, from_plan(f"{projection} +ellps=WGS84", "WGS84")), f"local {where}"
+        system, word = (
+            System(projection, None, from_plan(f"{projection} +ellps=WGS84", "WGS84")),
+            f"local {where}",
+        )
     earth = np.array(system._proj.transform(*centre, 0.0))
     longitude, latitude, _ = np.real(WGS84.geodetic(earth))
     origin = tangent(float(np.degrees(longitude)), float(np.degrees(latitude)), 0.0)
@@ -107,22 +114,26 @@ class Maker:
         self.random = random = np.random.default_rng([seed, 36])
         self.seed, self.dialect = seed, str(random.choice(DIALECTS))
         self.frame, self.system, self.place = placed(random, self.dialect)
-        self.size = float(10 ** random.uniform(1, 3 if random.random() < 0.85 else 4))
+        self.size = float(10 ** random.uniform(1, random.choice([3, 3, 3, 3, 4, 5])))
         self.angle = float(10 ** random.uniform(-5.3, -4.2))
         self.length = float(10 ** random.uniform(-3.7, -2.3))
         self.n = int(random.integers(4, 10))
         self.has_heights = self.frame.kind != "rigid" and random.random() < 0.5
         self.has_relative = random.random() < 0.3
+        self.is_sparse = random.random() < 0.1  # approximate coordinates are not given
+        self.is_weak = random.random() < 0.15  # one known point and an azimuth hold it
         self.names = [f"P{k}" for k in range(self.n)]
         self.xyz = {name: self.place_one() for name in self.names}
         self.setups, self.observations, self.clusters = [], [], []
-        self.truth = {}
+        self.kinds = {}
 
     def place_one(self):
         """A point on gentle ground, near the origin of the frame."""
         r = self.random
         away = 0.0 if r.random() < 0.9 else self.size
-        flat = np.array([*(r.uniform(-0.5, 0.5, 2) * self.size + away), r.uniform(-0.1, 0.1) * min(self.size, 800)])
+        flat = np.array(
+            [*(r.uniform(-0.5, 0.5, 2) * self.size + away), r.uniform(-0.1, 0.1) * min(self.size, 800)]
+        )
         if self.frame.kind != "rigid":
             return flat
         if not hasattr(self, "_up"):
@@ -176,14 +187,35 @@ class Maker:
         r, pick = self.random, lambda: self.random.permutation(self.names)[:2].tolist()
         for _ in range(int(r.integers(1, self.n))):
             self.add("DH", *pick(), self.length / 2)
-        if r.random() < 0.4:
+        if r.random() < 0.4 and self.frame.definition != "GeoC":
             self.add("DistHz0", *pick(), self.length)
         if r.random() < 0.4 and self.frame.kind != "rigid" and self.dialect != "comp3d":
             self.add("DistHz", *pick(), self.length, instrument="TS1")
-        if r.random() < 0.4 and self.frame.kind != "rigid":
+        if (r.random() < 0.4 or self.is_weak) and self.frame.kind != "rigid":
             a, b = pick()
             self.setups.append(Setup(a, "FIX"))
             self.add("Azim", a, b, self.angle, setup=len(self.setups) - 1)
+
+    def partial(self):
+        """Points of which the height alone, or the plan alone, is sought."""
+        r = self.random
+        for word, count in (("height", int(r.integers(0, 3))), ("plan", int(r.integers(0, 2)))):
+            for k in range(count):
+                name = f"{word}{k}"
+                self.xyz[name] = self.place_one()
+                if word == "height":
+                    self.kinds[name] = str(r.choice(["0 0 -", "0 0 s"]))
+                    for a in self.others(name, 2):
+                        self.add("DH", *r.permutation([a, name]).tolist(), self.length)
+                    continue
+                self.kinds[name] = str(r.choice(["- - 0", "s s 0"]))
+                for setup in [k for k, s in enumerate(self.setups) if s.orientation == "VERT"][:3]:
+                    self.add("Hz", self.setups[setup].origin, name, self.angle, setup=setup)
+                    last = max(
+                        (row for row, o in enumerate(self.observations[:-1]) if o.setup == setup), default=-2
+                    )
+                    self.observations.insert(last + 1, self.observations.pop())
+                self.add("DistHz0", self.names[0], name, self.length)
 
     def tabled(self):
         """What tables alone can say."""
@@ -191,7 +223,7 @@ class Maker:
         everywhere = self.frame.kind != "plane"
         for _ in range(int(r.integers(0, 5))):
             a, b, c = r.permutation(self.names)[:3].tolist()
-            word = r.choice(["L", "V", "Geo", "P", "Height", "LatLon", "Chord", "Angle", "Bary"])
+            word = str(r.choice(["L", "V", "Geo", "P", "Height", "LatLon", "Chord", "Angle", "Bary"]))
             if word in ("L", "V", "Geo", "P") and (everywhere or word in "LP"):
                 at = (b, b) if word in ("Geo", "P") else (a, b)
                 axes = "xyz" if word == "P" else "XYZ"
@@ -236,7 +268,15 @@ class Maker:
                 ht = 1.5 if self.has_heights else 0.0
                 for kind in kinds:
                     more = {"group": group} if kind == "Dist" else {"setup": number}
-                    self.add(kind, name, target, self.angle if kind in ANGLES else self.length, ht=ht, relative=0.0, **more)
+                    self.add(
+                        kind,
+                        name,
+                        target,
+                        self.angle if kind in ANGLES else self.length,
+                        ht=ht,
+                        relative=0.0,
+                        **more,
+                    )
         if r.random() < 0.3:
             self.turning()
         if r.random() < 0.4:
@@ -299,7 +339,9 @@ class Maker:
         for k in range(int(r.integers(2, 4))):
             pair = [f"{kind[5:7]}{k}a", f"{kind[5:7]}{k}b"]
             first = self.place_one()
-            turn = np.linalg.norm(step) * np.array([np.sin(k), np.cos(k), 0.1]) if kind == "EqualDist" else step
+            turn = (
+                np.linalg.norm(step) * np.array([np.sin(k), np.cos(k), 0.1]) if kind == "EqualDist" else step
+            )
             up = np.real(self.frame.normals(first))[2]
             last = first + turn
             if kind == "EqualDH":
@@ -315,22 +357,42 @@ class Maker:
 
     def points(self):
         """Points with what is known of them; the first ones hold the network."""
-        r, deflected = self.random, self.frame.kind == "tangent" and self.dialect != "table" and self.random.random() < 0.3
+        r, may = self.random, self.frame.kind == "tangent" and self.dialect != "table"
+        deflected = may and r.random() < 0.3
         found, spread = [], 10 ** r.uniform(-4, -2)
-        for k, name in enumerate(self.names):
-            sigmas = np.full(3, np.nan)
-            if k < 3 or r.random() < 0.1:
-                word = "xyz" if k < 2 else str(r.choice(["xyz", "xy", "z", "held"]))
-                for axis in "xyz" if word == "held" else word:
-                    sigmas["xyz".index(axis)] = 0.0 if word == "held" else np.round(spread * r.uniform(0.5, 2), 6)
+        for k, name in enumerate(self.xyz):
+            given = self.kinds.get(name, "- - -")
+            if name not in self.kinds and (k < (1 if self.is_weak else 3) or r.random() < 0.1):
+                given = "s s s" if k < 2 else str(r.choice(["s s s", "s s -", "- - s", "0 0 0"]))
                 if self.dialect == "table" and r.random() < 0.2:
-                    sigmas[int(r.integers(0, 3))] = 0.0
+                    at = int(r.integers(0, 3))
+                    given = " ".join("0" if axis == at else word for axis, word in enumerate(given.split()))
+            drawn = {"0": 0.0, "-": np.nan}
+            sigmas = [drawn.get(w, float(np.round(spread * r.uniform(0.5, 2), 6))) for w in given.split()]
             deflection = tuple((np.round(r.normal(0, 10, 2), 2) * ARC_SECOND).tolist()) if deflected else None
-            found.append(Point(name, self.xyz[name], np.zeros(3), sigmas, deflection))
+            found.append(Point(name, self.xyz[name], np.zeros(3), np.array(sigmas), deflection))
         return found
 
     def made(self):
         """The network, with values and starts."""
+        if self.frame.kind != "rigid" and self.random.random() < 0.08:
+            self.levelling()
+        else:
+            self.measure()
+        return self.finished()
+
+    def levelling(self):
+        """A loop through points of known plan, and shortcuts."""
+        r, n = self.random, self.n
+        for name in self.names:
+            self.kinds[name] = "0 0 -" if self.kinds else "0 0 s"
+        pairs = [(k, (k + 1) % n) for k in range(n)]
+        pairs += [r.permutation(n)[:2].tolist() for _ in range(int(r.integers(0, n)))]
+        for a, b in pairs:
+            self.add("DH", self.names[a], self.names[b], self.length / 5)
+
+    def measure(self):
+        """All kinds of observations."""
         r = self.random
         words = ["VERT", "VERT", "VERT", "FIX", "BASC"] if self.frame.kind != "rigid" else ["FIX", "BASC"]
         if self.dialect == "comp3d":
@@ -338,10 +400,27 @@ class Maker:
         for name in self.names[: int(r.integers(2, self.n))]:
             self.station(name, str(r.choice(words)))
         self.simple()
+        if self.frame.kind != "rigid" and r.random() < 0.3:
+            self.partial()
         if self.dialect != "obs":
             self.tabled() if self.dialect == "table" else self.comp3d()
-        network = Network(self.frame, self.system, self.points(), self.observations, self.setups, self.clusters,
-                          refraction=float(r.choice([0.12, 0.12, 0.0, 0.2])), estimate=self.estimated())
+
+    def finished(self):
+        """The network of what was observed."""
+        r = self.random
+        seen = {name for o in self.observations for name in (o.a, o.b, o.backsight, *o.members)}
+        self.xyz = {name: xyz for name, xyz in self.xyz.items() if name in seen}
+        self.names = [name for name in self.names if name in seen]
+        network = Network(
+            self.frame,
+            self.system,
+            self.points(),
+            self.observations,
+            self.setups,
+            self.clusters,
+            refraction=float(r.choice([0.12, 0.12, 0.0, 0.2])),
+            estimate=self.estimated(),
+        )
         self.observe(network)
         self.start(network)
         if self.dialect == "comp3d" and r.random() < 0.2:
@@ -390,6 +469,7 @@ class Maker:
             metres = network.system.metres(p.true)
             p.given = p.given + free * self.random.normal(0, far, 3) * (1, 1, 0.3) / metres
             p.start = network.system.placed(p.given[None])[0]
+            p.is_unplaced = self.is_sparse and free.all() and p.deflection is None
         network.__dict__.pop("given", None)
 
     def correlated_points(self, network):
@@ -401,8 +481,33 @@ class Maker:
         return keys, root @ mixed @ mixed.T @ root
 
 
-UNRAISED = ("DistHz0", "Angle", "Chord", "BaryX", "BaryY", "BaryZ", "Lat", "Lon", "LX", "LY", "LZ", "Px", "Py", "Pz",
-            "AxisRadius", "AxisPlane", "AxisFoot", "EqualDH", "EqualDist", "VX", "VY", "VZ", "GeoX", "GeoY", "GeoZ")
+UNRAISED = (
+    "DistHz0",
+    "Angle",
+    "Chord",
+    "BaryX",
+    "BaryY",
+    "BaryZ",
+    "Lat",
+    "Lon",
+    "LX",
+    "LY",
+    "LZ",
+    "Px",
+    "Py",
+    "Pz",
+    "AxisRadius",
+    "AxisPlane",
+    "AxisFoot",
+    "EqualDH",
+    "EqualDist",
+    "VX",
+    "VY",
+    "VZ",
+    "GeoX",
+    "GeoY",
+    "GeoZ",
+)
 
 
 def _true_unknowns(network, random):

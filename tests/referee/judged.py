@@ -4,17 +4,29 @@ import json
 from dataclasses import dataclass, replace
 
 import numpy as np
-from referee.adjusted import Undetermined, adjust, freed
+from referee.adjusted import UndeterminedError, adjust, freed, inner_covariance
 from referee.network import ANGLES
 
 from obseq.errors import ObseqError
-from obseq.survey import Datum, Network, estimating
+from obseq.survey import Datum, Network, Quality, estimating
 
 RADIANS = {"rad": 1.0, "gon": np.pi / 200, "deg": np.pi / 180}
 UNITS = ("rad", "gon", "deg")
-CODES = {"Dist": 3, "DH": 4, "Hz": 5, "Zen": 6, "Azim": 8, "DX": 14, "DY": 15, "DZ": 16, "DistHz0": 2, "DistHz": 101}
+CODES = {
+    "Dist": 3,
+    "DH": 4,
+    "Hz": 5,
+    "Zen": 6,
+    "Azim": 8,
+    "DX": 14,
+    "DY": 15,
+    "DZ": 16,
+    "DistHz0": 2,
+    "DistHz": 101,
+}
+PARTIAL = {"00-": 4, "00s": 5, "--0": 6, "ss0": 7}  # flags of points of one or two dimensions
 TURNED = ("AxisPlane", "AxisFoot")  # an axis may point either way
-PROJ = 3e-8  # metres: two ways through PROJ to one place
+PROJ = 1e-7  # metres: two ways through PROJ to one place
 ARC_SECONDS = 648000 / np.pi
 
 
@@ -25,14 +37,17 @@ def text(*numbers):
 
 def flags(point):
     """The flag of a COR line, and its sigmas; a free coordinate of a known point has a negative one."""
-    if np.isnan(point.sigmas).all():
+    pattern = "".join("-" if np.isnan(s) else "0" if s == 0 else "s" for s in point.sigmas)
+    if pattern == "---":
         return 0, ""
-    return 1, text(*np.where(np.isnan(point.sigmas), -1.0, point.sigmas))
+    return PARTIAL.get(pattern, 1), text(*np.where(np.isnan(point.sigmas), -1.0, point.sigmas))
 
 
 def cor_lines(network):
     """The points of a network in a COR file."""
     for p in network.points:
+        if p.is_unplaced:
+            continue
         flag, sigmas = flags(p)
         deflection = "" if p.deflection is None else text(*np.multiply(p.deflection, ARC_SECONDS))
         yield f"{flag} {p.name} {text(*p.given)} {sigmas} {deflection}"
@@ -60,8 +75,24 @@ def obs_lines(case):
 
 def table_lines(case):
     """The observations of a case as a table."""
-    columns = ("type", "from", "to", "value", "sigma", "unit", "set", "orientation", "instrument", "relative_sigma",
-               "from_height", "to_height", "backsight", "weights", "cluster", "covariances")
+    columns = (
+        "type",
+        "from",
+        "to",
+        "value",
+        "sigma",
+        "unit",
+        "set",
+        "orientation",
+        "instrument",
+        "relative_sigma",
+        "from_height",
+        "to_height",
+        "backsight",
+        "weights",
+        "cluster",
+        "covariances",
+    )
     yield ",".join(columns)
     network, clustered = case.network, {}
     for number, (rows, block) in enumerate(network.clusters):
@@ -75,9 +106,23 @@ def table_lines(case):
             factor, unit = RADIANS["deg"], "deg"
         of_setup = (o.setup, network.setups[o.setup].orientation) if o.setup >= 0 else ("", "")
         cluster, covariances = clustered.get(row, ("", ()))
-        cells = (o.kind, o.a, " ".join(o.members) or o.b, text(o.value / factor), text(o.sigma / factor), unit, *of_setup,
-                 o.instrument, text(o.relative), text(o.hi), text(o.ht), o.backsight, text(*o.weights), cluster,
-                 text(*covariances))
+        cells = (
+            o.kind,
+            o.a,
+            " ".join(o.members) or o.b,
+            text(o.value / factor),
+            text(o.sigma / factor),
+            unit,
+            *of_setup,
+            o.instrument,
+            text(o.relative),
+            text(o.hi),
+            text(o.ht),
+            o.backsight,
+            text(*o.weights),
+            cluster,
+            text(*covariances),
+        )
         yield ",".join(map(str, cells))
 
 
@@ -85,6 +130,8 @@ def point_lines(network):
     """The points of a network as a table."""
     yield "name,x,y,z,sx,sy,sz"
     for p in network.points:
+        if p.is_unplaced:
+            continue
         sigmas = ["" if np.isnan(s) else repr(float(s)) for s in p.sigmas]
         yield ",".join([p.name, *(repr(float(x)) for x in p.given), *sigmas])
 
@@ -119,7 +166,9 @@ def comp3d_files(case):
             rows = network.observations[row : row + 2] if o.kind == "AxisRadius" else [o]
             target = o.group.replace("/", "_")
             files[name].append(
-                f"L {o.b}" if o.kind == "AxisFoot" else f"{target} {o.b} {o.b} {text(*(v.sigma for v in rows))}"
+                f"L {o.b}"
+                if o.kind == "AxisFoot"
+                else f"{target} {o.b} {o.b} {text(*(v.sigma for v in rows))}"
             )
         elif o.kind.startswith("Equal"):
             name = f"{o.group}.eq"
@@ -133,10 +182,19 @@ def comp3d_files(case):
             lines.append(obs_line(o, case.unit, code))
         done.update(range(row, row + len(rows)))
     config = {
-        "root_COR_file": "p.cor", "root_OBS_file": "o.obs", "use_proj": not case.place.startswith("local"),
-        "proj_def": network.system.definition, "local_center": [*centre, 0.0], "refraction": network.refraction,
-        "files_unit": UNITS.index(case.unit), "use_ellips_height": True, "compute_type": 0,
-        "internal_constraints": False, "max_iterations": 100, "center_latitude": 0.0, "coord_cov_file": "",
+        "root_COR_file": "p.cor",
+        "root_OBS_file": "o.obs",
+        "use_proj": not case.place.startswith("local"),
+        "proj_def": network.system.definition,
+        "local_center": [*centre, 0.0],
+        "refraction": network.refraction,
+        "files_unit": UNITS.index(case.unit),
+        "use_ellips_height": True,
+        "compute_type": 0,
+        "internal_constraints": False,
+        "max_iterations": 100,
+        "center_latitude": 0.0,
+        "coord_cov_file": "",
     }
     if case.place.startswith("local"):
         config["center_latitude"] = float(network.system.definition.split("+lat_0=")[1].split()[0])
@@ -145,7 +203,11 @@ def comp3d_files(case):
         names = [f"{name}_{'xyz'[k]}" for name, k in network.known[0]]
         rows = [f"{name} {text(*row)}" for name, row in zip(names, network.known[1], strict=True)]
         files["known.txt"] = ["param " + " ".join(names), *rows]
-    files |= {"p.cor": list(cor_lines(network)), "o.obs": lines, "project.comp": ["data=" + json.dumps({"config": config})]}
+    files |= {
+        "p.cor": list(cor_lines(network)),
+        "o.obs": lines,
+        "project.comp": ["data=" + json.dumps({"config": config})],
+    }
     return files
 
 
@@ -192,7 +254,9 @@ def read(case, folder):
         )
     else:
         found = Network.read(folder / "o.obs", folder / "p.cor", refraction=network.refraction, **systems)
-    return replace(found, book=estimating(found.book, sorted(network.estimate))) if network.estimate else found
+    return (
+        replace(found, book=estimating(found.book, sorted(network.estimate))) if network.estimate else found
+    )
 
 
 @dataclass
@@ -210,12 +274,21 @@ class Verdict:
     redundancies: float = 0.0
     residuals: float = 0.0
     standardised: float = 0.0
+    inner: float = 0.0
+    accused: str = ""
     iterations: int = 0
     more: int = 0
 
     def worst(self):
         """The largest deviation, in 1e-3 standard deviations or 1e-6 of redundancies."""
-        sizes = (self.coordinates, self.sigma0, self.covariances, self.residuals, self.standardised)
+        sizes = (
+            self.coordinates,
+            self.sigma0,
+            self.covariances,
+            self.residuals,
+            self.standardised,
+            self.inner,
+        )
         return max(1e3 * max(sizes), 1e6 * self.redundancies)
 
     @property
@@ -229,22 +302,27 @@ def judge(case, folder):
     try:
         found = adjust(network)
         if network.inner is not None:
-            network = replace(freed(network, found), inner=network.inner)
+            network = freed(network, found.xyz)
             found = adjust(network)
-    except (Undetermined, np.linalg.LinAlgError):
+    except (UndeterminedError, np.linalg.LinAlgError):
         return None
     datum = Datum() if network.inner is None else Datum("inner", tuple(network.inner))
+    wants_inner = network.inner is None and case.seed % 4 == 0
     try:
-        adjustment = read(case, folder).adjust(datum=datum)
+        adjustment = read(case, folder).adjust(datum=datum, quality=Quality(inner=wants_inner))
     except ObseqError as error:
         return Verdict(case.seed, f"refused: {str(error)[:300]}")
-    return compared(case, network, found, adjustment)
+    verdict = compared(case, network, found, adjustment)
+    if wants_inner and adjustment.inner is not None and not verdict.said:
+        verdict.inner = _of_inner(network, found, adjustment)
+    return verdict
 
 
 def compared(case, network, found, adjustment):
     """The verdict on an adjustment."""
     verdict, solution = Verdict(case.seed, iterations=found.iterations), adjustment.solution
     verdict.more = len(solution.iterations) - found.iterations
+    verdict.accused = "; ".join(error.text for error in adjustment.gross_errors)[:300]
     if not adjustment.converged:
         verdict.said = f"not converged: {solution.ending}"
     elif adjustment.left_out:
@@ -273,7 +351,9 @@ def compared(case, network, found, adjustment):
         return verdict
     order = written_order(replace(case, network=network))
     quality, sigmas = adjustment.quality.observations, adjustment.sigmas[kept]
-    residuals, redundancy, w = (part[order] for part in (found.residuals, found.redundancy, found.standardised))
+    residuals, redundancy, w = (
+        part[order] for part in (found.residuals, found.redundancy, found.standardised)
+    )
     kinds = [network.observations[row].kind for row in order]
     signs = np.where(np.isin(kinds, TURNED) & (residuals * adjustment.residuals[kept] < 0), -1.0, 1.0)
     residuals, w = signs * residuals, signs * w
@@ -285,8 +365,20 @@ def compared(case, network, found, adjustment):
     return verdict
 
 
+def _of_inner(network, found, adjustment):
+    """Deviation of the precisions of inner constraints, in parts of variances; 0 where there are none."""
+    ours = inner_covariance(network, found)
+    if ours is None:
+        return 0.0
+    rows = np.array([found.names[name] for name in adjustment.points.names])
+    blocks = np.array([ours[3 * row : 3 * row + 3, 3 * row : 3 * row + 3] for row in rows])
+    theirs = adjustment.inner / (adjustment.solution.variance_factor or 1.0)
+    seen = np.isfinite(theirs).all(axis=(1, 2))
+    scale = np.maximum(np.trace(blocks, axis1=1, axis2=2), 1e-14)[:, None, None]
+    return float((np.abs(theirs - blocks) / scale)[seen].max(initial=0.0))
+
+
 def _relative(theirs, ours):
     if theirs is None or np.isnan(ours):
         return 0.0 if (theirs is None) == bool(np.isnan(ours)) else np.inf
     return abs(theirs - ours) / max(ours, 1e-9)
-

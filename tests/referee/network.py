@@ -1,7 +1,7 @@
 """A network and its residuals, observation by observation, as the definitions say them.
 
-All residuals are computed minus observed, in metres and radians. A "row" of unknowns is one state of the whole
-network: residuals are evaluated for many rows at once, of which each moves one unknown by 1e-30 i.
+All residuals are computed minus observed, in metres and radians. A "row" of unknowns is one state of the
+whole network: residuals are evaluated for many rows at once, of which each moves one unknown by 1e-30 i.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,6 @@ TINY = 1e-30
 READ_ALONG = {"DX": 0, "DY": 1, "DZ": 2}
 AXES = {"X": 0, "Y": 1, "Z": 2, "x": 0, "y": 1, "z": 2}
 DISTANCES, ANGLES = ("Dist", "DistHz"), ("Hz", "Zen", "Azim", "Angle", "Alpha", "Beta", "Lat", "Lon")
-LEVELLED = ("DH", "EqualDH")
 FROM_NORTH, ABSOLUTE = ("Azim",), ("Px", "Py", "Pz", "GeoX", "GeoY", "GeoZ", "Height", "Lat", "Lon")
 
 
@@ -31,6 +30,7 @@ class Point:
     sigmas: np.ndarray
     deflection: tuple | None = None
     start: np.ndarray | None = None
+    is_unplaced: bool = False  # its coordinates are not in the files
 
 
 @dataclass
