@@ -45,7 +45,7 @@ def test_the_referee_gives_the_numbers_of_mmvii():
     found = adjust(Given(frame, System(frame.definition, frame), points, observations, setups))
     assert found.sigma0 == pytest.approx(1.0091833, abs=2e-7)  # MMVII's derivatives hold the vertical
     assert found.xyz[2] == pytest.approx([107.07177492, 107.07177492, 99.99996773], abs=2e-8)
-    assert found.residuals[:6] == pytest.approx([6e-11, -6e-11, -1.9115e-5, 1e-3, -1e-3, -1.91e-6], abs=1e-9)
+    assert found.residuals[:6] == pytest.approx([6e-11, -6e-11, -1.9115e-5, 1e-3, -1e-3, -1.91e-6], abs=5e-9)
 
 
 @pytest.mark.parametrize(
