@@ -87,7 +87,7 @@ def write(
     texts = boundary.texts({path: partial(form.write, record) for path, form in outputs})
     write_all({**(others or {}), **texts})
     told = tuple(boundary.failures)
-    return replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
+    return structs.replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

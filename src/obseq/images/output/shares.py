@@ -23,11 +23,6 @@ WEAK = 0.1
 
 
 class RejectedShare(Record, frozen=True):
-    """How many of the coordinates of something are rejected: of the block, an image, or a point."""
-
-
-@dataclass(frozen=True, slots=True)
-class RejectedShare:
     """How many of the coordinates of something are rejected.
 
     Attributes:
