@@ -123,8 +123,10 @@ def run(arguments: argparse.Namespace) -> int:
         progress("reading")
         block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
-        with noting(block.notes), explained(block, progress, **options):
-            solution = _solve(block, options, progress)
+        with noting(block.notes):
+            _check_formats(arguments, block)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
         boundary = Boundary()
         search = partial(common_cause, block, solution, given, progress, **options)
         cause = boundary.attempt("the search for causes", search, "")
