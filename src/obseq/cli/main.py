@@ -11,6 +11,7 @@ from functools import cache
 from importlib import import_module
 
 from obseq.cli.guard import guarded
+from obseq.cli.mmvii import run_words as mmvii
 from obseq.cli.parsing import CommandParser, Parser
 
 COMMANDS = {
@@ -37,6 +38,7 @@ COMMANDS = {
     ),
     "topo_adjust": ("topo-adjust",),
     "bundle_adjust": ("bundle-adjust",),
+    "mmvii": ("mmvii",),
     "formulas": ("formulas",),
     "check_derivatives": ("check-derivatives",),
     "versions": ("versions",),
@@ -78,6 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
 
     def work() -> int:
+        if given[:1] == ["mmvii"] and given[1:] not in (["-h"], ["--help"]):  # words in MMVII's own spelling
+            return mmvii(given[1:])
         chosen = parser(*given[:1]).parse_args(given)
         code: int = chosen.run(chosen)
         return code
