@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.formats.default_sigmas import parse_sigmas
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
@@ -13,8 +15,9 @@ from obseq.formats.obs.free_points import read_points
 from obseq.formats.obs.obs import read_obs
 from obseq.formats.obs.point_lists import read_point_lists
 from obseq.formats.once import require_distinct
-from obseq.formats.project import Reading
+from obseq.formats.project import NOTHING, Reading
 from obseq.formats.registry import read_project
+from obseq.formats.stochastic import read_stochastic
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
@@ -65,12 +68,15 @@ def read_project_network(
     geoid: str | Path | None,
     ignore: Collection[str],
     sigmas: Collection[str],
+    stochastic: str | Path | None,
 ) -> Network:
     """The network that files of another program describe; see `Network.read_project`."""
     watch = Stopwatch()
     with watch.phase("read"):
         place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
-        project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
+        model = NOTHING if stochastic is None else read_stochastic(stochastic)
+        worth = {**model.default, **parse_sigmas(sigmas)}
+        project = read_project(paths, Reading(encoding, outside, place, left_out, worth, model.instruments))
     coefficient = project.refraction if refraction is None else refraction
     systems = project.systems(frame, points_crs)
     points = project.points_in(systems[1] or systems[0])
@@ -81,6 +87,12 @@ def read_project_network(
     )
     if project.is_from_grid_north:
         network = replace(network, book=from_grid_north(network.fieldwork))
+    if project.centred:
+        chosen = np.zeros(len(network.book.observations), np.bool_)
+        chosen[list(project.centred)] = True
+        network = project.stochastic.centring(network, chosen)
+    elif stochastic is not None and project.stochastic is NOTHING:
+        network = model.weighing(network)
     return network if place is None or project.has_geoid else network.with_deflections(place)
 
 

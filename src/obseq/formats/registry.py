@@ -35,29 +35,38 @@ def _read_comp3d(paths: Sequence[Path], reading: Reading) -> Project:
     return read_comp3d(only_one(tuple(paths)), reading)
 
 
+def _read_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
+    """Reads a project file of STAR*NET; one of another form is refused with the data files that it names."""
+    from obseq.formats.starnet.project_file import is_project
+
+    return (_read_starnet if is_project(paths[0]) else _refuse_starnet_project)(tuple(paths), reading)
+
+
 def _refuse_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
-    """Says which data files to give in place of a project file of STAR*NET, whose form is not published."""
+    """Says which data files to give in place of a project file of STAR*NET in a form that is not known."""
     path = paths[0]
     text = read_bytes(path).decode("latin-1")
     named = [match.group(0).strip() for match in _DATA_FILE.finditer(text)]
     found = dict.fromkeys([*named, *([f"{path.stem}.dat"] if path.with_suffix(".dat").exists() else [])])
     files = ", ".join(printable(name) for name in list(found)[:MOST_NAMED]) or "its .dat files"
     raise InputError(
-        f"{path}: the form of STAR*NET's project files is not published; give its data files ({files}), and "
+        f"{path}: this form of project files of STAR*NET is not known; give its data files ({files}), and "
         "what the project says beside them: --sigmas distance=... direction=..., --refraction, --points-crs; "
         "units and dimension as .UNITS and .2D or .3D in the data file (several files: .INCLUDE)"
     )
 
 
 _read_dna, _read_gama = _reader("dynadjust.reader", "read_dna"), _reader("gama.reader", "read_gama")
+_read_starnet = _reader("starnet.reader", "read_starnet")
 
 READERS: dict[str, Reader] = {
     ".comp": _read_comp3d,
     ".gkf": _read_gama,
     ".snx": _reader("sinex.reader", "read_sinex"),
     ".csv": _reader("tables.reader", "read_tables"),
-    ".dat": _reader("starnet.reader", "read_starnet"),
-    ".prj": _refuse_starnet_project,
+    ".dat": _read_starnet,
+    ".snproj": _read_starnet,
+    ".prj": _read_starnet_project,
     ".stn": _read_dna,
     ".msr": _read_dna,
 }
