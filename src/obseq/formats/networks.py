@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import crs
 from obseq.formats.default_sigmas import parse_sigmas
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
@@ -21,9 +23,13 @@ from obseq.formats.stochastic import read_stochastic
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
+from obseq.survey.kinds.vectors import VECTOR
 from obseq.survey.model import merge_points
 from obseq.survey.network import GIVEN, Network
 from obseq.survey.point_file_options import PointFileOptions
+
+LEAST_TURN = 1e-4
+"""Metres at the end of a vector from which turned axes are told: rounding of the files is less."""
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -93,7 +99,39 @@ def read_project_network(
         network = project.stochastic.centring(network, chosen)
     elif stochastic is not None and project.stochastic is NOTHING:
         network = model.weighing(network)
-    return network if place is None or project.has_geoid else network.with_deflections(place)
+    network = with_axes_told(network)
+    if place is None or project.has_geoid:
+        return network
+    if "deflections" in left_out:
+        return replace(network, book=network.book.warned(f"{place}: left out, as asked for (--ignore)"))
+    return network.with_deflections(place)
+
+
+def with_axes_told(network: Network) -> Network:
+    """The network, with a warning where its vectors are along other axes than its points.
+
+    Vectors of satellites are along the axes of WGS 84 (ITRF). Where PROJ turns the geodetic system of the
+    points against these, another program that takes both as one has other coordinates.
+    """
+    system, book = network.frame.system, network.book
+    rows = np.flatnonzero((book.observations.types == VECTOR.code) & book.observations.active)
+    if not rows.size or not isinstance(system, crs.RigidSystem) or system.ground.is_plain:
+        return network
+    rotation = system.ground.rotation
+    angle = float(np.linalg.norm(rotation - rotation.T)) / math.sqrt(8.0)
+    vectors = np.stack([book.observations.values[rows + k] for k in range(3)])
+    effect = float(np.linalg.norm((rotation - np.eye(3)) @ vectors, axis=0).max())
+    if effect < LEAST_TURN:
+        return network
+    description = network.points_crs.definition
+    operation = getattr(network.points_crs, "operation", None)
+    by = f" ({operation.description})" if operation is not None else ""
+    told = (
+        f"{len(rows)} GNSS vectors are along the axes of WGS 84 (ITRF), against which PROJ turns those of "
+        f"{description} by {angle * 648000.0 / math.pi:.3f} arc seconds{by}: by up to {effect * 1e3:.1f} mm "
+        "at their ends. Programs that take them along the axes of the points differ by so much"
+    )
+    return replace(network, book=book.warned(told))
 
 
 def _read_free_format(files: Files, point_format: str, options: PointFileOptions) -> Points:

@@ -50,7 +50,7 @@ def _refuse_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
     found = dict.fromkeys([*named, *([f"{path.stem}.dat"] if path.with_suffix(".dat").exists() else [])])
     files = ", ".join(printable(name) for name in list(found)[:MOST_NAMED]) or "its .dat files"
     raise InputError(
-        f"{path}: this form of project files of STAR*NET is not known; give its data files ({files}), and "
+        f"{path}: the form of STAR*NET's project files is not published; give its data files ({files}), and "
         "what the project says beside them: --sigmas distance=... direction=..., --refraction, --points-crs; "
         "units and dimension as .UNITS and .2D or .3D in the data file (several files: .INCLUDE)"
     )

@@ -251,6 +251,12 @@ class _Book:
                 f"{files}: heights above the geoid are taken as above the ellipsoid: no geoid is given "
                 "(--geoid FILE)"
             )
+        southern = self._stations.without_hemisphere
+        if southern:
+            warnings.append(
+                f"{files}: zones without a hemisphere are taken as south, as DynAdjust does: {len(southern)} "
+                f"stations, {listed(southern, SHOWN)}"
+            )
         plumb = sum(self._types[code] for code in PLUMB)
         if plumb and not self._stations.is_deflected:
             warnings.append(

@@ -161,6 +161,11 @@ class Stations:
             np.array([record.place.line for record in records], np.int32),
         )
 
+    @property
+    def without_hemisphere(self) -> list[str]:
+        """Names of stations whose zone is digits alone, which DynAdjust takes as south."""
+        return [record.name for record in self._records if record.zone.strip().isdecimal()]
+
     def height_is_held(self) -> bool:
         """Whether an orthometric height is held."""
         return any(
