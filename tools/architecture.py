@@ -18,6 +18,7 @@ FILES = (
     "comparison_record",
     "dataclass",
     "errors",
+    "module_texts",
     "packages",
     "plain",
     "plan_record",

@@ -11,7 +11,7 @@ from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, nearest
-from obseq.kernels import ondemand
+from obseq.kernels import ondemand, provenance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -107,12 +107,14 @@ def formula_names() -> tuple[str, ...]:
 def load(name: str) -> Kernel:
     """The formula of that name; nothing is compiled yet.
 
-    A member of a family that is not among the generated modules is built on demand (see `ondemand`).
+    A member of a family that is not among the generated modules is built on demand (see `ondemand`). In a
+    checkout, a kernel that is older than its formula is told, once.
 
     Raises:
         FormulaError: No formula has that name; the message gives close ones.
     """
     if name in _modules():
+        provenance.tell(name)
         return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
     module = ondemand.find(name)
     if module is None:
