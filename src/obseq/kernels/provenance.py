@@ -67,7 +67,7 @@ def _have_sources_changed() -> bool:
     equations = _folder("obseq.formulas")
     if checkout() is None or equations is None:
         return False
-    return sources_hash(equations) != _index().SOURCES
+    return bool(sources_hash(equations) != _index().SOURCES)
 
 
 def _index() -> ModuleType:
