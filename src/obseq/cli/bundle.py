@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
@@ -131,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = record_of(solution, cause=cause, failures=boundary.failures)
         boundary = Boundary()
         files = boundary.texts(_writers(arguments, outputs, solution, record))
-        record = replace(record, failures=(*record.failures, *boundary.failures))
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
         write_all(files | ({} if text is None else {text: shown}))
     say(shown, outputs.values())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
