@@ -15,6 +15,7 @@ BESIDE = ("formulas", "codegen", "generated")
 FILES = (
     "arguments",
     "arrays",
+    "cached",
     "boundary",
     "dataclass",
     "errors",

@@ -5,10 +5,11 @@ whole network: residuals are evaluated for many rows at once, of which each move
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from referee.earth import Frame, System, atan2, dot, norm, turned, wrapped
+
+from obseq.cached import cached_property
 
 TINY = 1e-30
 READ_ALONG = {"DX": 0, "DY": 1, "DZ": 2}

@@ -6,6 +6,7 @@ import functools
 import importlib
 from typing import TYPE_CHECKING
 
+from obseq.cached import cached_property
 from obseq.compilation.digests import CONTRACT, Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
@@ -67,7 +68,7 @@ class Kernel:
         """Row of the first residual in a tile."""
         return len(self.unknowns) + len(self.observations)
 
-    @functools.cached_property
+    @cached_property
     def constant_rows(self) -> tuple[tuple[int, float], ...]:
         """(row of a tile, value) of the constant entries of the Jacobian."""
         first = self.first_result + len(self.residuals)
