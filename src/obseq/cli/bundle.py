@@ -13,6 +13,7 @@ from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
 from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
+from obseq.errors import noting
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -121,10 +122,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
-        _check_formats(arguments, block)
         given, options = block.poses, _options(datum, arguments)
-        with explained(block, progress, **options):
-            solution = _solve(block, options, progress)
+        with noting(block.notes):
+            _check_formats(arguments, block)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
         boundary = Boundary()
         search = partial(common_cause, block, solution, given, progress, **options)
         cause = boundary.attempt("the search for causes", search, "")
