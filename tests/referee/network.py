@@ -1,10 +1,11 @@
 """A network as the referee sees it: points, observations, set-ups, and its unknowns where they start."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from referee.earth import Frame, System, norm
+
+from obseq.cached import cached_property
 
 TINY = 1e-30
 READ_ALONG = {"DX": 0, "DY": 1, "DZ": 2}

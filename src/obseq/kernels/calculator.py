@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from obseq.arguments import ARRAY, TEXT, expecting, require
 from obseq.arrays import FloatArray
+from obseq.cached import cached_property
 from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
@@ -201,20 +202,20 @@ class Calculator:
             )
         return np.ascontiguousarray(array, dtype=np.float64)
 
-    @functools.cached_property
+    @cached_property
     def _value(self) -> _Run:
         return _Run(self.kernel.value_address, self.kernel.value_rows, ())
 
-    @functools.cached_property
+    @cached_property
     def _value_and_jacobian(self) -> _Run:
         kernel = self.kernel
         return _Run(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows)
 
-    @functools.cached_property
+    @cached_property
     def _few_values(self) -> Callable[..., object]:
         return self._few(self._value, "evaluate_values", np.empty((0, 0)))
 
-    @functools.cached_property
+    @cached_property
     def _few_jacobians(self) -> Callable[..., object]:
         return self._few(self._value_and_jacobian, "evaluate_jacobian")
 
