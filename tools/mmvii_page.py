@@ -23,8 +23,8 @@ obseq mmvii TopoAdj Obs1 InitRTL Obs1_out FinalRTL
 obseq mmvii GCPChSysCo L93 FinalRTL FinalL93
 ```
 
-Run it in the folder of the project; the tree `MMVII-PhgrProj` is made when it is needed. `obseq mmvii` lists the
-commands, `obseq mmvii COMMAND -help` shows the arguments of one, `-Help` an example too. (How to.)
+Run it in the folder of the project. The tree `MMVII-PhgrProj` is made when it is needed. `obseq mmvii` lists
+the commands; `obseq mmvii COMMAND -help` shows the arguments of one, `-Help` an example too. (How to.)
 
 Each is done by a command of ours, which has more options (`obseq COMMAND --help`). What its files hold is in
 [project trees of MMVII](projects.md).

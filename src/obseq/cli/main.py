@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 
+from obseq.cli.gencode import generate as gencode
 from obseq.cli.guard import guarded
-from obseq.cli.mmvii import run_words as mmvii
+from obseq.cli.mmvii import in_our_words
 from obseq.cli.parsing import CommandParser, Parser
 
 COMMANDS = {
@@ -80,9 +81,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
 
     def work() -> int:
-        if given[:1] == ["mmvii"] and given[1:] not in (["-h"], ["--help"]):  # words in MMVII's own spelling
-            return mmvii(given[1:])
-        chosen = parser(*given[:1]).parse_args(given)
+        words = given
+        if given[:1] == ["mmvii"] and given[1:] not in (["-h"], ["--help"]):
+            words = in_our_words(given[1:])
+            if not words:
+                return 0
+        if words[:1] == ["gencode"]:
+            return gencode(words[1:])
+        chosen = parser(*words[:1]).parse_args(words)
         code: int = chosen.run(chosen)
         return code
 

@@ -34,36 +34,29 @@ def register(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command that the words name."""
-    return run_words(arguments.words)
+    """List the commands; words of one are put in ours before they are parsed."""
+    print(listing(), end="")
+    return 0
 
 
-def run_words(words: Sequence[str]) -> int:
-    """Run the command that words name, as MMVII's users type them; return its exit code."""
-    from obseq.cli.main import parser
+def in_our_words(words: Sequence[str]) -> list[str]:
+    """Our words for those that MMVII's users type; none where they ask for help, which is printed."""
     from obseq.project.spelling import IDLE, in_our_words
 
     if not words or words[0] in HELP:
         print(listing(), end="")
-        return 0
+        return []
     name, *given = words
     spelling = _named(name)
     if any(word in HELP for word in given):
         print(explained(spelling, with_example="-Help" in given), end="")
-        return 0
+        return []
     if not spelling.ours:
         raise InputError(f"{name}: it {spelling.about}")
     ours, idle = in_our_words(spelling, given)
     for option in idle:
         print(f"{option} has no effect here: {IDLE[option]}", file=sys.stderr)
-    if spelling.ours == "gencode":
-        from obseq.cli import gencode
-
-        sys.argv = ["gencode", *ours]
-        return gencode.main()
-    chosen = parser(spelling.ours).parse_args([spelling.ours, *ours])
-    code: int = chosen.run(chosen)
-    return code
+    return [spelling.ours, *ours]
 
 
 def listing() -> str:
