@@ -15,6 +15,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 SEPARATORS = ";\t,"
-LARGEST = 1 << 31
-"""Bytes above which a file is refused."""
 
 
 def text_of(path: str | Path) -> str:
@@ -33,14 +32,12 @@ def text_of(path: str | Path) -> str:
     Raises:
         InputError: the file cannot be read, is too large, or is not text; it is named.
     """
+    data = read_bytes(Path(path))
     try:
-        if Path(path).stat().st_size > LARGEST:
-            raise InputError(f"{path}: the file is larger than {LARGEST >> 20} MiB")
-        return Path(path).read_text(encoding="utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def number_in(text: str, said: str) -> float:
