@@ -19,7 +19,7 @@ def parsed_json(text: str | bytes) -> object:
 
 
 def _refused(name: str) -> NoReturn:
-    raise ValueError(f"{name[:40]} is no finite number")
+    raise ValueError(f"{name[:40]} is not a finite number")
 
 
 def _number(text: str) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
 from obseq.reading.text import read_bytes
+from obseq.spreadsheets import csv_text, text_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -182,14 +182,10 @@ def _fields(line: str, usual: str) -> tuple[str, ...]:
     if not separator:
         return tuple(line.split())
     row = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    return tuple(field.strip() for field in row)
+    return tuple(text_in(field.strip()) for field in row)
 
 
 def table_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table as text: commas, names in quotes where they need them, numbers at full precision."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
-    return buffer.getvalue()
+    lines = ([f"{value:.17g}" if isinstance(value, float) else value for value in row] for row in rows)
+    return csv_text([columns, *lines])
