@@ -101,6 +101,7 @@ def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
 def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.images import check_distribution
     from obseq.project.metadata import names_text
+    from obseq.spreadsheets import cell_of
 
     measures, control = _measured(arguments, tree)
     found = check_distribution(measures, control)
@@ -108,7 +109,7 @@ def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[s
     for k, image in enumerate(found.images):
         indices = f"{found.linearity[k]:.6f},{found.planarity[k]:.6f}"
         answers = f"{int(found.allows_resection[k])},{int(found.allows_eleven_parameters[k])}"
-        lines.append(f"{image},{found.counts[k]},{indices},{answers}\n")
+        lines.append(f"{cell_of(image)},{found.counts[k]},{indices},{answers}\n")
     files: Files = {}
     if arguments.lists:
         for word, passed in (("Resec", found.allows_resection), ("11Param", found.allows_eleven_parameters)):

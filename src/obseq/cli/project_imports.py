@@ -159,6 +159,7 @@ def _converted(
 
 
 def _import_observations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.reading.text import read_bytes
     from obseq.survey import read_obs
 
     path = Path(arguments.file)
@@ -167,4 +168,4 @@ def _import_observations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
     book = read_obs(path)
     text = f"{len(book.observations)} observations of {len(book.point_names)} points, "
     text += f"{len(book.stations)} stations\n"
-    return text, {tree.folder("Topo", arguments.out) / path.name: path.read_bytes()}, True
+    return text, {tree.folder("Topo", arguments.out) / path.name: read_bytes(path)}, True
