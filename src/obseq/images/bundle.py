@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 MAX_ITERATIONS, MOST = 50, 200
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
+WITH_ELIMINATION = ("levenberg-marquardt", "controlled", "gauss-newton")
+"""Strategies whose steps need not all unknowns in the matrix."""
 
 
 class BundleAdjustment(AdjustableBlock):
@@ -64,7 +66,8 @@ class BundleAdjustment(AdjustableBlock):
                 poses), "centres" or "points" (a free block: the changes of all of them from the start are
                 least), names of points (of these), or "none" (nothing; no covariances).
             covariance: False when no precision will be asked for.
-            eliminate: True to take points out of the normal equations first; the solution is the same.
+            eliminate: True to take points out of the normal equations first, where the strategy lets them;
+                the solution is the same.
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
@@ -80,7 +83,8 @@ class BundleAdjustment(AdjustableBlock):
         check_scale(self, datum)
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
-        equations = Equations(self, start, system, eliminate and not keeps_points)
+        eliminate = eliminate and not keeps_points and strategy in WITH_ELIMINATION
+        equations = Equations(self, start, system, eliminate)
         shared = zip(start.points, map(int, equations.points), strict=True)
         surveys = join_surveys(self.surveys, initial, system, shared)
         limit = max_iterations or (MOST if self._is_robust else MAX_ITERATIONS)
