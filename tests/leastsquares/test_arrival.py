@@ -156,7 +156,9 @@ def test_residuals_of_zero_are_nothing_but_rounding(kernels, strategy):
         system.add(kernels["Cancelling"], blocks, (heights[end] - heights[start]).round(6), 1e-4)
         result = system.solve(strategy=strategy)
         assert result.converged, (seed, result.stop_reason)
-        assert result.evaluations <= 24, seed  # four for each share of a step that rounding is looked for along
+        assert result.evaluations <= 24, (
+            seed
+        )  # four for each share of a step that rounding is looked for along
 
 
 @pytest.mark.parametrize("strategy", ALL)

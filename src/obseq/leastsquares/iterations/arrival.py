@@ -48,8 +48,8 @@ SHARES = (0.1, 0.01, 0.001)
 FALLING = 1e-6, 1e-2
 """Shares of what was found along a step ten times as long between which that was a bend.
 
-A bend falls to a thousandth. The rounding of a single residual falls to less than a hundredth by chance, in one
-of two hundred cases, or to nothing where the step is lost in the last digits.
+A bend falls to a thousandth. The rounding of a single residual falls to less than a hundredth by chance, in
+one of two hundred cases, or to nothing where the step is lost in the last digits.
 """
 
 NOISY = 3.0
@@ -232,4 +232,4 @@ def _third_differences(equations: NormalEquations, step: FloatArray) -> FloatArr
             found = found + times * equations.weighted_residuals()
     finally:
         table.restore(start)
-    return found / np.sqrt(20.0)
+    return np.asarray(found / np.sqrt(20.0))
