@@ -25,6 +25,7 @@ FILES = (
     "printable",
     "spreadsheets",
     "stopwatch",
+    "version",
     "writing",
 )
 """Single files beside the rooms, for everybody; they import each other and nothing else."""
