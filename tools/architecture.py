@@ -15,6 +15,7 @@ BESIDE = ("formulas", "codegen", "generated")
 FILES = (
     "arguments",
     "arrays",
+    "boundary",
     "comparison_record",
     "dataclass",
     "errors",

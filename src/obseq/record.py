@@ -263,6 +263,7 @@ class AdjustmentRecord:
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
@@ -309,6 +310,7 @@ class AdjustmentRecord:
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
+    failures: tuple[str, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -323,7 +325,7 @@ class AdjustmentRecord:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
-        return self.converged and is_whole and is_clean
+        return self.converged and is_whole and is_clean and not self.failures
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
-    write(record, outputs)
+    record = write(record, outputs)
     show(record, outputs)
     return 0 if record.is_complete else INCOMPLETE
 

@@ -3,9 +3,11 @@
 import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from obseq.boundary import Boundary
 from obseq.cli.parsing import output_file, say
 from obseq.record import AdjustmentRecord
 from obseq.report.formats import FORMATS, Format
@@ -75,9 +77,15 @@ def show(record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = ()
     say(summary(record, [str(path) for path in paths]), paths)
 
 
-def write(record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str] | None = None) -> None:
-    """Write all the results, other files among them, or none."""
-    write_all({**(others or {}), **{path: form.write(record) for path, form in outputs}})
+def write(
+    record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str | bytes] | None = None
+) -> AdjustmentRecord:
+    """Write all the results that can be made, other files among them; the record with what cannot."""
+    boundary = Boundary()
+    texts = boundary.texts({path: partial(form.write, record) for path, form in outputs})
+    write_all({**(others or {}), **texts})
+    told = tuple(boundary.failures)
+    return replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

@@ -169,6 +169,8 @@ class BundleRecord:
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
         cause: what is wrong with the whole block, when that was found; else empty.
+        weak: what the observations hardly determine, so that there are no precisions; else empty.
+        failures: what should explain the result, and failed: nobody has looked.
     """
 
     n_observations: int
@@ -197,14 +199,16 @@ class BundleRecord:
     global_test: GlobalTestRecord | None = None
     unmeasured: tuple[BlockLeftOutRecord, ...] = ()
     cause: str = ""
+    weak: str = ""
+    failures: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = VERSION
 
     @property
     def is_complete(self) -> bool:
         """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
-        is_clean = not (self.left_out or self.behind or self.suspects or self.cause)
-        return self.converged and is_clean and not self.rejected_shares
+        is_clean = not (self.left_out or self.behind or self.suspects or self.cause or self.weak)
+        return self.converged and is_clean and not self.rejected_shares and not self.failures
 
     @property
     def rejected_shares(self) -> tuple[RejectedShare, ...]:

@@ -100,7 +100,10 @@ class Computation:
             ObseqError: there is none.
         """
         equations = self._equations(start)
-        return equations.system.solve(**self._solving(equations))
+        solution = equations.system.solve(**self._solving(equations))
+        if solution.weak is not None:
+            raise solution.weak
+        return solution
 
     @cached_property
     def point_system(self) -> PointSystem:
