@@ -46,10 +46,10 @@ from diagnosis_records import of_block, of_refusal, of_survey
 from diagnosis_verdicts import RIGHT, Found, has_cause, verdict_of
 
 from obseq.errors import ObseqError
+from obseq.formats.blocks.tables import BlockFiles, read_measures
 from obseq.images import BundleAdjustment
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.adjustment.refusals import explained
-from obseq.formats.blocks.tables import BlockFiles, read_measures
 from obseq.images.output.record import record_of
 from obseq.survey import Network
 

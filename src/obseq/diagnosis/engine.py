@@ -66,7 +66,7 @@ class Search(Generic[Place]):
         linear, columns = self._model.linearised(place, applied)
         for change in applied:  # back to no change, along the tangent
             own = self._hypotheses.of(change.index)
-            linear.residuals[:] += columns.matrix[:, own] @ change.size
+            linear.residuals[:] += columns.effect(own, change.size)
         return LinearTests(linear, columns, self._hypotheses, self._policy)
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:

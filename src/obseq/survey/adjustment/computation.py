@@ -62,6 +62,15 @@ def replaced_coordinates(points: Points, system: PointSystem, initial: InitialVa
     return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """An adjustment, the network that was adjusted, and its equations, which stand at the solution."""
+
+    adjustment: Adjustment
+    start: Determined
+    equations: Equations
+
+
 @dataclass(frozen=True)
 class Computation:
     """How networks are adjusted.
@@ -74,7 +83,6 @@ class Computation:
         tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
-        wrong: Rows of observations that contradict all others where the iterations start.
     """
 
     frame: Frame
@@ -84,7 +92,6 @@ class Computation:
     tolerance: float
     watch: Stopwatch
     quality: Quality
-    wrong: tuple[int, ...] = ()
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -124,9 +131,14 @@ class Computation:
             SingularSystemError: the observations do not determine some unknowns, and `strict`; or they did
                 where the iterations started.
         """
+        return self.computed(start, equations, strict=strict).adjustment
+
+    def computed(self, start: Determined, equations: Equations | None = None, *, strict: bool) -> Computed:
+        """The same, with the network that was left, and its equations."""
         while True:
+            equations = equations or self._equations(start)
             try:
-                return self._adjusted(start, equations)
+                return Computed(self._adjusted(start, equations), start, equations)
             except SingularSystemError as error:
                 undetermined = singular_parts(start, error)
                 if strict or self._was_determined(start, undetermined):
@@ -156,7 +168,8 @@ class Computation:
                 system.unknowns.restore(first)
 
     def _equations(self, start: Determined) -> Equations:
-        return equations_of(self.frame, self.point_system, start)
+        with self.watch.phase("equations"):
+            return equations_of(self.frame, self.point_system, start)
 
     def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
         """Whether these were determined where the iterations started: then they have gone astray instead."""
@@ -170,12 +183,10 @@ class Computation:
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined, equations: Equations | None) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
         """Adjusts what is determined."""
-        with self.watch.phase("equations"):
-            equations = equations or self._equations(start)
         with self.watch.phase("iterations and covariances"):
-            found = examine(equations, start.book, self.quality, self._solving(equations), self.wrong)
+            found = examine(equations, start.book, self.quality, self._solving(equations))
         if not found.solution.converged:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):

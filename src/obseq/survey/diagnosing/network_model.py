@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.linear_tests import Columns
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.leastsquares.problem.unknowns import State
@@ -75,6 +75,7 @@ class NetworkModel:
 
     Attributes:
         given: The network, held coordinates with a sigma.
+        as_given: The network as it is.
         catalogue: What may be wrong.
     """
 
@@ -97,7 +98,7 @@ class NetworkModel:
         self._solved, self._written = solved, written
         self._evidence: tuple[Place, Evidence] | None = None
         points = doubted(given.points, given.book)
-        self._is_as_given = points is given.points
+        self._is_as_given, self.as_given = points is given.points, given
         self.given = replace(given, points=points)
         self.notes = Notes(self.given.points, self.given.book)
 
@@ -128,6 +129,13 @@ class NetworkModel:
 
     def robust(self, without: Sequence[Change] = ()) -> Place:
         """Where iterations with redescending losses lead from the initial values."""
+        return self._robustly(without) if without else self._robust
+
+    @cached_property
+    def _robust(self) -> Place:
+        return self._robustly(())
+
+    def _robustly(self, without: Sequence[Change]) -> Place:
         equations = self._equations(self._corrected(without))
         system, batches = equations.system, _batches(equations)
 
@@ -162,7 +170,10 @@ class NetworkModel:
             equations, book = self._at(heights, place), heights.book
             equations.follow(equations.system, 0)
             result = _solved(equations, max_iterations=0, covariance=True)
-        linear = linearised(equations.system, result, _batches(equations))
+        is_few = self.catalogue.is_small and not self.given.book.clusters
+        linear = linearised(
+            equations.system, result, _batches(equations), dense=is_few and _is_plain(equations)
+        )
         notes = self.notes if book is self.given.book else Notes(self.given.points, book)
         effects = Effects.of(notes, equations, place.coordinates)
         return linear, self.catalogue.columns(linear, equations, effects)
@@ -241,6 +252,13 @@ class NetworkModel:
         return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere))
 
 
+def started(model: NetworkModel) -> Determined:
+    """A network where a robust estimate leads from its initial values."""
+    place = model.robust()
+    initial = replace(model.given.initial, coordinates=place.coordinates, rotations=place.rotations)
+    return replace(model.as_given, initial=initial)
+
+
 def doubted(points: Points, book: FieldBook) -> Points:
     """Points whose held coordinates have a small sigma: an error in them is seen like any other."""
     held = points.is_held
@@ -253,6 +271,7 @@ def doubted(points: Points, book: FieldBook) -> Points:
         found = ends[observations.active & ~level]
         named[found[found < len(points)]] = True
     wanted = held & np.column_stack([named, named, np.ones(len(points), np.bool_)])
+    wanted &= points.has_coordinates[:, None]
     lengths = observations.sigmas[observations.active & ~IS_ANGLE[observations.types]]
     sigma = _HELD * (float(lengths.min()) if lengths.size else 1e-3)
     return replace(points, sigmas=np.where(wanted, sigma, points.sigmas))
@@ -261,6 +280,11 @@ def doubted(points: Points, book: FieldBook) -> Points:
 def _batches(equations: Equations) -> list[Batch]:
     """All batches: those of observations, then those of known coordinates."""
     return [*(batch for _, batch in equations.batches.values()), *equations.known.places()]
+
+
+def _is_plain(equations: Equations) -> bool:
+    """Whether none of its observations are correlated."""
+    return all(batch.clusters is None for batch in _batches(equations))
 
 
 def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:

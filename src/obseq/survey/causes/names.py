@@ -12,20 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import ObseqError
 from obseq.printable import listed
-from obseq.survey.screening.robust import GROSS, QUICK, estimate
-from obseq.survey.screening.substitutes import End, substitutes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.report.units import Scale
+    from obseq.report.units import Scale, Units
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook, Points
-    from obseq.survey.screening.robust import Estimate, Model
 
 _LOOK_ALIKE = str.maketrans("OQILZSB", "0011258")
 _FARTHEST = 0.5
@@ -34,14 +30,14 @@ _LEAST_PRECISION = 0.001
 """Precision (m) that a place has at best when points are compared."""
 _SAME = 5.0
 """Standard deviations within which two points of nearly one name are taken for one."""
+_GROSS = 10.0
+"""Standard deviations within which a point lies at a place that it was adjusted to."""
 _LONG = 4
 """Letters from which one wrong letter makes names alike where nothing but names is compared."""
 _MOST = 20
 """Left out points of which it is asked what they may be, unused points that are named."""
 _TREE = 500
 """Points from which pairs are looked for in a tree."""
-_LARGEST = 20_000
-"""Observations up to which a network is computed again for that."""
 
 
 def are_alike(a: str, b: str) -> bool:
@@ -102,7 +98,7 @@ def _named_only_by_observations(points: Points, name: str) -> list[str]:
 
 
 def mistyped_names(
-    model: Model,
+    units: Units,
     points: Points,
     book: FieldBook,
     adjusted: AdjustedPoints,
@@ -111,20 +107,22 @@ def mistyped_names(
     """Warnings of names that look mistyped, and notes of what stands in no observation.
 
     Args:
-        model: how the network is computed.
+        units: of what is told.
         points: of the network.
         book: its observations, all of them.
         adjusted: the points as they were adjusted.
         left_out: what was left out of the adjustment.
     """
-    unused, small = unused_known(points, book), model.units.small_length
+    unused, small = unused_known(points, book), units.small_length
     tell = partial(_of_unused, points, adjusted=adjusted, left_out=left_out, small=small)
     explained = {row: text for row in unused[:_MOST] if (text := tell(row))}
     unused_names = {points.names[row] for row in unused}
     rest = [points.names[row] for row in unused if row not in explained]
     warnings = [
         *explained.values(),
-        *_of_left_out(model, points, book, left_out),
+        *_of_unnamed(
+            points, book, [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
+        ),
         *_doubles(adjusted, unused_names, small),
     ]
     return warnings, [_nothing_sees(rest)] if rest else []
@@ -164,7 +162,7 @@ def _at(points: Points, row: int, adjusted: AdjustedPoints) -> tuple[str, float]
         return None
     distances = np.linalg.norm(gaps, axis=1)
     own = float(np.nan_to_num(np.nanmax(points.sigmas[row])))
-    limits = np.minimum(GROSS * np.hypot(_precisions(adjusted), own), _FARTHEST)
+    limits = np.minimum(_GROSS * np.hypot(_precisions(adjusted), own), _FARTHEST)
     found = np.flatnonzero(free & names & (distances <= limits))
     return (adjusted.names[int(found[0])], float(distances[found[0]])) if len(found) == 1 else None
 
@@ -205,24 +203,6 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
             )
 
 
-def _of_left_out(
-    model: Model, points: Points, book: FieldBook, left_out: tuple[LeftOut, ...]
-) -> Iterator[str]:
-    """Points that observations to left out ones fit, where their names are alike."""
-    names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
-    yield from _of_unnamed(points, book, names)
-    if not names or len(book.observations) > _LARGEST:
-        return
-    try:
-        found = estimate(model, points, book, QUICK)
-    except ObseqError:
-        return
-    for name in names:
-        meant = _meant(found, name)
-        if meant is not None:
-            yield f"{name}: did you mean {meant}? The observations to {name} fit it"
-
-
 def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[str]:
     """Approximate coordinates that no observation uses, where it names a point that looks like theirs."""
     counts = book.counts(book.observations.active, len(points))
@@ -235,15 +215,3 @@ def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[s
         ]
         if alike and not counts[row]:
             yield f"{name} ({points.place(row)}) is in no observation; did these mean {' or '.join(alike)}?"
-
-
-def _meant(found: Estimate, name: str) -> str | None:
-    """The one point of nearly that name that all observations to it fit."""
-    observations, number = found.book.observations, found.book.point_names.index(name)
-    rows = np.flatnonzero(observations.active & (observations.to_points == number)).tolist()
-    if not rows:
-        return None
-    fitting = substitutes(found, rows, End.TARGET)
-    fits = [found.points.names[row] for row in fitting.points] if fitting else []
-    alike = [other for other in fits if are_alike(name, other)]
-    return alike[0] if len(alike) == 1 else None
