@@ -63,7 +63,7 @@ class Columns:
         weights[alone] = 1.0 - linear.leverages[self.matrix.indices[self.matrix.indptr[alone]]]
         local = np.flatnonzero((entries > 1) & self.is_local)
         if local.size:
-            through = linear.rows.T @ self.matrix[:, local]
+            through = (linear.rows.T @ self.matrix[:, local]).tocsc()
             taken = np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
             weights[local] = 1.0 - taken
         return weights

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from obseq.diagnosis.protocol import Change
-from obseq.diagnosis.selection import for_a_slip, gains, inside, select
+from obseq.diagnosis.selection import equals, for_a_slip, inside, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.diagnosis.explanation import Explanation
-    from obseq.diagnosis.linear_tests import LinearTests, Tested
     from obseq.diagnosis.protocol import Model, Place
 
 _SCALINGS = 3
@@ -74,7 +71,7 @@ def _accusation(
     if not tested.statistic[index]:  # a block that is told for its slip
         took = tests.given(chosen).took - tests.given(rest).took
         tested.statistic[index], tested.limit[index] = took, tests.limit(tests.rank(index))
-    others = _equals(tests, tested, rest, index)
+    others = equals(tests, tested, index)
     changes = [Change(j, *tests.sizes([*rest, j])[j]) for j in (index, *others)]
     found_others = [Alternative(c, float(tested.statistic[c.index])) for c in changes]
     known = {index, *others}
@@ -91,20 +88,3 @@ def _accusation(
     limit = float(tested.limit[best.change.index])
     rest_of = tuple(one for one in found_others if one is not best)
     return Accusation(best.change, best.test, limit, rest_of, slips)
-
-
-def _equals(tests: LinearTests, tested: Tested, rest: Sequence[int], index: int) -> list[int]:
-    """What nothing tells from a hypothesis, the best first; not what holds all of it and more."""
-    gain = gains(tests, tested)
-    own = (
-        gain[index]
-        if np.isfinite(gain[index])
-        else (tested.statistic[index] - tested.limit[index] - tests.rarity[index])
-    )
-    near = np.flatnonzero(gain >= own - tests.policy.margin)
-    mine = set(tests.hypotheses.of(index).tolist())
-    return [
-        int(j)
-        for j in near[np.argsort(-gain[near], kind="stable")].tolist()
-        if j != index and not mine <= set(tests.hypotheses.of(j).tolist())
-    ]

@@ -117,7 +117,7 @@ class LinearTests:
     def _sets(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
         """Observations of several equations, by their number: hypotheses, columns (g, q), and M (g, q, q)."""
         wanted, found = self.hypotheses.q * ~self.hypotheses.is_block, []
-        for size in np.unique(wanted[wanted > 1]).tolist():
+        for size in sorted(set(wanted[wanted > 1].tolist())):  # np.unique would load masked arrays
             which = np.flatnonzero(wanted == size)
             columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
             found.append((which, columns, self._columns.grams(self.linear, columns)))
@@ -152,7 +152,7 @@ class LinearTests:
         """What is left to the columns when hypotheses are unknowns of the model."""
         if not len(chosen):
             return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
-        own = np.unique(np.concatenate([self.hypotheses.of(i) for i in chosen]))
+        own = np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
         rows = self.rows_of(own)
         shares, axes = np.linalg.eigh(rows[:, own])
         seen = shares > self.policy.unseen

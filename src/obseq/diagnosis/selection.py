@@ -48,6 +48,22 @@ def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[
     return np.where(passed, found.statistic - found.limit - tests.rarity, -np.inf)
 
 
+def equals(tests: LinearTests, found: Tested, index: int) -> list[int]:
+    """What nothing tells from a hypothesis, the best first; not what holds all of it and more.
+
+    Args:
+        tests: At one linearisation.
+        found: T of all, the other accepted hypotheses being given.
+        index: The hypothesis.
+    """
+    gain = gains(tests, found)
+    own = found.statistic[index] - found.limit[index] - tests.rarity[index]
+    near = np.flatnonzero(gain >= own - tests.policy.margin)
+    mine = set(tests.hypotheses.of(index).tolist())
+    ordered = near[np.argsort(-gain[near], kind="stable")].tolist()
+    return [j for j in ordered if j != index and not mine <= set(tests.hypotheses.of(j).tolist())]
+
+
 def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """Those of some hypotheses that pass their own test, the others being given: backward elimination."""
     left = list(chosen)

@@ -19,7 +19,7 @@ from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.singular_words import free_motions_in_words
-from obseq.survey.diagnosing.diagnosis import diagnosis_of
+from obseq.survey.diagnosing.diagnosis import record_of
 from obseq.survey.diagnosing.network_model import NetworkModel, started
 from obseq.survey.initial.initial_values import InitialValues, values_by
 from obseq.survey.initial.kept_graphs import Graphs
@@ -234,11 +234,20 @@ class Fieldwork:
         if found is not None:
             return found
         assert failed is not None
-        told = boundary.attempt(_DIAGNOSIS, lambda: diagnosis_of(model, self.units).record(), None)
+        told = boundary.attempt(_DIAGNOSIS, lambda: self._recorded(model), None)
         if told is not None and told.accused:
             reason = f"the adjustment fails, which may follow from them: {failed}"
             raise InputError(f"{listed_errors(told)}\n{reason}") from failed
         raise failed
+
+    def _recorded(self, model: NetworkModel) -> DiagnosisRecord:
+        """What is wrong with a network."""
+
+        def begun(points: Points, book: FieldBook) -> Determined:
+            start = Determined(points, book, self._computed(points, book))
+            return leave_out(start, start.initial.unplaced)
+
+        return record_of(model, self.units, begun, lambda start: self._model(start, None))
 
     def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
         """A network as its diagnosis sees it."""
@@ -251,7 +260,7 @@ class Fieldwork:
         solved = (found.equations, found.adjustment.solution) if is_as_given else None
         return boundary.attempt(
             _DIAGNOSIS,
-            lambda: diagnosis_of(self._model(found.start, solved), self.units).record(),
+            lambda: self._recorded(self._model(found.start, solved)),
             DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed"),
         )
 

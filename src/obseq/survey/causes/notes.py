@@ -71,7 +71,10 @@ class Notes:
 
     @cached_property
     def setups(self) -> IntArray:
-        """The set-up of each; -1 for none. Lengths read among the directions of one are part of it."""
+        """The set-up of each; -1 for none. Lengths read among the directions of one are part of it.
+
+        So are the lengths from a point that has no other set-up.
+        """
         rows = self.book.observations
         n, found = len(rows), rows.stations.astype(np.int64)
         if not n or not len(self.book.stations):
@@ -85,6 +88,12 @@ class Notes:
             known = is_loose & (near >= 0) & (near < n)
             known[known] = runs[near[known]] == runs[known]
             found[known] = rows.stations[near[known]]
+        origins = self.book.stations.origins
+        counts = np.bincount(origins, minlength=len(self.book.point_names))
+        only = np.full(len(self.book.point_names), -1, np.int64)
+        only[origins] = np.arange(len(origins))
+        is_loose &= (found < 0) & (counts[rows.from_points] == 1)
+        found[is_loose] = only[rows.from_points[is_loose]]
         return found
 
     @cached_property
@@ -92,6 +101,18 @@ class Notes:
         """The sight of each, from a set-up to a target; -1 for those of no set-up."""
         rows, width = self.book.observations, len(self.book.point_names)
         return np.where(self.setups >= 0, self.setups * width + rows.to_points, -1)
+
+    @cached_property
+    def readings(self) -> IntArray:
+        """The sight of each, counted anew where the same is read again: a round of its own; -1 for none."""
+        rows, sights = self.book.observations, self.sights
+        keys = sights * (1 + int(rows.types.max(initial=0))) + rows.types
+        order = np.lexsort((np.arange(len(keys)), keys))
+        firsts = np.append(True, np.diff(keys[order]) != 0)[: len(keys)]
+        places = np.arange(len(keys))
+        rounds = np.empty(len(keys), np.int64)
+        rounds[order] = places - np.maximum.accumulate(np.where(firsts, places, 0))
+        return np.where(sights >= 0, sights * (1 + int(rounds.max(initial=0))) + rounds, -1)
 
     @cached_property
     def instruments(self) -> IntArray:

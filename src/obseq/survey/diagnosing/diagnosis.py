@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.verdict import Status
 from obseq.diagnosis_record import DiagnosisRecord
-from obseq.survey.diagnosing.words import accused
+from obseq.survey.diagnosing.rewritings import best_rewriting
+from obseq.survey.diagnosing.words import accused, rewriting_record
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.diagnosis.verdict import Verdict
     from obseq.report.units import Units
     from obseq.survey.causes.catalogue import Named
     from obseq.survey.diagnosing.network_model import NetworkModel
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import FieldBook, Points
+
+_FEW = 3
+"""Errors that are told one by one before it is asked whether many values share a mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +53,37 @@ class Diagnosis:
     def named(self) -> list[Named]:
         """What is accused."""
         return [self.model.catalogue.named(one.change.index) for one in self.verdict.accused]
+
+
+def record_of(
+    model: NetworkModel,
+    units: Units,
+    begin: Callable[[Points, FieldBook], Determined],
+    of: Callable[[Determined], NetworkModel],
+) -> DiagnosisRecord:
+    """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
+
+    Args:
+        model: The network.
+        units: In which sizes are told.
+        begin: Points and observations -> what can be computed of them, at initial values.
+        of: Such a network -> its model.
+    """
+    found = diagnosis_of(model, units)
+    own = found.record()
+    if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and len(found.verdict.accused) <= _FEW:
+        return own
+    is_many = len(found.verdict.accused) > _FEW
+    trial = best_rewriting(model, begin, of, is_many=is_many)
+    if trial is None:
+        return own
+    rest = diagnosis_of(of(trial.start), units).record()
+    is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
+    if not is_better or len(rest.accused) >= max(len(own.accused), 1):
+        return own
+    status = "explained" if rest.status == "accepted" else rest.status
+    one = rewriting_record(trial.rewriting, model.notes)
+    return replace(rest, status=status, accused=(one, *rest.accused))
 
 
 def diagnosis_of(model: NetworkModel, units: Units) -> Diagnosis:

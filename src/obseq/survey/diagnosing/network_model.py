@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from obseq.diagnosis.linear import linearised
-from obseq.errors import SingularSystemError
+from obseq.diagnosis.policy import POLICY
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
@@ -25,7 +26,7 @@ from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
@@ -45,6 +46,8 @@ _STAGES = ((Huber(1.5), 14, 0.3), (GemanMcClure(8.0), 6, 0.1), (GemanMcClure(4.0
 """Losses of the robust start, the most iterations with each, and how near they come (standard deviations)."""
 _FOLLOW = 3
 """Verticals and refraction are computed anew after so many iterations of the robust start."""
+_ENDLESS = 1e9
+"""Misfit beyond which a contradiction is a whole one."""
 _ITERATIONS, _TOLERANCE = 20, 1e-4
 _HELD = 0.1
 """Of the smallest sigma of a length: the sigma with which held coordinates are doubted."""
@@ -153,7 +156,7 @@ class NetworkModel:
                 analysis.iterate(
                     GaussNewton(), Options(count, near), analysis.redundancy, before, lambda _: None
                 )
-        except SingularSystemError:
+        except ObseqError:
             pass  # what has been found so far is what there is
         finally:
             for batch in batches:
@@ -203,6 +206,21 @@ class NetworkModel:
         residuals, _ = equations.fitted(equations.system)
         effects = Effects.of(self.notes, equations, place.coordinates)
         return Evidence(effects, self.given.book.observations.values + residuals, *self._written)
+
+    @property
+    def point_system(self) -> PointSystem:
+        """Of the coordinates of points."""
+        return self._written[1]
+
+    def contradictions(self) -> tuple[float, BoolArray]:
+        """How many observations contradict the robust place, counted softly, and which of them do."""
+        place = self.robust()
+        equations = self._at(self.given, place)
+        equations.follow(equations.system, 0)
+        residuals, sigmas = equations.fitted(equations.system)
+        sizes = np.abs(np.nan_to_num(residuals)) / (POLICY.suspect * sigmas)
+        squares = np.square(np.minimum(sizes, _ENDLESS))
+        return float(np.sum(squares / (1.0 + squares))), sizes > 1.0
 
     def _at(self, given: Determined, place: Place) -> Equations:
         """The equations of a network, its unknowns at a place."""

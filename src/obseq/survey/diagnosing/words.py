@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.verdict import Accusation
     from obseq.report.units import Units
     from obseq.survey.causes.catalogue import Catalogue, Named
+    from obseq.survey.causes.notes import Notes
+    from obseq.survey.causes.rewriting import Rewritten
 
 _MOST = 3
 """Alternatives that one sentence names."""
@@ -58,14 +60,24 @@ def accused(one: Accusation, catalogue: Catalogue, units: Units) -> AccusedRecor
     )
 
 
+def rewriting_record(one: Rewritten, notes: Notes) -> AccusedRecord:
+    """A mistake of many values as the result holds it."""
+    places = _places(notes, one.rows.tolist())
+    known = tuple(KnownRecord(notes.points.names[p], c) for p in one.known.tolist() for c in COMPONENTS)
+    slips = (SlipRecord(one.slip, one.text),) if one.slip else ()
+    return AccusedRecord(one.code, one.what, places, known, one.text, slips=slips)
+
+
+def _places(notes: Notes, rows: Sequence[int]) -> tuple[PlaceRecord, ...]:
+    """Observations by file and line."""
+    book, of = notes.book, notes.book.observations
+    return tuple(PlaceRecord(book.files[of.file_indices[row]], int(of.lines[row]), row) for row in rows)
+
+
 def suspected(named: Named, catalogue: Catalogue) -> SuspectRecord:
     """What a hypothesis is, as the result holds it."""
     notes = catalogue.notes
-    rows = notes.book.observations
-    places = tuple(
-        PlaceRecord(notes.book.files[rows.file_indices[row]], int(rows.lines[row]), row)
-        for row in named.rows.tolist()
-    )
+    places = _places(notes, named.rows.tolist())
     points = tuple(KnownRecord(notes.points.names[point], COMPONENTS[part]) for point, part in named.known)
     return SuspectRecord(named.code, what(named, catalogue), places, points)
 
