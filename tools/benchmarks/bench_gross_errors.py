@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from obseq.diagnosis_record import AccusedRecord
+    from obseq.records.diagnosis import AccusedRecord
 
 FRAME, PLANE = simulated.FRAME, simulated.PLANE
 Random = np.random.Generator
@@ -152,14 +152,20 @@ def _some(rows: list[int], random: Random) -> list[int]:
 
 def all_in_degrees(site: Site, random: Random) -> Planted:
     """All angles in degrees."""
-    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), _scaled(site, _angles(site), lambda v: v * 0.9))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site), lambda v: v * 0.9),
+    )
 
 
 def station_in_degrees(site: Site, random: Random) -> Planted:
     """All angles of one station in degrees."""
     name = site.obs[_some(_angles(site), random)[0]][1]
     rows = [k for k in _angles(site) if site.obs[k][1] == name]
-    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), _scaled(site, rows, lambda v: v * 0.9))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, rows, lambda v: v * 0.9),
+    )
 
 
 def station_anticlockwise(site: Site, random: Random) -> Planted:
@@ -183,12 +189,18 @@ def all_elevations_in_degrees(site: Site, random: Random) -> Planted:
 
 def all_in_millimetres(site: Site, random: Random) -> Planted:
     """All distances in millimetres."""
-    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), _scaled(site, _angles(site, ("3",)), lambda v: v * 1000.0))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site, ("3",)), lambda v: v * 1000.0),
+    )
 
 
 def all_in_feet(site: Site, random: Random) -> Planted:
     """All distances in feet."""
-    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), _scaled(site, _angles(site, ("3",)), lambda v: v / 0.3048))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site, ("3",)), lambda v: v / 0.3048),
+    )
 
 
 def one_in_degrees(site: Site, random: Random) -> Planted:
@@ -206,7 +218,10 @@ def one_elevation(site: Site, random: Random) -> Planted:
 def one_in_millimetres(site: Site, random: Random) -> Planted:
     """One distance in millimetres."""
     rows = _some(_angles(site, ("3",)), random)
-    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), _scaled(site, rows, lambda v: v * 1000.0))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, rows, lambda v: v * 1000.0),
+    )
 
 
 def one_digit(site: Site, random: Random) -> Planted:
@@ -222,7 +237,9 @@ def one_digit(site: Site, random: Random) -> Planted:
         if changed != text and (site.obs[k][0] == "3" or abs(float(changed)) <= 400.0):
             break
     site.obs[k][3] = changed
-    return Planted(frozenset({"W109", "W110", "W129", "W130", "W102", "W131", "W105", "W104"}), frozenset({k + 1}))
+    return Planted(
+        frozenset({"W109", "W110", "W129", "W130", "W102", "W131", "W105", "W104"}), frozenset({k + 1})
+    )
 
 
 def _power(i: int, point: int) -> int:

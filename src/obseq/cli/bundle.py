@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
 from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
+from obseq.errors import noting
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -120,10 +122,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
-        _check_formats(arguments, block)
         given, options = block.poses, _options(datum, arguments)
-        with explained(block, progress, **options):
-            solution = _solve(block, options, progress)
+        with noting(block.notes):
+            _check_formats(arguments, block)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
         boundary = Boundary()
         search = partial(common_cause, block, solution, given, progress, **options)
         cause = boundary.attempt("the search for causes", search, "")
@@ -131,7 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = record_of(solution, cause=cause, failures=boundary.failures)
         boundary = Boundary()
         files = boundary.texts(_writers(arguments, outputs, solution, record))
-        record = replace(record, failures=(*record.failures, *boundary.failures))
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
         write_all(files | ({} if text is None else {text: shown}))
     say(shown, outputs.values())

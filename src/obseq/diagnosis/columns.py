@@ -63,7 +63,7 @@ class Columns:
         weights[alone] = 1.0 - linear.leverages[self.matrix.indices[self.matrix.indptr[alone]]]
         local = np.flatnonzero((entries > 1) & self.is_local)
         if local.size:
-            through = (linear.rows.T @ self.matrix[:, local]).tocsc()
+            through: csc_array = linear.rows.T @ self.matrix[:, local]
             taken = np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
             weights[local] = 1.0 - taken
         return weights
@@ -77,9 +77,10 @@ class Columns:
             before, after = (one[:, sets.ravel()].reshape(-1, g, q) for one in (through, solved))
             lost: FloatArray = np.einsum("ugi,ugj->gij", before, after)
             return np.asarray(np.einsum("ngi,ngj->gij", own, own) - lost)
-        flat = self.matrix[:, sets.ravel()]
-        through, result = (linear.rows.T @ flat).tocsc(), np.empty((g, q, q))
-        lost = (linear.cofactors @ through).tocsc()
+        flat, result = self.matrix[:, sets.ravel()], np.empty((g, q, q))
+        through: csc_array = linear.rows.T @ flat
+        lost: csc_array = (linear.cofactors @ through).tocsc()
+        through = through.tocsc()
         for i in range(q):
             for j in range(i + 1):
                 own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)

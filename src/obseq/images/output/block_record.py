@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
 from obseq.images.output.shares import Owners, RejectedShare, rejected_shares
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
-from obseq.plain import from_plain, to_plain
-from obseq.record import IterationRecord, RunRecord
-from obseq.record_quality import GlobalTestRecord
+from obseq.records.adjustment import IterationRecord, RunRecord
+from obseq.records.quality import GlobalTestRecord
+from obseq.records.record import Record, from_plain
 from obseq.report.result_file import read_plain, text_of
 
 if TYPE_CHECKING:
@@ -27,8 +26,7 @@ FORMAT = "obseq-bundle"
 VERSION = 4
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterRecord:
+class ParameterRecord(Record, frozen=True):
     """A camera parameter: value, and standard deviation (0: frozen; None: not asked for)."""
 
     name: str
@@ -36,8 +34,7 @@ class ParameterRecord:
     sigma: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class CameraRecord:
+class CameraRecord(Record, frozen=True):
     """A calibration.
 
     Attributes:
@@ -61,8 +58,7 @@ class CameraRecord:
     undistorted_y: tuple[float | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ImageRecord:
+class ImageRecord(Record, frozen=True):
     """A pose and how its measures fit.
 
     Attributes:
@@ -87,8 +83,7 @@ class ImageRecord:
     mean_dy: float
 
 
-@dataclass(frozen=True, slots=True)
-class BlockPointRecord:
+class BlockPointRecord(Record, frozen=True):
     """A point: kind is `control` or `tie`; `residual` is adjusted minus given, of control points.
 
     Attributes:
@@ -106,8 +101,7 @@ class BlockPointRecord:
     residual: tuple[float, ...] | None
 
 
-@dataclass(frozen=True, slots=True)
-class ImagePointRecord:
+class ImagePointRecord(Record, frozen=True):
     """An image point, its residual (computed minus measured, pixels), and what robust weights left of it."""
 
     image: str
@@ -119,8 +113,7 @@ class ImagePointRecord:
     weight: float
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualColumns:
+class ResidualColumns(Record, frozen=True):
     """All image points that were adjusted, by columns.
 
     Attributes:
@@ -143,8 +136,7 @@ class ResidualColumns:
     weight: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class BlockLeftOutRecord:
+class BlockLeftOutRecord(Record, frozen=True):
     """Something that took no part."""
 
     kind: str
@@ -152,8 +144,7 @@ class BlockLeftOutRecord:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class BundleRecord:
+class BundleRecord(Record, frozen=True, omit_defaults=False):
     """A whole bundle adjustment.
 
     Attributes:
@@ -231,7 +222,7 @@ class BundleRecord:
 
     def to_json(self) -> str:
         """The text of the result file."""
-        return text_of(to_plain(self))
+        return text_of(self)
 
 
 def is_block(plain: object) -> bool:

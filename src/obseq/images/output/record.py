@@ -21,7 +21,7 @@ from obseq.images.output.block_record import (
 from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.testing import reliability_record
-from obseq.record import IterationRecord, new_run
+from obseq.records.adjustment import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import LeftOut
     from obseq.images.camera import Camera
-    from obseq.record_quality import GlobalTestRecord
+    from obseq.records.quality import GlobalTestRecord
 
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""

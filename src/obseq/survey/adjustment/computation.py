@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
-from obseq.record import new_run
+from obseq.records.adjustment import new_run
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality

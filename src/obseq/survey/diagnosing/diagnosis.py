@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec import structs
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.verdict import Status
-from obseq.diagnosis_record import DiagnosisRecord
+from obseq.records.diagnosis import DiagnosisRecord
 from obseq.survey.diagnosing.rewritings import best_rewriting
 from obseq.survey.diagnosing.words import accused, rewriting_record
 
@@ -83,7 +84,7 @@ def record_of(
         return own
     status = "explained" if rest.status == "accepted" else rest.status
     one = rewriting_record(trial.rewriting, model.notes)
-    return replace(rest, status=status, accused=(one, *rest.accused))
+    return structs.replace(rest, status=status, accused=(one, *rest.accused))
 
 
 def diagnosis_of(model: NetworkModel, units: Units) -> Diagnosis:

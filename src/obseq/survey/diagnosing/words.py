@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.diagnosis_record import AccusedRecord, KnownRecord, PlaceRecord, SlipRecord, SuspectRecord
 from obseq.printable import listed
+from obseq.records.diagnosis import AccusedRecord, KnownRecord, PlaceRecord, SlipRecord, SuspectRecord
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.causes.catalogue import KNOWN
 from obseq.survey.kinds.registry import BY_CODE

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.printable import listed
 from obseq.survey.adjustment.adjusted_records import global_test_record
@@ -48,7 +49,7 @@ def without_explained(epoch: Adjustment, moved: Collection[str], reference: Coll
         for error, names in ((one, {point.name for point in one.points}) for one in epoch.gross_errors)
         if not (names and agrees) and not (names & set(moved) and names <= set(reference))
     )
-    return replace(epoch, diagnosis=replace(epoch.diagnosis, accused=errors))
+    return replace(epoch, diagnosis=structs.replace(epoch.diagnosis, accused=errors))
 
 
 def at_odds(known: Sequence[str]) -> tuple[str, ...]:
