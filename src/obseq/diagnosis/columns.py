@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -63,9 +63,11 @@ class Columns:
         weights[alone] = 1.0 - linear.leverages[self.matrix.indices[self.matrix.indptr[alone]]]
         local = np.flatnonzero((entries > 1) & self.is_local)
         if local.size:
-            through: csc_array = linear.rows.T @ self.matrix[:, local]
-            taken = np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
-            weights[local] = 1.0 - taken
+            rows: Any = linear.rows
+            through = rows.T @ self.matrix[:, local]
+            weights[local] = (
+                1.0 - np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
+            )
         return weights
 
     def grams(self, linear: Linear, sets: IntArray) -> FloatArray:
@@ -73,18 +75,18 @@ class Columns:
         g, q = sets.shape
         if isinstance(self.matrix, np.ndarray):
             through, solved = self._through(linear)
-            own = self.matrix[:, sets.ravel()].reshape(-1, g, q)
+            each = self.matrix[:, sets.ravel()].reshape(-1, g, q)
             before, after = (one[:, sets.ravel()].reshape(-1, g, q) for one in (through, solved))
             lost: FloatArray = np.einsum("ugi,ugj->gij", before, after)
-            return np.asarray(np.einsum("ngi,ngj->gij", own, own) - lost)
+            return np.asarray(np.einsum("ngi,ngj->gij", each, each) - lost)
         flat, result = self.matrix[:, sets.ravel()], np.empty((g, q, q))
-        through: csc_array = linear.rows.T @ flat
-        lost: csc_array = (linear.cofactors @ through).tocsc()
-        through = through.tocsc()
+        rows, cofactors = cast("Any", linear.rows), cast("Any", linear.cofactors)
+        across = (rows.T @ flat).tocsc()
+        left = (cofactors @ across).tocsc()
         for i in range(q):
             for j in range(i + 1):
                 own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)
-                off = lost[:, i::q].multiply(through[:, j::q]).sum(axis=0)
+                off = left[:, i::q].multiply(across[:, j::q]).sum(axis=0)
                 result[:, i, j] = result[:, j, i] = np.asarray(own - off).ravel()
         return result
 

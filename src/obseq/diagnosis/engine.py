@@ -18,7 +18,7 @@ from obseq.diagnosis.judgement import judged
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, merged, select
+from obseq.diagnosis.selection import equals, gains, inside, merged, needed, select
 from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
@@ -48,7 +48,7 @@ class Search(Generic[Place]):
         if solution is not None:
             tests = self._tests(solution)
             found = tests.tests(tests.given(()), blocks=False)
-            if (found.statistic <= found.limit).all():
+            if not np.isfinite(gains(tests, found)).any():
                 is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
                 status = Status.ACCEPTED if is_accepted else Status.UNEXPLAINED
                 return Verdict(status, (), tests.cost, tests.linear.redundancy)
@@ -88,7 +88,14 @@ class Search(Generic[Place]):
                 return best  # several may be the price of a wrong place: look from the other
         if best is None:
             return None
-        return self._in_place_of_several(best) if best.is_accepted else self._without_the_worst(best)
+        if best.is_accepted:
+            best = self._in_place_of_several(best)
+        # of few spare observations some errors take too many: then they hardly are as many
+        if not best.is_accepted or len(best.chosen) > max(
+            2.0, self._policy.share * best.tests.linear.redundancy
+        ):
+            best = self._without_the_worst(best)
+        return best
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""
@@ -127,7 +134,7 @@ class Search(Generic[Place]):
         worst = [i for i in worst[: self._policy.trials] if statistic[i] > 0.0]
         for index in worst:
             best = self._restarted(best, [index])
-            if best.is_accepted:
+            if best.is_accepted and len(best.chosen) == 1:
                 break
         return best
 
@@ -189,8 +196,16 @@ class Search(Generic[Place]):
             found.append(select(tests, suspects))
             if (blocks := merged(tests, suspects)) != suspects:  # more rows than are told one by one
                 found.append(select(tests, blocks))
-        if len(_cheapest(tests, found)) > 1:  # two rows may look like one group and another row
-            found.append(select(tests, rows_only=True))
+        best = _cheapest(tests, found)
+        blocks = [i for i in best if self._hypotheses.is_block[i]]
+        if len(best) > 1 or blocks:  # two rows may look like one group and another row
+            rows = select(tests, rows_only=True)
+            left = tests.cost - tests.given(rows).took
+            spare = tests.linear.redundancy - len(rows)
+            are_few = any(len(inside(tests, rows, block)) < needed(tests, block) for block in blocks)
+            if are_few and left <= accepted(spare, self._policy):
+                found = [one for one in found if not self._hypotheses.is_block[one].any()]
+            found.append(rows)
         return tuple(sorted(_cheapest(tests, found)))
 
     def _to_try(self, tests: LinearTests) -> tuple[Change, ...]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.diagnosis.protocol import Change
-from obseq.diagnosis.selection import equals, for_a_slip, inside, select
+from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
+from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +25,7 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     is_accepted = found.is_accepted
     if not is_accepted:
         chosen = _beyond_noise(found)
-    chosen = _with_slips(model, found, chosen)
+    chosen, found = _with_slips(model, found, chosen)
     tests = found.tests
     left = tests.cost - tests.given(chosen).took
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
@@ -49,16 +50,24 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     return chosen
 
 
-def _with_slips(model: Model[Place], found: Explanation[Place], chosen: list[int]) -> list[int]:
+def _with_slips(
+    model: Model[Place], found: Explanation[Place], chosen: list[int]
+) -> tuple[list[int], Explanation[Place]]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
     for block in for_a_slip(tests, chosen):
         gone = inside(tests, chosen, block)
-        other = [*(i for i in chosen if i not in gone), block]
-        change = Change(block, *tests.sizes(other)[block])
-        if any(slip.is_strong for slip in model.slips(change, found.place)):
-            chosen = other
-    return chosen
+        other = kept(tests, [*(i for i in chosen if i not in gone), block])
+        if block not in other:
+            continue
+        sizes = tests.sizes(other)
+        try:
+            place, _, _ = model.adjusted(found.place, [Change(i, *sizes[i]) for i in other])
+        except ObseqError:
+            continue
+        if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
+            chosen, found = other, found.at(place)
+    return chosen, found
 
 
 def _accusation(
@@ -80,11 +89,9 @@ def _accusation(
     best = found_others[0]
     slips = model.slips(best.change, found.place)
     if not any(slip.is_strong for slip in slips):
-        for other in found_others[1:]:
-            told = model.slips(other.change, found.place)
-            if any(slip.is_strong for slip in told):
-                best, slips = other, told
-                break
+        told = [(other, model.slips(other.change, found.place)) for other in found_others[1:]]
+        strong = [(other, of) for other, of in told if any(slip.is_strong for slip in of)]
+        best, slips = min(strong, key=lambda one: one[1][0].misfit, default=(best, slips))
     limit = float(tested.limit[best.change.index])
     rest_of = tuple(one for one in found_others if one is not best)
     return Accusation(best.change, best.test, limit, rest_of, slips)

@@ -212,19 +212,19 @@ class LinearTests:
             self._ranks[index] = max(int(np.count_nonzero(shares > self.policy.unseen)), 1)
         return self._ranks[index]
 
-    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Estimates and covariance of the sizes of hypotheses together, in lengths of their columns."""
+    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray, bool]:
+        """Estimates and covariance of sizes together, in lengths of columns; whether all are determined."""
         own = np.concatenate([self.hypotheses.of(i) for i in chosen])
         shares, axes = np.linalg.eigh(self.rows_of(own)[:, own])
         seen = shares > self.policy.unseen
         covariance = (axes[:, seen] / shares[seen]) @ axes[:, seen].T
-        return covariance @ self.shown[own], covariance
+        return covariance @ self.shown[own], covariance, bool(seen.all())
 
     def sizes(self, chosen: Sequence[int]) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Estimates and standard deviations (q,) of chosen hypotheses together, in their units."""
         if not len(chosen):
             return {}
-        estimates, covariance = self.inverse(chosen)
+        estimates, covariance, _ = self.inverse(chosen)
         spread, found, start = np.sqrt(np.maximum(np.diag(covariance), 0.0)), {}, 0
         for i in chosen:
             own = self.hypotheses.of(i)

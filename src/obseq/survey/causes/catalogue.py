@@ -106,11 +106,18 @@ class Catalogue:
                 if not len(groups):
                     continue
                 self._parts.append((cause, groups))
-                about = {"needs_slip": cause.needs_slip, "is_bent": cause.is_bent}
+                about = {"needs_slip": cause.needs_slip, "is_bent": cause.is_bent, "is_start": cause.is_one}
                 if cause.effect is None:
                     columns = self._column[groups.rows]
                     families.append(
-                        Family(cause.code, groups.starts, columns, cause.rarity, is_block=True, **about)
+                        Family(
+                            cause.code,
+                            groups.starts,
+                            columns,
+                            cause.rarity,
+                            is_block=not cause.is_one,
+                            **about,
+                        )
                     )
                 else:
                     self._single.append((cause, groups))

@@ -27,12 +27,14 @@ class Effects:
         coordinates: (p, 3) of the points.
         vectors: (n, 3) from instrument to target, heights included; NaN where a point has no place.
         up: (n, 3) vertical of the instrument.
+        axes: (n, 3) what a metre east, north and up adds to components of vectors; NaN of others.
     """
 
     notes: Notes
     coordinates: FloatArray
     vectors: FloatArray
     up: FloatArray
+    axes: FloatArray
 
     @classmethod
     def of(cls, notes: Notes, equations: Equations, coordinates: FloatArray) -> Effects:
@@ -41,8 +43,9 @@ class Effects:
         up = equations.verticals(rows.from_points.astype(np.int64), coordinates)
         places = np.full((len(notes.book.point_names), 3), np.nan)
         places[: len(coordinates)] = coordinates
+        axes = equations.local_axes(coordinates)
         raised = (rows.to_heights - rows.from_heights)[:, None] * up
-        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up)
+        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up, axes)
 
     @property
     def ones(self) -> FloatArray:
@@ -58,6 +61,11 @@ class Effects:
     def lengths(self) -> FloatArray:
         """Of the sights (m)."""
         return np.asarray(np.maximum(np.nan_to_num(np.linalg.norm(self.vectors, axis=1)), _SHORTEST))
+
+    @property
+    def upward(self) -> FloatArray:
+        """Of components of vectors whose end is a metre too high in them; 0 of all others."""
+        return np.asarray(-np.nan_to_num(self.axes[:, 2]))
 
     @cached_property
     def raised(self) -> FloatArray:

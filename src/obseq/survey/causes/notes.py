@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.survey.adjustment.joint_groups import vector_numbers
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, among, codes_for, codes_where
 from obseq.survey.model import GroupKind
@@ -68,6 +69,12 @@ class Notes:
     def is_vector(self) -> BoolArray:
         """Which are components of vectors or positions."""
         return np.asarray(AXIS_OF_VECTOR[self.book.observations.types] >= 0)
+
+    @cached_property
+    def vectors(self) -> IntArray:
+        """The vector that each is a component of, by what files give as one; -1 for none."""
+        numbers = vector_numbers(self.book)
+        return np.where(np.isin(numbers, np.flatnonzero(np.bincount(numbers[numbers >= 0]) > 1)), numbers, -1)
 
     @cached_property
     def setups(self) -> IntArray:

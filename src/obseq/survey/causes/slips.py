@@ -17,7 +17,9 @@ from obseq.diagnosis.protocol import Slip
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW
 from obseq.survey.causes.circle import CIRCLE
 from obseq.survey.causes.distance_constant import CONSTANT
+from obseq.survey.causes.distance_scale import SCALE
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.level_scale import LEVEL_SCALE
 from obseq.survey.causes.other_points import other_standpoint, other_target, readings_to
 from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.causes.values import COORDINATE, LIKELY, difference, explain
@@ -37,6 +39,14 @@ if TYPE_CHECKING:
 
 PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086)
 """Constants (m) by which prisms of makers differ from each other and from none."""
+_ROUNDED = 1e-3
+"""Of a factor between units: what rounded values leave of it."""
+_UNITS = (
+    ("W126", "millimetres read as metres", 1e-3),
+    ("W127", "centimetres read as metres", 1e-2),
+    ("W106", "feet read as metres", 0.3048),
+    ("W107", "metres read as feet", 1.0 / 0.3048),
+)
 _NOTED = 0.0005
 """Half of the millimetre to which heights and constants are noted (m)."""
 
@@ -160,6 +170,13 @@ def _of_constant(_named: Named, change: Change, _evidence: Evidence) -> Iterator
         yield Slip("W120", f"prisms differ by {1e3 * near:.1f} mm", 0.0, is_strong=False)
 
 
+def _of_scale(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
+    right, tolerance = 1.0 - float(change.size[0]), POLICY.near * float(change.sigma[0])
+    for code, text, factor in _UNITS:
+        if abs(right - factor) <= max(tolerance, _ROUNDED * factor):
+            yield Slip(code, text, abs(right - factor), is_strong=True)
+
+
 def _of_known(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     point, component = named.known[0]
     points, names = evidence.effects.notes.points, evidence.effects.notes.points.names
@@ -200,4 +217,6 @@ _FINDERS = {
     INSTRUMENT_HEIGHT.code: _of_height,
     TARGET_HEIGHT.code: _of_height,
     CONSTANT.code: _of_constant,
+    SCALE.code: _of_scale,
+    LEVEL_SCALE.code: _of_scale,
 }

@@ -267,7 +267,7 @@ class NetworkModel:
         """(n,) what a unit of a cause that is no height adds to computed minus observed, anywhere."""
         nowhere = np.zeros((len(self.notes.book.observations), 3))
         assert cause.effect is not None
-        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere))
+        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere, nowhere))
 
 
 def started(model: NetworkModel) -> Determined:
