@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from obseq.diagnosis.protocol import Change
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.diagnosis.explanation import Explanation
+    from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
 _SCALINGS = 3
@@ -23,17 +25,35 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     """The verdict on a model of which an explanation was found."""
     chosen = list(found.chosen)
     is_accepted = found.is_accepted
-    if not is_accepted:
-        chosen = _beyond_noise(found)
+    chosen = _of_its_noise(found.tests, chosen) if is_accepted else _beyond_noise(found)
     chosen, found = _with_slips(model, found, chosen)
     tests = found.tests
     left = tests.cost - tests.given(chosen).took
+    if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
+        return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     accused = [_accusation(model, found, chosen, i) for i in chosen]
     accused.sort(key=lambda one: -one.test / one.limit)
     explained = Status.EXPLAINED if accused else Status.ACCEPTED
     status = explained if is_accepted else Status.UNEXPLAINED
     return Verdict(status, tuple(accused), left, redundancy, reason)
+
+
+def _of_sigmas(tests: LinearTests) -> float:
+    """The price of sigmas that are all too small by one factor: minus twice the logarithm of its likelihood.
+
+    Of few spare observations it is often less than that of errors in some of them: nobody is accused then.
+    """
+    spare = max(tests.linear.redundancy, 1)
+    factor = max(tests.cost / spare, 1.0)
+    return float(spare * math.log(factor) + tests.cost / factor + tests.policy.sigmas)
+
+
+def _of_its_noise(tests: LinearTests, chosen: list[int]) -> list[int]:
+    """Those that stand out of what the others leave, where that is more than announced, if not by much."""
+    left = tests.cost - tests.given(chosen).took
+    tests.scale = max(1.0, left / max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1))
+    return kept(tests, chosen)
 
 
 def _beyond_noise(found: Explanation[Place]) -> list[int]:

@@ -40,7 +40,8 @@ class Effects:
     def of(cls, notes: Notes, equations: Equations, coordinates: FloatArray) -> Effects:
         """Those of a network, its heights as its field book gives them."""
         rows = notes.book.observations
-        up = equations.verticals(rows.from_points.astype(np.int64), coordinates)
+        origins = np.where(rows.from_points < len(coordinates), rows.from_points, 0).astype(np.int64)
+        up = equations.verticals(origins, coordinates)
         places = np.full((len(notes.book.point_names), 3), np.nan)
         places[: len(coordinates)] = coordinates
         axes = equations.local_axes(coordinates)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.printable import listed
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import among, codes_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -120,9 +122,7 @@ def mistyped_names(
     rest = [points.names[row] for row in unused if row not in explained]
     warnings = [
         *explained.values(),
-        *_of_unnamed(
-            points, book, [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
-        ),
+        *_of_left_out(points, book, adjusted, left_out),
         *_doubles(adjusted, unused_names, small),
     ]
     return warnings, [_nothing_sees(rest)] if rest else []
@@ -201,6 +201,39 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
                 f"{first} and {second} are adjusted as two points {small.text(distance)} apart: likely "
                 "one point under two names"
             )
+
+
+def _of_left_out(
+    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...]
+) -> Iterator[str]:
+    """Points that observations to left out ones fit, where their names are alike."""
+    names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
+    yield from _of_unnamed(points, book, names)
+    for name in names:
+        meant = [
+            other for other in adjusted.names if are_alike(name, other) and _fits(book, adjusted, name, other)
+        ]
+        if len(meant) == 1:
+            yield f"{name}: did you mean {meant[0]}? The observations to {name} fit it"
+
+
+def _fits(book: FieldBook, adjusted: AdjustedPoints, name: str, other: str) -> bool:
+    """Whether all distances to a point, and there are some, are those to another one."""
+    rows, place = book.observations, dict(zip(adjusted.names, adjusted.coordinates, strict=True))
+    chosen = rows.active & (rows.to_points == book.point_names.index(name))
+    chosen &= among(rows.types, codes_for(Start.DISTANCE))
+    if not chosen.any():
+        return False
+    for row in np.flatnonzero(chosen).tolist():
+        origin = place.get(book.point_names[rows.from_points[row]])
+        if origin is None:
+            return False
+        sight = place[other] - origin + [0.0, 0.0, rows.to_heights[row] - rows.from_heights[row]]
+        if abs(float(np.linalg.norm(sight)) - rows.values[row]) > _GROSS * max(
+            rows.sigmas[row], _LEAST_PRECISION
+        ):
+            return False
+    return True
 
 
 def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[str]:

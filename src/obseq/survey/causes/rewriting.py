@@ -110,6 +110,17 @@ REWRITINGS = (
         lambda values, _: -values % _TURN,
     ),
     Rewriting(
+        "S201",
+        "W102",
+        "face of zenith angles",
+        "read in the other face, or with the wrong sign",
+        lambda notes: notes.is_zenith,
+        lambda values, _: -values % _TURN,
+    ),
+    Rewriting(
+        "S202", "W131", "sense of angles", "with the wrong sign", _angles, lambda values, _: -values % _TURN
+    ),
+    Rewriting(
         "S203",
         "W126",
         "unit of distances",
@@ -165,7 +176,14 @@ def rewritten(
         least: Observations of a group.
     """
     observations = notes.book.observations
+    is_known = ~notes.points.is_free
+    n_known = {
+        "S203": np.count_nonzero(is_known[:, :2].all(axis=1)),
+        "S204": np.count_nonzero(is_known[:, 2]),
+    }
     for one in REWRITINGS:
+        if n_known.get(one.code, 2) < 2:  # where nothing says how large a network is, any factor fits
+            continue
         mask = observations.active & one.takes(notes)
         seen = set[bytes]()
         for scope in one.scopes:
