@@ -19,6 +19,7 @@ from obseq.crs.refraction import (
     curvature_radius,
     horizontal_distance,
     refraction_correction,
+    slopes_of_arc,
 )
 from obseq.crs.rigid import LocalTangent, RigidSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
@@ -60,6 +61,7 @@ __all__ = [
     "outside_area",
     "parse",
     "refraction_correction",
+    "slopes_of_arc",
     "rtl_at",
     "turn_of_vertical",
 ]

@@ -82,6 +82,14 @@ class AxisFoot(ObservationKind):
         origins, points = site.positions(rows, coordinates)
         return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
 
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Of the distance."""
+        origins, points = site.positions(rows, coordinates)
+        distances = self.values(site, rows, coordinates)[:, None]
+        along = (points - origins) / distances
+        cosines = np.einsum("ni,ni->n", site.shared_values(rows, "axis"), along)[:, None]
+        return np.asarray(np.hstack([along, -along]) * cosines / distances)
+
     @property
     def depends_on_place(self) -> bool:
         """The distance does."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import FirstPlace, ObservationKind
 
@@ -18,11 +17,12 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import Site
 
 
-def curvatures(latitude: FloatArray) -> FloatArray:
+def curvatures(site: Site, rows: IntArray, latitude: FloatArray) -> FloatArray:
     """(n, 2) radii of curvature along the parallel and along the meridian, at latitudes (n,)."""
-    inside = 1.0 - SQUARED_ECCENTRICITY * np.square(np.sin(latitude))
-    parallel = EQUATORIAL_RADIUS / np.sqrt(inside)
-    return np.column_stack([parallel, parallel * (1.0 - SQUARED_ECCENTRICITY) / inside])
+    *_, radius, squared = site.to_ground(rows)
+    inside = 1.0 - squared * np.square(np.sin(latitude))
+    parallel = radius / np.sqrt(inside)
+    return np.column_stack([parallel, parallel * (1.0 - squared) / inside])
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,11 @@ class GeocentricCoordinate(OfPlace):
 
     axis: int = 0
     is_component: bool = True
+
+    @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The geocentric axis, in the frame."""
@@ -86,7 +91,7 @@ class Geodetic(OfPlace):
         axes = site.normals(rows, coordinates)[:, self.axis]
         if self.axis == 2:
             return axes
-        radii = curvatures(place[:, 1])[:, self.axis] + place[:, 2]
+        radii = curvatures(site, rows, place[:, 1])[:, self.axis] + place[:, 2]
         if self.axis == 0:
             radii = radii * np.cos(place[:, 1])
         return np.asarray(axes / radii[:, None])
@@ -138,7 +143,7 @@ class EllipsoidChord(ObservationKind):
         """(n,) lengths, (n, 3) directions, and for each end (n, 3, 3) movement of the foot with the point."""
         feet, moves = [], []
         for place, axes, point in site.places(rows, coordinates):
-            radii = curvatures(place[:, 1])
+            radii = curvatures(site, rows, place[:, 1])
             shares = np.column_stack([radii / (radii + place[:, 2:]), np.zeros(len(rows))])
             moves.append(np.einsum("nki,nk,nkj->nij", axes, shares, axes))
             feet.append(point - place[:, 2:] * axes[:, 2])
