@@ -158,11 +158,44 @@ class Rotations(Curved):
 
     def moved(self, context: FloatArray, step: FloatArray) -> FloatArray:
         """Contexts of R0 exp(-[w]x), kept orthonormal over many steps."""
-        return self.context(orthonormalised(absorb(self.values(context), step)))
+        return Rotations.context(self, orthonormalised(absorb(Rotations.values(self, context), step)))
 
     def coordinates(self, values: FloatArray) -> FloatArray:
         """Rotation vectors."""
         return logarithm(values)
+
+
+class PlumbRotations(Rotations):
+    """Rotations that know to which plumb line they refer, as that of an instrument which stays plumb.
+
+    A value is (3, 6): the matrix, and beside it the rotation from the world to axes along the plumb line.
+    """
+
+    context_size = 27
+
+    def shape(self, size: int) -> tuple[int, ...]:
+        """Two matrices."""
+        return (3, 6)
+
+    def checked(self, values: FloatArray, names: Sequence[str], what: str) -> FloatArray:
+        """With matrices checked to be rotations, and made so."""
+        return np.concatenate([super().checked(values[:, :, :3], names, what), values[:, :, 3:]], axis=2)
+
+    def context(self, values: FloatArray) -> FloatArray:
+        """(n, 27): the matrix, its transpose, and the plumb line, row by row."""
+        return np.hstack([super().context(values[:, :, :3]), values[:, :, 3:].reshape(-1, 9)])
+
+    def values(self, context: FloatArray) -> FloatArray:
+        """(n, 3, 6) both matrices."""
+        return np.concatenate([super().values(context), context[:, 18:].reshape(-1, 3, 3)], axis=2)
+
+    def moved(self, context: FloatArray, step: FloatArray) -> FloatArray:
+        """Contexts of R0 exp(-[w]x)."""
+        return np.hstack([super().moved(context[:, :18], step), context[:, 18:]])
+
+    def coordinates(self, values: FloatArray) -> FloatArray:
+        """Rotation vectors."""
+        return super().coordinates(values[:, :, :3])
 
 
 class Directions(Curved):
@@ -218,6 +251,7 @@ class CurvedBlocks:
 POINT3 = Manifold("Point3", ("x", "y", "z"), is_point=True)
 POINT2 = Manifold("Point2", ("x", "y"), is_point=True)
 ROTATION = Rotations("Rotation", ("rotation.x", "rotation.y", "rotation.z"))
+PLUMB = PlumbRotations("PlumbRotation", ROTATION.components, stands_for=(ROTATION.label,))
 DIRECTION = Directions("Direction", ("direction.u", "direction.v"))
 VECTOR = Manifold("Vector", stands_for=("Scalar",))
 SCALAR = Manifold("Scalar", ("",), stands_for=("Vector",))

@@ -42,6 +42,7 @@ class UnknownTable:
         names: name of each block.
         manifolds: kinds of blocks, those that every system knows first.
         owner: which thread works on the system.
+        followers: called wherever the values have moved, or have come back: what follows from them is made anew.
     """
 
     def __init__(self) -> None:
@@ -60,6 +61,7 @@ class UnknownTable:
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
+        self.followers: list[Callable[[], None]] = []
 
     def __len__(self) -> int:
         return len(self.names)
@@ -354,6 +356,12 @@ class UnknownTable:
         """Comes back to a state; blocks added since keep their values."""
         self.values[: len(state.values)] = state.values
         self._context.view[: len(state.context)] = state.context
+        self._lead()
+
+    def _lead(self) -> None:
+        """Renews what follows from the values."""
+        for follow in self.followers:
+            follow()
 
     def move(self, step: FloatArray) -> None:
         """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
@@ -361,6 +369,7 @@ class UnknownTable:
         for blocks in self.curved:
             self._absorb(blocks, values)
         self.values[:] = values
+        self._lead()
 
     def _absorb(self, blocks: CurvedBlocks, values: FloatArray) -> None:
         small, places = values[blocks.scalars], blocks.places

@@ -95,6 +95,7 @@ class Equations:
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system, initial)
+        self.system.unknowns.followers.append(self._renew)
 
     def restart(self, points: Points, book: FieldBook, initial: InitialValues) -> None:
         """Takes the numbers of another network, which has the same equations otherwise (`kept_equations`).
@@ -252,19 +253,24 @@ class Equations:
         )
 
     def follow(self, system: LeastSquares, _number: int) -> None:
-        """Before an evaluation: turns instruments with their verticals, renews what depends on positions."""
+        """Before an evaluation: renews what depends on positions, sigmas too."""
+        self._renew()
         coordinates = system.values(self.points)
+        for (_, is_correlated), (rows, batch) in self.batches.items():
+            if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
+                batch.sigmas = self.sigmas(rows, coordinates)
+
+    def _renew(self) -> None:
+        """Wherever the unknowns have moved: turns instruments with their verticals, renews what is given."""
+        coordinates = self.system.values(self.points)
         self.known.follow(coordinates)
         if not np.array_equal(coordinates, self._followed):
             self._followed = coordinates
-            self.instruments.follow(system, coordinates)
+            self.instruments.follow(self.system, coordinates)
             for family, batch in self._families:
                 self._carry(family, batch, coordinates)
                 if self._has_grid or family.depends_on_place or self._plumb.is_deflected:
                     batch.observations = self._measured(family, coordinates)
-        for (_, is_correlated), (rows, batch) in self.batches.items():
-            if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
-                batch.sigmas = self.sigmas(rows, coordinates)
         self.linearise()
 
     def linearise(self) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.problem.manifolds import ROTATION
+from obseq.leastsquares.problem.manifolds import PLUMB
 from obseq.survey.adjustment.labels import station_names
 from obseq.survey.model import Orientation
 
@@ -43,35 +43,35 @@ class Instruments:
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
         self._grid = book.stations.orientations == Orientation.GRID.value
-        self._verticals = plumb.axes(self._origins, initial.coordinates)
-        self.ids = system.add_blocks(ROTATION, station_names(plumb.points, book), self._started(initial))
+        values = self._started(initial)
+        self.ids = system.add_blocks(PLUMB, station_names(plumb.points, book), values)
         for status, components in FROZEN_TURNS.items():
             frozen = self.ids[initial.orientations == status.value]
             if frozen.size:
                 system.freeze(frozen, components)
 
     def _started(self, initial: InitialValues) -> FloatArray:
-        """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
-        rotations = initial.rotations.copy()
-        if self._plumb.is_deflected:
-            before = self._plumb.frame.verticals(self._origins, initial.coordinates)
-            rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
-        return self._along_grid(rotations)
+        """(m, 3, 6) initial rotations, turned from the vertical of the frame to the plumb line."""
+        before = self._plumb.frame.verticals(self._origins, initial.coordinates)
+        return self._turned(initial.rotations, before, initial.coordinates)
+
+    def _turned(self, rotations: FloatArray, before: FloatArray, coordinates: FloatArray) -> FloatArray:
+        """(m, 3, 6) rotations (m, 3, 3) and the plumb lines (m, 3, 3) at coordinates, from those before."""
+        verticals = self._plumb.axes(self._origins, coordinates)
+        turned = verticals.transpose(0, 2, 1) @ before @ rotations
+        if self._grid.any():
+            turned[self._grid] = _along_grid(verticals[self._grid])
+        return np.concatenate([turned, verticals], axis=2)
 
     def restart(self, system: LeastSquares, plumb: Plumb, initial: InitialValues) -> None:
-        """Comes back to where stations start; those that turned with their points still do."""
+        """Comes back to where stations start."""
         self._plumb = plumb
-        self._verticals = plumb.axes(self._origins, initial.coordinates)
-        self.turn_to(system, self._started(initial))
-
-    def turn_to(self, system: LeastSquares, rotations: FloatArray) -> None:
-        """Gives them rotations (m, 3, 3) to the frame."""
         if self.ids.size:
-            system.set_values(self.ids, rotations)
+            system.set_values(self.ids, self._started(initial))
 
     def rotations(self, solution: LeastSquaresResult | LeastSquares) -> FloatArray:
         """(m, 3, 3) rotations from the instruments to the frame."""
-        return solution.values(self.ids) if self.ids.size else np.zeros((0, 3, 3))
+        return solution.values(self.ids)[:, :, :3] if self.ids.size else np.zeros((0, 3, 3))
 
     def oriented(self, solution: LeastSquaresResult, coordinates: FloatArray) -> FloatArray:
         """(m, 3, 3) rotations from the vertical to the instruments, at the coordinates of a solution."""
@@ -79,17 +79,11 @@ class Instruments:
         return np.asarray((verticals @ self.rotations(solution)).transpose(0, 2, 1))
 
     def follow(self, system: LeastSquares, coordinates: FloatArray) -> None:
-        """Turns them with the verticals at coordinates of the points; in a plane these are all alike."""
+        """Turns them with the plumb lines at coordinates of the points; in a plane these are all alike."""
         if self._plumb.turn and self.ids.size:
-            before, self._verticals = self._verticals, self._plumb.axes(self._origins, coordinates)
-            turned = self._verticals.transpose(0, 2, 1) @ before @ self.rotations(system)
-            self.turn_to(system, self._along_grid(turned))
-
-    def _along_grid(self, rotations: FloatArray) -> FloatArray:
-        """Rotations, those of stations along the grid made anew."""
-        if self._grid.any():
-            rotations[self._grid] = _along_grid(self._verticals[self._grid])
-        return np.asarray(rotations)
+            values = system.values(self.ids)
+            turned = self._turned(values[:, :, :3], values[:, :, 3:], coordinates)
+            system.set_values(self.ids, turned)
 
     def turns(self, coordinates: FloatArray) -> FloatArray:
         """(m, 3, 3) what they turn by when their points move, in the frame (rad per m)."""
