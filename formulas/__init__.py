@@ -33,7 +33,17 @@ from obseq.formulas.projections import CENTRAL_PROJECTIONS
 from obseq.formulas.rigid_blocks import BlocRigid, BlocRigid_RE, KnownRotation, RigidPair, VNormOrthog
 from obseq.formulas.sensors import SENSORS
 from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
-from obseq.formulas.special_topography import AxisLink, AxisPlane, AxisRadius, TopoDHParam, TopoDistHz0
+from obseq.formulas.special_topography import (
+    AxisLink,
+    AxisPlane,
+    AxisRadius,
+    TopoAlpha,
+    TopoAlphaOff,
+    TopoBeta,
+    TopoBetaOff,
+    TopoDHParam,
+    TopoDistHz0,
+)
 from obseq.formulas.topography import (
     TopoAngle,
     TopoDH,
@@ -74,6 +84,10 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDistHz(),
     TopoAngle(),
     TopoDistHz0(),
+    TopoAlpha(),
+    TopoAlphaOff(),
+    TopoBeta(),
+    TopoBetaOff(),
     TopoDHParam(),
     AxisRadius(),
     AxisPlane(),

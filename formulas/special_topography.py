@@ -1,11 +1,11 @@
-"""Survey observations of Comp3D alone: reduced distances, equal lengths, axes of rotation."""
+"""Survey observations of Comp3D alone: reduced distances, polar sub-frames, equal lengths, axes."""
 
 from typing import Annotated
 
 from obseq.formulas.base import Formula
-from obseq.formulas.blocks import Direction, Length, Matrix3, Number, Point3, norm
-from obseq.formulas.functions import Scalar, atan2
-from obseq.formulas.topography import From, MeasuredLength, Target, TopoDH
+from obseq.formulas.blocks import Direction, Length, Matrix3, Number, Point2, Point3, norm
+from obseq.formulas.functions import Scalar, angle_difference, atan2, let
+from obseq.formulas.topography import From, MeasuredAngle, MeasuredLength, Offset, Station, Target, TopoDH
 
 COMP3D = "Comp3D (IGN France)"
 
@@ -46,6 +46,71 @@ class TopoDistHz0(Formula):
         across = norm(start.cross(sight))
         along = start.dot(start + sight)
         return radius * atan2(across, along) - distance
+
+
+SIGHT = {"station.centre": (0.0, 10.0), "target": (0.0, 10.0)}
+"""Where stations and targets are for random checks."""
+
+
+class TopoAlpha(Formula):
+    """Angle of a target from the x axis of a sub-frame, counter-clockwise.
+
+    Residual: `atan2(y, x) - val` brought to (-pi, pi]. Undefined when the target is on the z axis of
+    the frame.
+    """
+
+    source = COMP3D
+    typical = SIGHT
+
+    def residual(self, station: Station, target: Target, *, alpha: MeasuredAngle) -> Scalar:
+        """The angle computed, minus the angle observed (rad)."""
+        sight = let("sight", station.inverse() @ target)
+        return angle_difference(atan2(sight.y, sight.x), alpha)
+
+
+class TopoAlphaOff(Formula):
+    """Angle from the x axis of a sub-frame, of a point that stands beside or above its mark.
+
+    Residual: as `TopoAlpha` with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = COMP3D
+    typical = SIGHT
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, alpha: MeasuredAngle) -> Scalar:
+        """The angle computed, minus the angle observed (rad)."""
+        return TopoAlpha().residual(station, target + offset, alpha=alpha)
+
+
+class TopoBeta(Formula):
+    """Elevation of a target above the plane of the x and y axes of a sub-frame.
+
+    Residual: `atan2(z, sqrt(x^2 + y^2)) - val` brought to (-pi, pi]. Undefined when the target is on the z
+    axis of the frame.
+    """
+
+    source = COMP3D
+    typical = SIGHT
+
+    def residual(self, station: Station, target: Target, *, beta: MeasuredAngle) -> Scalar:
+        """The elevation computed, minus the elevation observed (rad)."""
+        sight = let("sight", station.inverse() @ target)
+        horizontal = let("horizontal", norm(Point2(sight.x, sight.y)))
+        return angle_difference(atan2(sight.z, horizontal), beta)
+
+
+class TopoBetaOff(Formula):
+    """Elevation in a sub-frame, of a point that stands beside or above its mark.
+
+    Residual: as `TopoBeta` with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = COMP3D
+    typical = SIGHT
+
+    def residual(self, station: Station, target: Target, *, offset: Offset, beta: MeasuredAngle) -> Scalar:
+        """The elevation computed, minus the elevation observed (rad)."""
+        return TopoBeta().residual(station, target + offset, beta=beta)
 
 
 class TopoDHParam(Formula):

@@ -62,7 +62,7 @@ def test_every_room_has_its_arrows() -> None:
 @pytest.mark.parametrize("room", sorted(INSIDE))
 def test_every_room_within_a_room_has_its_arrows(room: str) -> None:
     found = {path.stem for path in ARCHITECTURE.folder_of(room).iterdir() if path.suffix in ("", ".py")}
-    beside = {"__pycache__", "__init__", "data", *ARCHITECTURE.FORMER.get(room, ())}
+    beside = {"__pycache__", "__init__", "data"}
     assert found - beside == INSIDE[room].keys()
 
 
@@ -92,8 +92,7 @@ def test_dependencies_inside_a_room_point_one_way(room: str) -> None:
     wrong = []
     for path in modules_of(room):
         within = path.relative_to(ARCHITECTURE.folder_of(room)).parts[0].removesuffix(".py")
-        others = (*INSIDE[room], *ARCHITECTURE.FORMER.get(room, ()))
-        allowed = {within, *INSIDE[room].get(within, others)}
+        allowed = {within, *INSIDE[room].get(within, INSIDE[room])}
         wrong += [
             f"{path.relative_to(ROOT)}:{line}: {within} may not import {name}"
             for line, name in imports_of(path)

@@ -1,12 +1,11 @@
 """Field cases: every row of their README is held by a test, here or where `ELSEWHERE` says.
 
-The scripts of `engine` run as they are, in place; what has moved is found under its former name.
+The scripts of `engine` run as they are, in place; what has moved since is put where they look for it.
 """
 
 import re
 import runpy
 import sys
-import warnings
 from pathlib import Path
 from types import ModuleType
 
@@ -15,6 +14,8 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.leastsquares.loops import blocks_to_matrix
+from obseq.leastsquares.problem import losses
+from obseq.leastsquares.statistics import reliability
 from obseq.survey import read_obs
 
 TESTS = Path(__file__).parent
@@ -113,10 +114,10 @@ def run(shared_data, monkeypatch, name):
         pytest.skip(f"the scripts of the field cases are not beside the repository: {folder}")
     monkeypatch.setattr(sys, "argv", [name])
     monkeypatch.setitem(sys.modules, "obseq.leastsquares.pouring", Pouring("pouring"))
+    monkeypatch.setitem(sys.modules, "obseq.leastsquares.losses", losses)
+    monkeypatch.setitem(sys.modules, "obseq.leastsquares.reliability", reliability)
     monkeypatch.setattr(blocks_to_matrix, "add_diagonal_blocks", blocks_to_matrix.add_diagonal_blocks)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        runpy.run_path(str(folder / f"{name}.py"))
+    runpy.run_path(str(folder / f"{name}.py"))
 
 
 @pytest.mark.parametrize("name", LAST_WORDS)

@@ -18,7 +18,6 @@ FILES = (
     "comparison_record",
     "dataclass",
     "errors",
-    "lazy",
     "packages",
     "plain",
     "plan_record",
@@ -38,15 +37,18 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "crs": (),
     "formulas": (),
     "report": (),
+    "reading": (),
     "codegen": ("formulas", "kernels"),
     "generated": ("kernels",),
     "kernels": ("compilation",),
     "leastsquares": ("kernels", "compilation", "geometry"),
     "survey": ("leastsquares", "kernels", "geometry", "crs", "report"),
-    "images": ("leastsquares", "kernels", "geometry", "crs", "survey", "report"),
-    "project": ("images", "survey", "geometry", "crs"),
+    "images": ("leastsquares", "kernels", "geometry", "crs", "survey", "report", "reading"),
+    "formats": ("survey", "images", "kernels", "geometry", "crs", "reading"),
+    "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "cli": (
         "report",
+        "formats",
         "survey",
         "images",
         "project",
@@ -58,7 +60,8 @@ ARROWS: dict[str, tuple[str, ...]] = {
     ),
 }
 """Each room and what it may import, type-only imports included. Codegen and the generated modules take the
-layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for."""
+layout and the functions of kernels alone; kernels load a generated module by name, when it is asked for, and
+`survey/files` what reads and writes files."""
 
 INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     "leastsquares": {
@@ -77,33 +80,65 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     "survey": {
         "kinds": (),
         "points": (),
+        "point_file_options": (),
+        "files": (),
         "model": ("points", "kinds"),
-        "files": ("model", "kinds"),
+        "checks": ("model", "kinds"),
         "initial": ("model", "kinds"),
         "adjustment": ("initial", "model", "kinds"),
         "screening": ("adjustment", "initial", "model", "points", "kinds"),
-        "tables": ("files", "model", "kinds"),
         "fieldwork": ("screening", "adjustment", "initial", "model"),
         "grid_bearings": ("fieldwork", "adjustment", "model", "kinds"),
-        "network": ("grid_bearings", "fieldwork", "screening", "adjustment", "initial", "files", "model"),
-        "in_memory": ("network", "tables"),
+        "network": (
+            "fieldwork",
+            "screening",
+            "adjustment",
+            "initial",
+            "checks",
+            "model",
+            "files",
+            "point_file_options",
+        ),
         "epochs": ("adjustment", "initial", "model"),
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
-        "point_files": ("files", "model"),
         "maps": (),
-        "conversion": ("network", "adjustment", "point_files", "maps", "files", "model", "kinds"),
+    },
+    "formats": {
+        "columns": (),
+        "default_sigmas": (),
+        "once": (),
+        "project": (),
+        "levelled_points": (),
+        "includes": ("once",),
+        "obs": ("columns", "once", "project", "tables"),
+        "tables": ("columns", "default_sigmas", "project"),
+        "comp3d": ("obs", "columns", "includes", "levelled_points", "project"),
+        "gama": ("columns", "levelled_points", "project"),
+        "dynadjust": ("columns", "project"),
+        "sinex": ("dynadjust", "columns", "project"),
+        "starnet": ("columns", "default_sigmas", "includes", "levelled_points", "project"),
+        "landxml": ("columns", "default_sigmas", "levelled_points", "project"),
+        "registry": ("comp3d", "once", "project"),
+        "networks": ("registry", "obs", "default_sigmas", "once", "project"),
+        "point_files": ("obs",),
+        "conversion": ("point_files", "obs", "tables", "gama", "dynadjust", "sinex"),
+        "camera_terms": (),
+        "fitted": (),
+        "blocks": (),
+        "opk": (),
+        "aicon": ("fitted",),
+        "colmap": ("camera_terms", "fitted"),
+        "metashape": ("fitted",),
+        "bal": ("camera_terms",),
+        "bundler": ("bal",),
+        "dbat": (),
+        "photomodeler": ("dbat",),
     },
 }
 """The same for the rooms, and single files, inside a room."""
 
-FORMER = {
-    "survey": ("former",),
-    "leastsquares": ("former", "losses", "reliability", "snooping", "hypothesis_tests", "objects"),
-}
-"""Files that only say where their names are now."""
-
 PATH = """\
-1. `survey/files`: a line of an OBS file becomes a row of a field book, with its file and line.
+1. `formats/obs`: a line of an OBS file becomes a row of a field book, with its file and line.
 2. `survey/model`: rows are columns of numbers; stations and rounds are found from their order.
 3. `survey/initial`: points without coordinates and unknown orientations get their first values.
 4. `survey/adjustment`: rows of one kind become a batch of one formula, in metres and radians.

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import obseq.formats.tables.in_memory as tables
 import obseq.survey
-import obseq.survey.tables as tables
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference-survey.md"
 METHODS = {"Network", "Adjustment"}

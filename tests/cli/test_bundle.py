@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.formats.bal.reader import bal_text, read_bal
+from obseq.formats.opk.reader import opk_text, read_opk
 from obseq.images import BundleAdjustment
-from obseq.images.files.bal import bal_text, read_bal
-from obseq.images.files.opk import opk_text, read_opk
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 import scenes

@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from obseq.formulas.special_topography import TopoAlpha, TopoAlphaOff, TopoBeta, TopoBetaOff
 from obseq.formulas.topography import (
     TopoAngle,
     TopoDH,
@@ -156,11 +157,20 @@ def test_height_differences_carry_the_rounding_of_the_points_only(size):
     assert (errors <= 1e-15 * np.linalg.norm(ends - starts, axis=1)).all(), errors.max() / size
 
 
+def test_polar_angles_count_as_a_mathematician_does():
+    # 3 m along x, 4 m along y, 5 m up: alpha from x towards y, beta above the plane of both.
+    target = (103, 204, 15)
+    assert residual(TopoAlpha(), target, [0.5]) == pytest.approx(math.atan2(4, 3) - 0.5, abs=1e-15)
+    assert residual(TopoBeta(), target, [0.5]) == pytest.approx(math.pi / 4 - 0.5, abs=1e-15)
+
+
 @pytest.mark.parametrize(
     ("formula", "moved", "rest"),
     [
         (TopoHz(), TopoHzOff(), [0.1]),
         (TopoZen(), TopoZenOff(), [1e-5, 0.1]),
+        (TopoAlpha(), TopoAlphaOff(), [0.1]),
+        (TopoBeta(), TopoBetaOff(), [0.1]),
         (TopoDX(), TopoDXOff(), [0.1]),
         (TopoDY(), TopoDYOff(), [0.1]),
         (TopoDZ(), TopoDZOff(), [0.1]),

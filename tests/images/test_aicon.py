@@ -5,8 +5,8 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.formats.aicon.reader import read_aicon
 from obseq.images import Poses
-from obseq.images.files.aicon import read_aicon
 
 NAMES = [f"P{k}" for k in range(30)]
 

@@ -7,8 +7,8 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.formats.colmap.reader import read_colmap, write_colmap
 from obseq.geometry import attitudes
-from obseq.images.files.colmap import read_colmap, write_colmap
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import summary
 

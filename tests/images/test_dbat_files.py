@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.images.files.dbat import read_dbat
-from obseq.images.files.photomodeler import read_photomodeler
+from obseq.formats.dbat.reader import read_dbat
+from obseq.formats.photomodeler.reader import read_photomodeler
 
 
 def test_the_calibration_of_dbat_from_its_own_script(shared_data):

@@ -8,11 +8,11 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.formats.bal.reader import read_bal, write_bal
+from obseq.formats.blocks.tables import read_cameras, read_control, read_images, read_measures
+from obseq.formats.bundler.reader import read_bundler
+from obseq.formats.colmap.reader import read_colmap, write_colmap
 from obseq.images import BundleAdjustment
-from obseq.images.files.bal import read_bal, write_bal
-from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
-from obseq.images.files.bundler import read_bundler
-from obseq.images.files.colmap import read_colmap, write_colmap
 from obseq.images.output.clouds import camera_table, ply, pose_table
 from obseq.images.output.record import record_of
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.images.files.metashape import read_metashape
+from obseq.formats.metashape.reader import read_metashape
 
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.1.0">

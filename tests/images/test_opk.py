@@ -5,8 +5,8 @@ import pytest
 import scenes
 
 from obseq.errors import InputError
+from obseq.formats.opk.reader import check_convention, opk_text, read_opk
 from obseq.images import ControlPoints, Poses
-from obseq.images.files.opk import check_convention, opk_text, read_opk
 
 NAMES = [f"P{k}" for k in range(30)]
 

@@ -3,9 +3,9 @@
 import pytest
 
 from obseq.errors import InputError
+from obseq.formats.blocks.observations import add_lengths, observe_positions
+from obseq.formats.blocks.tables import BlockFiles, add_measures
 from obseq.images import BundleAdjustment
-from obseq.images.files.block_tables import BlockFiles, add_measures
-from obseq.images.files.observations import add_lengths, observe_positions
 
 TABLES = {
     "cameras": "name,width,height,focal\n# the only one\nwide,2000,1500,1800\n",

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from networks import dense_normal, mixed_system
 
-from obseq.leastsquares import DivergenceError, LeastSquares
+from obseq.errors import DivergenceError
+from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 

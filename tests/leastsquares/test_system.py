@@ -5,8 +5,9 @@ import pytest
 from networks import jacobian, levelled_square, mixed_system
 from scipy.optimize import least_squares
 
+from obseq.errors import DivergenceError
 from obseq.geometry import exponential
-from obseq.leastsquares import DivergenceError, LeastSquares, StopReason
+from obseq.leastsquares import LeastSquares, StopReason
 
 
 def levelling_design():

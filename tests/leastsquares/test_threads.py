@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from networks import mixed_system
 
-from obseq.errors import InputError
-from obseq.leastsquares import DivergenceError, LeastSquares
+from obseq.errors import DivergenceError, InputError
+from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.assembly import threads
 from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.assembly.normal_equations import NormalEquations

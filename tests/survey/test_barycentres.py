@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
+from obseq.formats.tables.writer import table_text
 from obseq.survey import Network
-from obseq.survey.files.table_writer import table_text
 
 POINTS = """name,x,y,z,sx,sy,sz
 A,0,0,10,0.001,0.001,0.001

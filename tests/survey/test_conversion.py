@@ -14,8 +14,8 @@ from outside import OutsideData
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.conversion import datum_options, write_gama
 from obseq.survey import Datum, Network, read_cor
-from obseq.survey.conversion import datum_options, write_gama
 
 SETS = ("gama-local-small", "gama-textbook-1d", "gama-textbook-2d", "gama-textbook-3d")
 FILES = sorted(path for folder in OutsideData().sets(SETS) for path in folder.glob("*.gkf"))

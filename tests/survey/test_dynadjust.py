@@ -8,9 +8,9 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.conversion import write_dynaml
+from obseq.formats.dynadjust.geoid import read_geoid
 from obseq.survey import Network, Quality
-from obseq.survey.conversion import write_dynaml
-from obseq.survey.files.geoid import read_geoid
 
 
 def network(shared_data, **options):

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from obseq.errors import ObseqError
+from obseq.formats.conversion import write_gama
 from obseq.survey import Network
-from obseq.survey.conversion import write_gama
 
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 SAMPLES = {"n.gkf": "gama/gama.gkf", "n.dat": "starnet/starnet.dat", "n.xml": "landxml/landxml.xml"}

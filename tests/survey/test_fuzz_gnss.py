@@ -10,8 +10,8 @@ import test_dynadjust
 import test_sinex
 
 from obseq.errors import InputError
+from obseq.formats.conversion import write_dynaml
 from obseq.survey import Network
-from obseq.survey.conversion import write_dynaml
 
 BENCH = Path(__file__).parents[2] / "tools" / "benchmarks" / "fuzz_readers.py"
 

@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from obseq.formats.conversion import write_gama
 from obseq.survey import Network
-from obseq.survey.conversion import write_gama
 
 SPACE = "{http://www.gnu.org/software/gama/gama-local}"
 DATA = Path(__file__).parents[3] / "shared" / "data"

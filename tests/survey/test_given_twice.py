@@ -5,7 +5,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.survey import Network, read_cor, read_obs
-from obseq.survey.files.once import repetitions
+from obseq.survey.checks.repetitions import repetitions
 
 POINTS = "1 A 0 0 10 0.001\n1 B 100 0 12 0.001\n0 P 40 60 11\n"
 SIGHTS = (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from obseq.formats.conversion import write_gama
 from obseq.survey import Network
-from obseq.survey.conversion import write_gama
 
 GON, CC, MM = np.pi / 200, np.pi / 2e6, 1e-3
 KNOWN = {"A": (0.0, 0.0, 10.0), "B": (0.0, 100.0, 12.0)}

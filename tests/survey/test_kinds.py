@@ -34,7 +34,14 @@ def test_every_kind_is_read_by_its_code(kind, tmp_path) -> None:
 
 
 GENERAL = {f"obseq.survey.kinds.{module}" for module in ("kind", "registry", "formulas")}
-FORMATS = ("survey/kinds", "survey/files", "project/topo.py", "report/rows.py", "report/scheme.py")
+FORMATS = (
+    "survey/kinds",
+    "survey/checks/both_faces.py",
+    "formats",
+    "project/topo.py",
+    "report/rows.py",
+    "report/scheme.py",
+)
 """Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""
 
 
@@ -73,14 +80,3 @@ def test_nobody_names_a_kind() -> None:
         if node.value in names
     ]
     assert named == []
-
-
-def test_the_former_name_of_codes_still_works_and_says_what_to_use() -> None:
-    with pytest.warns(DeprecationWarning, match=r"objects now, obseq\.survey\.KINDS"):
-        former = obseq.survey.ObservationType
-    assert (former.Dist, former(5).name, former.Hz.is_angle, former.DH.needs_station) == (
-        3,
-        "Hz",
-        True,
-        False,
-    )

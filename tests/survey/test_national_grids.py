@@ -5,8 +5,8 @@ import pytest
 from pyproj import CRS, Transformer
 
 from obseq.errors import InputError
+from obseq.formats.conversion import as_dynaml
 from obseq.survey import Network
-from obseq.survey.conversion import as_dynaml
 
 GON = np.pi / 200.0
 

@@ -5,9 +5,9 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.conversion import write_sinex
+from obseq.formats.sinex.writer import sinex_text
 from obseq.survey import Network
-from obseq.survey.conversion import write_sinex
-from obseq.survey.files.sinex_writer import sinex_text
 
 FRAME = "RTL*2.4*48.8*0*EPSG:4326"
 STATIONS = {"ALBY": (4200000.1, 170000.2, 4780000.3), "BASE": (4201000.0, 171000.0, 4779000.0)}

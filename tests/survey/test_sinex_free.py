@@ -5,9 +5,9 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.conversion import write_sinex
+from obseq.formats.sinex.normals import reduced
 from obseq.survey import Datum, Network, Quality, network_from_tables
-from obseq.survey.conversion import write_sinex
-from obseq.survey.files.sinex_normals import reduced
 from obseq.survey.planning.simulation import Simulation
 
 RTL = "RTL*657700*6860700*0*IGNF:LAMB93"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
+from obseq.formats.tables.in_memory import observations_of
+from obseq.formats.tables.writer import table_text
 from obseq.survey import Network, network_from_tables
-from obseq.survey.files.table_writer import table_text
-from obseq.survey.tables import observations_of
 
 POINTS = """name,x,y,z,sx,sy,sz
 A,0,0,0,0,0,0

@@ -7,8 +7,8 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.tables.writer import table_text
 from obseq.survey import Network
-from obseq.survey.files.table_writer import table_text
 from obseq.survey.model import Cluster
 
 POINTS = "name,x,y,z,sx,sy,sz\nA,0,0,10,0.001,0.001,0.001\nB,0,100,10,0,0,0\nP,39,51,10,,,\n"

@@ -7,9 +7,9 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.formats.point_files import csv_of
 from obseq.report.result_file import read_json
 from obseq.survey import Network
-from obseq.survey.point_files import csv_of
 
 US_FOOT = 1200.0 / 3937.0
 PLACE = np.array([2602000.0, 250000.0, 300.0])

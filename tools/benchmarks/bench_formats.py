@@ -15,8 +15,8 @@ from command import command_line
 from format_files import CRS, FORMATS
 
 from obseq.errors import InputError
+from obseq.formats.conversion import NETWORK_WRITERS
 from obseq.survey import Network
-from obseq.survey.conversion import NETWORK_WRITERS
 
 STEPS = (4, 2, 1)
 """The smaller networks are smaller by these factors."""

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.formats.aicon.reader import read_aicon
+from obseq.formats.bal.reader import read_bal
+from obseq.formats.blocks.tables import read_cameras, read_control, read_images, read_measures
+from obseq.formats.bundler.reader import read_bundler
+from obseq.formats.colmap.reader import read_colmap
+from obseq.formats.dbat.reader import read_dbat
+from obseq.formats.metashape.reader import read_metashape
+from obseq.formats.opk.reader import read_opk
+from obseq.formats.photomodeler.reader import read_photomodeler
 from obseq.geometry import RigidMotion
 from obseq.images import Camera, ControlPoints, ImagePoints
-from obseq.images.files.aicon import read_aicon
-from obseq.images.files.bal import read_bal
-from obseq.images.files.block_tables import read_cameras, read_control, read_images, read_measures
-from obseq.images.files.bundler import read_bundler
-from obseq.images.files.colmap import read_colmap
-from obseq.images.files.dbat import read_dbat
-from obseq.images.files.metashape import read_metashape
-from obseq.images.files.opk import read_opk
-from obseq.images.files.photomodeler import read_photomodeler
 from obseq.project import (
     BlockFile,
     block_text,

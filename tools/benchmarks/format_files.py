@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from obseq.formats.conversion import write_dynaml
 from obseq.survey import Network
-from obseq.survey.conversion import write_dynaml
 
 Sight = tuple[str, float, float, float]
 """Target, azimuth (deg), zenith angle (deg), distance (m)."""

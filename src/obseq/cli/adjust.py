@@ -166,13 +166,13 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
 
         network = replace(network, book=estimating(network.book, request.estimated))
     if request.sinex is not None:
-        from obseq.survey.conversion import check_sinex
+        from obseq.formats.conversion import check_sinex
 
         check_sinex(network, request.solving.get("datum"))
     adjustment = network.adjust(progress=watch.progress, **request.solving)
     files: dict[Path, str] = {}
     if request.sinex is not None:
-        from obseq.survey.conversion import sinex_of
+        from obseq.formats.conversion import sinex_of
 
         files[request.sinex] = sinex_of(adjustment)
     record = adjustment.record(request.title)

@@ -157,7 +157,7 @@ def _other_places(arguments: argparse.Namespace) -> list[Path]:
     """The files of other programs that are asked for."""
     files = [path for path in (arguments.opk_out, arguments.bal_out) if path]
     if arguments.colmap_out:
-        from obseq.images.files.colmap import WRITTEN
+        from obseq.formats.colmap.reader import WRITTEN
 
         files += [arguments.colmap_out / name for name in WRITTEN]
     return files
@@ -165,10 +165,10 @@ def _other_places(arguments: argparse.Namespace) -> list[Path]:
 
 def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> None:
     """Refuses, before the work, a block that a format of another program cannot hold."""
-    from obseq.images.files.bal import RADIAL
-    from obseq.images.files.camera_terms import check_cameras
-    from obseq.images.files.colmap import TERMS
-    from obseq.images.files.opk import check_names
+    from obseq.formats.bal.reader import RADIAL
+    from obseq.formats.camera_terms import check_cameras
+    from obseq.formats.colmap.reader import TERMS
+    from obseq.formats.opk.reader import check_names
 
     if arguments.colmap_out:
         check_cameras(block, "COLMAP", TERMS)
@@ -180,9 +180,9 @@ def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> No
 
 def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dict[Path, str]:
     """The adjusted block in the formats of other programs, where that is asked for."""
-    from obseq.images.files.bal import bal_text
-    from obseq.images.files.colmap import colmap_files
-    from obseq.images.files.opk import opk_text
+    from obseq.formats.bal.reader import bal_text
+    from obseq.formats.colmap.reader import colmap_files
+    from obseq.formats.opk.reader import opk_text
 
     files: dict[Path, str] = {}
     if arguments.colmap_out:

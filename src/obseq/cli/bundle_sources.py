@@ -105,7 +105,7 @@ def _read_other(
 ) -> tuple[BundleAdjustment, tuple[str, ...]]:
     """The block of another program, and the points of its datum, if it says so."""
     if kind == "aicon":
-        from obseq.images.files.aicon import read_aicon
+        from obseq.formats.aicon.reader import read_aicon
 
         if arguments.image_sigma is None:
             raise InputError("--aicon needs --image-sigma: its files do not say how good the measures are")
@@ -114,12 +114,12 @@ def _read_other(
 
 
 def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], BundleAdjustment]]:
-    from obseq.images.files.bal import read_bal
-    from obseq.images.files.bundler import read_bundler
-    from obseq.images.files.colmap import read_colmap
-    from obseq.images.files.dbat import read_dbat
-    from obseq.images.files.metashape import read_metashape
-    from obseq.images.files.photomodeler import read_photomodeler
+    from obseq.formats.bal.reader import read_bal
+    from obseq.formats.bundler.reader import read_bundler
+    from obseq.formats.colmap.reader import read_colmap
+    from obseq.formats.dbat.reader import read_dbat
+    from obseq.formats.metashape.reader import read_metashape
+    from obseq.formats.photomodeler.reader import read_photomodeler
     from obseq.project import read_v1_block
 
     sigmas = arguments.image_sigma, arguments.control_sigma
@@ -137,15 +137,15 @@ def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], Bundle
 
 
 def _add_control(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.images.files.block_tables import add_control
+    from obseq.formats.blocks.tables import add_control
 
     for path in arguments.control:
         add_control(block, path, arguments.control_sigma)
 
 
 def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
+    from obseq.formats.blocks.tables import BlockFiles, add_cameras, add_measures
     from obseq.images import BundleAdjustment
-    from obseq.images.files.block_tables import BlockFiles, add_cameras, add_measures
 
     needed = ("cameras", "measures") if arguments.opk else ("cameras", "images", "measures")
     missing = [name for name in needed if not getattr(arguments, name)]
@@ -171,7 +171,7 @@ def _add_opk(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
 
 
 def _opk(arguments: argparse.Namespace, unit: str) -> Poses:
-    from obseq.images.files.opk import read_opk
+    from obseq.formats.opk.reader import read_opk
 
     return read_opk(arguments.opk, arguments.opk_columns, unit)
 
@@ -191,7 +191,7 @@ def _check_convention(block: BundleAdjustment, arguments: argparse.Namespace) ->
 
 
 def _try_convention(block: BundleAdjustment, poses: Poses) -> None:
-    from obseq.images.files.opk import check_convention
+    from obseq.formats.opk.reader import check_convention
 
     cameras = {image: block.cameras[name] for image, name in block.camera_of.items()}
     for part in block.sets:
@@ -239,7 +239,7 @@ def _weigh(block: BundleAdjustment, kind: str, arguments: argparse.Namespace) ->
 
 
 def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.images.files.observations import add_lengths, observe_positions
+    from obseq.formats.blocks.observations import add_lengths, observe_positions
 
     for path in arguments.lengths:
         add_lengths(block, path)

@@ -105,7 +105,7 @@ def _second(arguments: argparse.Namespace, first: Source) -> Source:
         raise InputError("compare: give the second epoch with --obs-2, or with --project-2")
     if bool(arguments.project_2) != bool(first.project):
         raise InputError("compare: both epochs must be projects, or both observation and point files")
-    from obseq.survey.files.once import require_another
+    from obseq.formats.once import require_another
 
     require_another(arguments.project_2 or arguments.obs_2, [*first.project, *first.observations])
     if arguments.project_2:

@@ -73,8 +73,8 @@ def _of_result(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], 
     Raises:
         InputError: it is none: its iterations did not converge.
     """
+    from obseq.formats.conversion import RESULT_WRITERS
     from obseq.report.result_file import read_json
-    from obseq.survey.conversion import RESULT_WRITERS
 
     writers = {path: _writer(path, RESULT_WRITERS, "a result") for path in arguments.to}
     record = read_json(arguments.project[0])
@@ -97,7 +97,7 @@ def _doubt(record: "AdjustmentRecord") -> str:
 
 def _of_network(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], str]:
     """What to write, and what the files do not say of the network."""
-    from obseq.survey.conversion import NETWORK_WRITERS, datum_options
+    from obseq.formats.conversion import NETWORK_WRITERS, datum_options
 
     writers = {path: _writer(path, NETWORK_WRITERS, "a network") for path in arguments.to}
     network = source_of(arguments).read(arguments.to)

@@ -143,9 +143,9 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     places = [arguments.out / name for name in ("simulated.obs", "simulated.cor")]
     check_writable(places, source.files)
     with Progress("starting"):
+        from obseq.formats.obs.cor import cor_text
+        from obseq.formats.obs.obs import obs_text
         from obseq.survey import simulate
-        from obseq.survey.files.cor import cor_text
-        from obseq.survey.files.obs import obs_text
 
         network = source.read(places)
         if network.book.clusters or network.book.has_shared_unknowns:

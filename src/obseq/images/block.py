@@ -22,7 +22,6 @@ from obseq.images.parts import (
     Instruments,
     Lengths,
     MeasureSet,
-    Origin,
     PoseObservations,
     Rule,
 )
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from obseq.images.clinometers import Clinometer
     from obseq.images.rigid import RigidBlock
     from obseq.images.weighting import Weighting
+    from obseq.reading.origin import Origin
     from obseq.survey import Network
 
 

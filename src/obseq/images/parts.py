@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
     from obseq.images.weighting import Weighting
+    from obseq.reading.origin import Origin
 
 
 class Approximations(Mapping[str, FloatArray]):
@@ -56,23 +57,6 @@ class Approximations(Mapping[str, FloatArray]):
 
     def __len__(self) -> int:
         return len(self._by_name)
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Where rows were read, for messages.
-
-    Attributes:
-        path: of the file or folder.
-        lines: (n,) line of each row; empty where rows are no lines.
-    """
-
-    path: str
-    lines: Sequence[int] = ()
-
-    def place(self, row: int) -> str:
-        """`file:line` of a row, or the file alone."""
-        return f"{self.path}:{self.lines[row]}" if self.lines else self.path
 
 
 @dataclass(frozen=True, eq=False)

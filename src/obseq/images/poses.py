@@ -8,7 +8,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import RigidMotion, attitudes, rotations_from
+from obseq.geometry import RigidMotion as RigidMotion
+from obseq.geometry import attitudes, rotations_from
 from obseq.images.given import rows_of
 from obseq.images.names import index_of, unique_names
 from obseq.leastsquares.problem.arguments import real

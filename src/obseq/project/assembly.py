@@ -11,7 +11,6 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighting
 from obseq.images.names import are_among
-from obseq.images.parts import Origin
 from obseq.project.cameras import read_orientation
 from obseq.project.instrument_blocks import FILE, read_instrument_block
 from obseq.project.instrument_joining import ENTRIES, add_instruments
@@ -21,6 +20,7 @@ from obseq.project.points import NO_SYSTEM, read_image_measures, read_system
 from obseq.project.rigid_blocks import read_block
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
+from obseq.reading.origin import Origin
 from obseq.survey import make_points, merge_points, read_cor
 
 if TYPE_CHECKING:

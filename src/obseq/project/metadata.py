@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.files.tables import number_in
 from obseq.project.tree import Reader, merged, read_tree, tree_text
+from obseq.reading.tables import number_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

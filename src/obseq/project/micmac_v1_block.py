@@ -9,9 +9,9 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
-from obseq.images.files.xml import Element, child, content, problem, read_xml
-from obseq.images.parts import Origin
 from obseq.project.micmac_v1 import read_v1_orientation
+from obseq.reading.elements import Element, child, content, problem, read_xml
+from obseq.reading.origin import Origin
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,9 +13,9 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.formats.columns import Columns, Measure
 from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.survey import FieldBook, Observations, Orientation, read_obs
-from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.kinds.registry import BY_CODE, BY_NAME
 from obseq.survey.model import group_by_station
 

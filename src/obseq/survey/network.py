@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,31 +24,24 @@ from obseq.arguments import (
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
+from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
-from obseq.survey.adjustment.datum import Datum, DatumKind
+from obseq.survey.adjustment.datum import Datum
 from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
+from obseq.survey.checks.both_faces import refuse_both_faces
+from obseq.survey.checks.implausible_sigmas import implausible_sigmas
+from obseq.survey.checks.repetitions import repetitions
 from obseq.survey.fieldwork import Fieldwork
-from obseq.survey.files.after_sigma import checked_ignore
-from obseq.survey.files.both_faces import refuse_both_faces
-from obseq.survey.files.default_sigmas import parse_sigmas
-from obseq.survey.files.exchanged import told_if_exchanged
-from obseq.survey.files.geoid import read_geoid
-from obseq.survey.files.implausible_sigmas import implausible_sigmas
-from obseq.survey.files.obs import read_obs
-from obseq.survey.files.once import repetitions, require_distinct
-from obseq.survey.files.point import PointFileOptions, read_points
-from obseq.survey.files.point_lists import read_point_lists
-from obseq.survey.files.project import Reading
-from obseq.survey.files.projects import read_project
-from obseq.survey.grid_bearings import from_grid_north
 from obseq.survey.initial.initial_values import InitialValues
-from obseq.survey.model import join, merge_points
+from obseq.survey.model import join
+from obseq.survey.point_file_options import PointFileOptions
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
+    from pathlib import Path
 
     from obseq.shown_units import ShownUnits
     from obseq.stopwatch import Progress
@@ -60,14 +52,6 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 25
 QUALITY = Quality()
 GIVEN = Datum()
-
-
-def _read_free_format(
-    files: str | Path | Sequence[str | Path], point_format: str, options: PointFileOptions
-) -> Points:
-    paths = [files] if isinstance(files, str | Path) else files
-    require_distinct(paths)
-    return merge_points([read_points(path, point_format, options) for path in paths])
 
 
 def _area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
@@ -162,18 +146,10 @@ class Network:
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
-        watch = Stopwatch()
-        with watch.phase("read"), told_if_exchanged(observation_files, point_files, encoding):
-            book = read_obs(observation_files, encoding, ignore)
-            if point_format is None:
-                system = points_crs or frame
-                points = read_point_lists(point_files, point_sigma, encoding, ignore, system)
-            else:
-                options = replace(point_options or PointFileOptions(), encoding=encoding)
-                if point_sigma is not None:
-                    options = replace(options, sigma=point_sigma)
-                points = _read_free_format(point_files, point_format, options)
-        network = cls.assembled(points, book, frame, points_crs, refraction, watch)
+        points = (points_crs, point_sigma, point_format, point_options)
+        network = files.read_network(
+            observation_files, point_files, frame, points, encoding, ignore, refraction
+        )
         return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod
@@ -219,21 +195,9 @@ class Network:
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
-        watch = Stopwatch()
-        with watch.phase("read"):
-            place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
-            project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
-        coefficient = project.refraction if refraction is None else refraction
-        systems = project.systems(frame, points_crs)
-        points = project.points_in(systems[1] or systems[0])
-        network = cls.assembled(points, project.book, *systems, coefficient, watch)
-        datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
-        network = replace(
-            network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
+        return files.read_project_network(
+            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas
         )
-        if project.is_from_grid_north:
-            network = replace(network, book=from_grid_north(network.fieldwork))
-        return network if place is None or project.has_geoid else network.with_deflections(place)
 
     @expecting(geoid=PATH)
     def with_deflections(self, geoid: str | Path) -> Network:
@@ -254,7 +218,7 @@ class Network:
         xyz = self.fieldwork.initial_values().coordinates
         xyz = np.where(np.isfinite(xyz), xyz, np.nanmean(xyz, axis=0))
         longitudes, latitudes, _ = self.frame.system.geodetic(xyz).T
-        heights, *columns = read_geoid(geoid).at(self.points.names, longitudes, latitudes).T
+        heights, *columns = files.read_geoid(geoid).at(self.points.names, longitudes, latitudes).T
         found = np.column_stack(columns)
         if not np.isfinite(found).any():
             raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")

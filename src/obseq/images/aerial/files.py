@@ -16,7 +16,7 @@ from obseq.images.aerial.angles import axes_of, unit_of
 from obseq.images.aerial.headers import Columns
 from obseq.images.aerial.result_columns import LeftOut
 from obseq.images.aerial.shots import FrameCamera, Shots
-from obseq.survey.files.text import parse_number, read_text
+from obseq.reading.text import parse_number, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.aerial.heights import HeightType
-from obseq.survey.files.text import parse_number
+from obseq.reading.text import parse_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

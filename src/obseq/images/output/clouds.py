@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.files.block_tables import CAMERA_COLUMNS
-from obseq.images.files.tables import table_text
+from obseq.reading.tables import table_text
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -15,6 +14,11 @@ if TYPE_CHECKING:
 
 CONTROL, TIE, CAMERA = (255, 60, 40), (230, 230, 230), (60, 120, 255)
 """Colours: red, green, blue."""
+CAMERA_COLUMNS = (
+    "name", "width", "height", "focal", "ppx", "ppy", "projection", "radial", "decentric", "general",
+    "backward",
+)  # fmt: skip
+"""Of the table of cameras, before its coefficients."""
 
 
 def ply(solution: BundleSolution) -> str:

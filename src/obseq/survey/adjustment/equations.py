@@ -165,19 +165,8 @@ class Equations:
             batch = self._added(own, coordinates)
             batch.active = np.zeros(len(own), np.bool_)
             batches.append((places[np.isin(rows, own)], batch))
-        signs, starts = self._signs(rows), np.cumsum([0, *map(len, covariances)])
-        parts = [
-            np.outer(signs[start : start + len(part)], signs[start : start + len(part)]) * part
-            for start, part in zip(starts, covariances, strict=False)
-        ]
-        self._joint = JointRows(self.system, batches, parts, Labels(self._book, rows))
+        self._joint = JointRows(self.system, batches, covariances, Labels(self._book, rows))
         return self._joint.batch
-
-    def _signs(self, rows: IntArray) -> FloatArray:
-        """(n,) 1, or -1 for observations whose equation counts residuals the other way round."""
-        family = family_of(self._book.observations, rows)
-        one = np.ones((1, 1))
-        return family.gathered([np.repeat(kind.residuals(one), len(at)) for kind, at in family.kinds])
 
     def _added(
         self, rows: IntArray, coordinates: FloatArray, covariance: list[FloatArray] | None = None
@@ -287,8 +276,7 @@ class Equations:
             found = solution.residuals(batch)
             scales = self._grid_scales(rows, coordinates)
             sigmas[rows] = sigmas_of(batch) / scales
-            for kind, chosen in family_of(self._book.observations, rows).kinds:
-                residuals[rows[chosen]] = kind.residuals(found[chosen])[:, 0] / scales[chosen]
+            residuals[rows] = found[:, 0] / scales
         return residuals, sigmas
 
     def local_axes(self, coordinates: FloatArray) -> FloatArray:

@@ -249,10 +249,6 @@ class ObservationKind:
             return "is beyond one turn"
         return None
 
-    def residuals(self, equation: FloatArray) -> FloatArray:
-        """(n, m) computed minus observed, of the residuals (n, m) of the equation."""
-        return equation
-
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """The unknowns that a group of such observations has of its own, from the rows of one group."""
         return {}

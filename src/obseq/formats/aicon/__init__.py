@@ -1,0 +1,1 @@
+"""Projects of AICON 3D Studio."""

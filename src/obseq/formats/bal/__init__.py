@@ -1,0 +1,1 @@
+"""Problems of Bundle Adjustment in the Large."""

@@ -1,0 +1,263 @@
+"""What a sparse model of COLMAP holds, as text or binary, before it becomes a block."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.reading.tables import LARGEST, text_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from obseq.arrays import FloatArray
+
+MODELS = {
+    "SIMPLE_PINHOLE": 3,
+    "PINHOLE": 4,
+    "SIMPLE_RADIAL": 4,
+    "RADIAL": 5,
+    "OPENCV": 8,
+    "OPENCV_FISHEYE": 8,
+    "FULL_OPENCV": 12,
+    "FOV": 5,
+    "SIMPLE_RADIAL_FISHEYE": 4,
+    "RADIAL_FISHEYE": 5,
+    "THIN_PRISM_FISHEYE": 12,
+}
+"""Number of parameters of each model, in the order of COLMAP's numbers."""
+NOTHING = 2**64 - 1
+
+
+@dataclass(frozen=True)
+class ColmapCamera:
+    """A camera: its model, size and parameters, and where it stands for messages."""
+
+    model: str
+    size: tuple[int, int]
+    parameters: tuple[float, ...]
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapImage:
+    """An image.
+
+    Attributes:
+        name: of its file.
+        camera: number of its camera.
+        quaternion: (4,) world to camera, scalar first.
+        shift: (3,) world to camera.
+        xy: (n, 2) pixels of the features that have a point.
+        points: (n,) numbers of those points.
+        where: file, and line where it has lines.
+    """
+
+    name: str
+    camera: int
+    quaternion: FloatArray
+    shift: FloatArray
+    xy: FloatArray
+    points: tuple[int, ...]
+    where: str
+
+    def __post_init__(self) -> None:
+        largest = float(np.abs(self.quaternion).max(initial=0.0))
+        if not 1e-100 < largest < 1e100:
+            raise InputError(f"{self.where}: image {self.name}: {self.quaternion.tolist()} is no rotation")
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapModel:
+    """Cameras and points by number, images in the order of the file."""
+
+    cameras: dict[int, ColmapCamera]
+    images: list[ColmapImage]
+    points: dict[int, tuple[float, float, float]]
+
+
+def read_model(folder: Path) -> ColmapModel:
+    """The model of a folder; binary files win where both are there, as in COLMAP.
+
+    Raises:
+        InputError: a file is missing, cut short, or holds what it should not.
+    """
+    binary = all((folder / f"{name}.bin").is_file() for name in ("cameras", "images", "points3D"))
+    try:
+        return _binary(folder) if binary else _text(folder)
+    except InputError as error:
+        raise InputError(str(error) if str(folder) in str(error) else f"{folder}: {error}") from None
+
+
+def _text(folder: Path) -> ColmapModel:
+    cameras = dict(_text_cameras(folder / "cameras.txt"))
+    images = list(_text_images(folder / "images.txt"))
+    path = folder / "points3D.txt"
+    points: dict[int, tuple[float, float, float]] = {}
+    for number, fields in _lines(path):
+        x, y, z = _floats(path, number, fields[1:4], 3)
+        points[_whole(path, number, fields[0])] = (x, y, z)
+    return ColmapModel(cameras, images, points)
+
+
+def _text_cameras(path: Path) -> Iterator[tuple[int, ColmapCamera]]:
+    for line, fields in _lines(path):
+        if len(fields) < 5 or fields[1] not in MODELS or len(fields) != 4 + MODELS[fields[1]]:
+            raise InputError(
+                f"{path}:{line}: a camera is: number, model, width, height, parameters; the models "
+                f"known here are {', '.join(MODELS)}"
+            )
+        size = (_whole(path, line, fields[2]), _whole(path, line, fields[3]))
+        values = tuple(_floats(path, line, fields[4:], len(fields) - 4))
+        yield _whole(path, line, fields[0]), ColmapCamera(fields[1], size, values, f"{path}:{line}")
+
+
+def _text_images(path: Path) -> Iterator[ColmapImage]:
+    lines = [
+        (number, line.split())
+        for number, line in enumerate(text_of(path).splitlines(), 1)
+        if not line.startswith("#")
+    ]
+    if len(lines) % 2 and lines and not lines[-1][1]:
+        lines.pop()
+    if len(lines) % 2:
+        raise InputError(f"{path}: an image takes two lines, the second of which may be empty")
+    for (number, first), (below, second) in zip(lines[::2], lines[1::2], strict=True):
+        if len(first) < 10 or len(second) % 3:
+            raise InputError(f"{path}:{number}: an image is: number, qw qx qy qz, tx ty tz, camera, name")
+        values = np.array(_floats(path, number, first[1:8], 7))
+        rows = np.array(_floats(path, below, second, len(second))).reshape(-1, 3)
+        used = [k for k in range(len(rows)) if second[3 * k + 2] != "-1"]
+        points = tuple(_whole(path, below, second[3 * k + 2]) for k in used)
+        camera = _whole(path, number, first[8])
+        where = f"{path}:{number}"
+        yield ColmapImage(" ".join(first[9:]), camera, values[:4], values[4:], rows[used, :2], points, where)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    for number, line in enumerate(text_of(path).splitlines(), 1):
+        if line.strip() and not line.startswith("#"):
+            yield number, line.split()
+
+
+def _whole(path: Path, line: int, word: str) -> int:
+    if not (word.isascii() and word.isdigit() and len(word) < 21):
+        raise InputError(f"{path}:{line}: {word[:40]!r} is no whole number")
+    return int(word)
+
+
+def _floats(path: Path, line: int, fields: list[str], count: int) -> list[float]:
+    try:
+        values = [float(field) for field in fields]
+    except ValueError as error:
+        raise InputError(f"{path}:{line}: {error}") from None
+    if len(values) != count:
+        raise InputError(f"{path}:{line}: {count} numbers are expected, not {len(values)}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{path}:{line}: a number is not finite")
+    return values
+
+
+class _Bytes:
+    """A binary file that is read from its beginning to its end."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            if path.stat().st_size > LARGEST:
+                raise InputError(f"{path}: the file is larger than {LARGEST >> 20} MiB")
+            self.data = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from None
+        self.path, self.place = path, 0
+
+    def take(self, form: str) -> tuple[int | float, ...]:
+        """Numbers in the notation of `struct`, little-endian."""
+        size = struct.calcsize(f"<{form}")
+        self._require(size)
+        found = struct.unpack_from(f"<{form}", self.data, self.place)
+        self.place += size
+        if any(isinstance(value, float) and not np.isfinite(value) for value in found):
+            raise InputError(f"{self.path}: byte {self.place - size}: a number is not finite")
+        return found
+
+    def whole(self, form: str) -> int:
+        """One whole number."""
+        return int(self.take(form)[0])
+
+    def rows(self, count: int, kind: list[tuple[str, str]]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """Rows of fields."""
+        layout = np.dtype(kind)
+        self._require(count * layout.itemsize)
+        found = np.frombuffer(self.data, layout, count, self.place)
+        self.place += count * layout.itemsize
+        return found
+
+    def text(self) -> str:
+        """A text that ends in a zero byte."""
+        end = self.data.find(b"\0", self.place)
+        if end < 0:
+            raise InputError(f"{self.path}: byte {self.place}: a name has no end; the file is cut short")
+        found = self.data[self.place : end]
+        self.place = end + 1
+        try:
+            return found.decode("utf-8")
+        except UnicodeDecodeError:
+            raise InputError(f"{self.path}: byte {self.place}: a name is not in UTF-8") from None
+
+    def finish(self) -> None:
+        """Refuses what is left over."""
+        if self.place != len(self.data):
+            raise InputError(f"{self.path}: {len(self.data) - self.place} bytes are left over: corrupted")
+
+    def _require(self, size: int) -> None:
+        if size > len(self.data) - self.place:
+            raise InputError(f"{self.path}: is cut short at byte {len(self.data)}")
+
+
+def _binary(folder: Path) -> ColmapModel:
+    cameras = dict(_binary_cameras(_Bytes(folder / "cameras.bin")))
+    images = list(_binary_images(_Bytes(folder / "images.bin")))
+    points = dict(_binary_points(_Bytes(folder / "points3D.bin")))
+    return ColmapModel(cameras, images, points)
+
+
+def _binary_cameras(file: _Bytes) -> Iterator[tuple[int, ColmapCamera]]:
+    names = list(MODELS)
+    for _ in range(file.whole("Q")):
+        number, model, width, height = (int(value) for value in file.take("IiQQ"))
+        if not 0 <= model < len(names):
+            raise InputError(f"{file.path}: camera {number} has an unknown model, {model}")
+        values = file.take(f"{MODELS[names[model]]}d")
+        where = f"{file.path}: camera {number}"
+        yield number, ColmapCamera(names[model], (width, height), tuple(map(float, values)), where)
+    file.finish()
+
+
+def _binary_images(file: _Bytes) -> Iterator[ColmapImage]:
+    for _ in range(file.whole("Q")):
+        file.whole("I")
+        values = np.array(file.take("7d"))
+        camera, name = file.whole("I"), file.text()
+        rows = file.rows(file.whole("Q"), [("x", "<f8"), ("y", "<f8"), ("point", "<u8")])
+        used = rows[rows["point"] != NOTHING]
+        xy = np.column_stack([used["x"], used["y"]])
+        if not np.isfinite(xy).all():
+            raise InputError(f"{file.path}: image {name}: a pixel is not finite")
+        points = tuple(used["point"].tolist())
+        yield ColmapImage(name, camera, values[:4], values[4:], xy, points, str(file.path))
+    file.finish()
+
+
+def _binary_points(file: _Bytes) -> Iterator[tuple[int, tuple[float, float, float]]]:
+    for _ in range(file.whole("Q")):
+        number, x, y, z = file.take("Q3d")
+        file.take("3B")
+        file.rows(1, [("error", "<f8")])
+        file.rows(file.whole("Q"), [("image", "<u4"), ("place", "<u4")])
+        yield int(number), (float(x), float(y), float(z))
+    file.finish()

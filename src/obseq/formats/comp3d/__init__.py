@@ -1,0 +1,1 @@
+"""Projects of Comp3D."""

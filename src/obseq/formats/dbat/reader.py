@@ -1,0 +1,348 @@
+"""Projects of DBAT (XML scripts): what is measured, known and free; operations and outputs are left aside.
+
+The camera has its distortion on the measures (a backward camera here); its parameters are in the unit of the
+sensor, ours in pixels: a pixel is the height of the sensor over that of the image.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
+from obseq.images.control import ControlPoints
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
+from obseq.reading.elements import Element, child, content, number, problem, read_xml, text
+from obseq.reading.origin import Origin
+from obseq.reading.tables import number_in, text_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import FloatArray
+
+ROOT, MODEL = "document", 3
+DEGREE = (3, 1, 1)
+ASPECT = 1e-4
+PARAMETERS = {"focal": "F", "cc": "F", "pp": "PP.", "K": "K.", "P": "p.", "aspect": "b1", "skew": "b2"}
+"""DBAT's groups of camera parameters as patterns of ours."""
+SIGMAS = ("sx", "sy", "sz")
+
+
+@dataclass(frozen=True)
+class BrownCamera:
+    """A camera of PhotoModeler and DBAT, in the unit of its sensor.
+
+    Attributes:
+        name: of the camera.
+        size: columns and lines of the image.
+        pixel: height of a pixel.
+        focal: camera constant.
+        principal_point: px and py, from the upper left corner, y down.
+        radial: K1, K2, K3.
+        decentric: P1, P2.
+        aspect: width of a pixel over its height.
+    """
+
+    name: str
+    size: tuple[int, int]
+    pixel: float
+    focal: float
+    principal_point: tuple[float, float]
+    radial: Sequence[float] = ()
+    decentric: Sequence[float] = ()
+    aspect: float = 1.0
+
+    def camera(self) -> Camera:
+        """The same as ours: distortion on the measures, coefficients times powers of the focal length."""
+        given = {f"K{k}": value * self.focal ** (2 * k) for k, value in enumerate(self.radial, 1)}
+        if len(self.decentric) == 2:
+            given |= {"p1": self.decentric[0] * self.focal, "p2": -self.decentric[1] * self.focal}
+        given["b1"] = self.aspect - 1.0
+        with np.errstate(all="ignore"):
+            x, y, focal = np.array([*self.principal_point, self.focal]) / self.pixel
+        if not np.isfinite([x, y, focal]).all():
+            raise InputError(
+                f"camera {self.name}: its focal length or principal point is not finite in pixels"
+            )
+        return Camera(self.name, *self.size, focal, np.array([x, y]), DEGREE, given, backward=True)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a text file under the columns that its `format` names."""
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    @property
+    def origin(self) -> Origin:
+        return Origin(str(self.path), self.lines)
+
+    def texts(self, column: str) -> list[str]:
+        if column not in self.columns:
+            raise InputError(
+                f"{self.path}: the format has no column {column!r}, but {','.join(self.columns)}"
+            )
+        place = self.columns.index(column)
+        return [row[place] for row in self.rows]
+
+    def numbers(self, *columns: str) -> FloatArray:
+        """(n, k) finite numbers."""
+        found = np.empty((len(self.rows), len(columns)))
+        for k, column in enumerate(columns):
+            for row, word in enumerate(self.texts(column)):
+                found[row, k] = number_in(word, f"{self.path}:{self.lines[row]}: {column} is")
+        return found
+
+
+def read_dbat(path: str | Path) -> BundleAdjustment:
+    """The block of a DBAT script: camera, images, measures, control points, priors, what is estimated.
+
+    Control points whose file gives no sigma are held. Check points are free points. Images are called as
+    their files, without folders, or by their numbers when two files are called alike.
+
+    Raises:
+        InputError: another camera model than 3, several cameras, a file or a column that is missing; with
+            file and line.
+    """
+    root = read_xml(Path(path))
+    source = child(root, "input")
+    if root.name != ROOT or source is None:
+        raise problem(root, "this is no script of DBAT (document with input)")
+    folder = _folder(source, Path(path))
+    camera = _camera(source)
+    block = BundleAdjustment()
+    block.add_cameras(camera)
+    names = _images(source, folder)
+    block.add_images(names.values(), camera.name)
+    _add_control(block, source, folder)
+    _add_measures(block, source, folder, names)
+    _add_poses(block, source, folder, names)
+    _add_estimates(block, root)
+    return block
+
+
+def _folder(source: Element, path: Path) -> Path:
+    base = source.attributes.get("base_dir", "$HERE").replace("$HERE", str(path.parent))
+    if "$" in base:
+        raise problem(source, f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
+    return Path(base)
+
+
+def _tables(holder: Element | None, folder: Path) -> Iterator[tuple[Element, _Rows]]:
+    for element in holder.children if holder is not None else ():
+        if element.name == "file":
+            yield element, _filtered(holder, _read(element, folder))
+
+
+def _read(element: Element, folder: Path) -> _Rows:
+    columns = tuple(word.strip() for word in element.attributes.get("format", "").split(","))
+    place = folder / text(element)
+    if not text(element) or columns == ("",):
+        raise problem(element, "it needs the name of a file, and format with the names of its columns")
+    rows, lines = [], []
+    for index, line in enumerate(text_of(place).splitlines(), 1):
+        fields = tuple(word.strip() for word in line.partition("#")[0].split(","))
+        if fields == ("",):
+            continue
+        if len(fields) < len(columns):
+            raise InputError(f"{place}:{index}: {len(fields)} fields where {','.join(columns)} are expected")
+        rows.append(fields[: len(columns)])
+        lines.append(index)
+    return _Rows(place, columns, tuple(rows), tuple(lines))
+
+
+def _filtered(holder: Element | None, table: _Rows) -> _Rows:
+    """The rows that the filters of a list of points leave."""
+    for item in holder.children if holder is not None else ():
+        if item.name != "filter":
+            continue
+        wanted = {word.strip() for word in item.attributes.get("id", "").split(",")}
+        if text(item) not in ("keep", "remove"):
+            raise problem(item, f"a filter keeps or removes; not {text(item)!r}")
+        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (text(item) == "keep")]
+        table = _Rows(
+            table.path,
+            table.columns,
+            tuple(table.rows[k] for k in kept),
+            tuple(table.lines[k] for k in kept),
+        )
+    return table
+
+
+def _require(element: Element, table: _Rows, *columns: str) -> None:
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise problem(element, f"its format has no column {missing[0]!r}")
+
+
+def _camera(source: Element) -> Camera:
+    holder = child(source, "cameras")
+    cameras = [item for item in holder.children if item.name == "camera"] if holder is not None else []
+    if len(cameras) != 1:
+        raise problem(source, f"{len(cameras)} cameras: one is read")
+    element = cameras[0]
+    if int(number(element, "model")) != MODEL:
+        raise problem(element, f"camera model {content(element, 'model')}: only {MODEL} is read")
+    width, height = (int(value) for value in _numbers(element, "image", 2))
+    sensor = content(element, "sensor").split(",")
+    tall = _numbers(element, "sensor", 2, ("auto",))[1]
+    pixel, aspect = tall / height, number(element, "aspect", 1.0)
+    if sensor[0].strip() != "auto":
+        own = float(_numbers(element, "sensor", 2)[0]) / width / pixel
+        if abs(own / aspect - 1.0) > ASPECT:
+            raise problem(
+                element, f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
+            )
+    cc, pp = content(element, "cc", "focal"), content(element, "pp", "default")
+    focal = number(element, "focal") if cc == "focal" else number(element, "cc")
+    middle = (width * pixel * aspect / 2.0, height * pixel / 2.0)
+    if pp != "default":
+        x, y = _numbers(element, "pp", 2)
+        middle = (x, y)
+    radial, decentric = (_numbers(element, tag) if child(element, tag) else [] for tag in "KP")
+    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or number(element, "skew", 0.0) != 0.0:
+        raise problem(element, "more than K1, K2, K3, P1, P2, or a skew, is not read")
+    name = content(element, "name", "camera")
+    return BrownCamera(name, (width, height), pixel, focal, middle, radial, decentric, aspect).camera()
+
+
+def _numbers(element: Element, tag: str, count: int | None = None, words: Sequence[str] = ()) -> list[float]:
+    """The numbers of a list; NaN for words that are allowed instead."""
+    fields = [field.strip() for field in content(element, tag).split(",")]
+    try:
+        found = [np.nan if field in words else float(field) for field in fields]
+        found = [] if "nan" in "".join(fields).lower() else found
+    except ValueError:
+        found = []
+    if any(np.isinf(found)) or len(found) != (count or len(found)) or not found:
+        raise problem(element, f"{tag} should be {count or 'some'} numbers, not {content(element, tag)!r}")
+    return found
+
+
+def _images(source: Element, folder: Path) -> dict[str, str]:
+    """Names of images by their numbers."""
+    found: dict[str, str] = {}
+    for element, table in _tables(child(source, "images"), folder):
+        _require(element, table, "id", "path")
+        found |= dict(zip(table.texts("id"), table.texts("path"), strict=True))
+    short = {number: path.replace("\\", "/").rpartition("/")[2] for number, path in found.items()}
+    return short if len(set(short.values())) == len(short) else {number: number for number in found}
+
+
+def _sigmas_of(element: Element, table: _Rows, *groups: tuple[str, tuple[str, ...]]) -> FloatArray | None:
+    """(n, k) sigmas: from columns each, from one column for several, or from attributes."""
+    columns: list[FloatArray] = []
+    for common, own in groups:
+        for name in own:
+            if name in table:
+                columns.append(table.numbers(name)[:, 0])
+            elif common in table:
+                columns.append(table.numbers(common)[:, 0])
+            elif name in element.attributes or common in element.attributes:
+                text = element.attributes.get(name, element.attributes.get(common, ""))
+                columns.append(np.full(len(table.rows), _sigma(element, text)))
+    return np.column_stack(columns) if columns else None
+
+
+def _sigma(element: Element, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise problem(element, f"the sigma {text!r} is no number") from None
+
+
+def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None:
+    for element, table in _tables(child(source, "ctrl_pts"), folder):
+        _require(element, table, "id", "x", "y", "z")
+        plan = "sxyz" if "sxyz" in table or "sxyz" in element.attributes else "sxy"
+        sigmas = _sigmas_of(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
+        places = table.numbers("x", "y", "z")
+        if sigmas is not None and sigmas.shape != places.shape:
+            raise problem(element, "sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
+        control = ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
+        block.add_control_points(control, table.origin)
+
+
+def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
+    for element, table in _tables(child(source, "image_pts"), folder):
+        _require(element, table, "id", "im", "x", "y")
+        sigmas = _sigmas_of(element, table, ("sxy", ("sx", "sy")))
+        if sigmas is None:
+            raise problem(
+                element, "the measures have no sigma (sxy, or sx and sy, in format or as attribute)"
+            )
+        numbers = table.texts("im")
+        lost = [number for number in numbers if number not in names]
+        if lost:
+            raise problem(element, f"{table.path}: the image {lost[0]} is not in the list of images")
+        images = [names[number] for number in numbers]
+        points = ImagePoints.of(images, table.texts("id"), table.numbers("x", "y"), sigmas)
+        block.add_measures(points, name=table.path.name, origin=table.origin)
+
+
+def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
+    """Poses that are known beforehand; with sigmas they are observations."""
+    for element, table in _tables(child(source, "prior_eo"), folder):
+        _require(element, table, "id", "x", "y", "z", "omega", "phi", "kappa")
+        images = [names.get(number, number) for number in table.texts("id")]
+        angles = np.radians(table.numbers("omega", "phi", "kappa"))
+        poses = Poses.of(images, table.numbers("x", "y", "z"), angles, "opk")
+        block.add_poses(poses)
+        if not all(name in table for name in SIGMAS):
+            continue
+        turn = None
+        if all(name in table for name in ("so", "sp", "sk")):
+            turns = table.numbers("so", "sp", "sk")
+            turn = float(np.radians(turns.flat[0]))
+            if np.ptp(turns) > 0.0:
+                raise problem(element, "sigmas of angles that differ are not read")
+        block.observe_poses(poses, table.numbers(*SIGMAS), turn)
+
+
+def _add_estimates(block: BundleAdjustment, root: Element) -> None:
+    """What the bundle estimates: of the camera only what is said to be true; skew never."""
+    operations = child(root, "operations")
+    for operation in operations.children if operations is not None else ():
+        chosen = child(operation, "set_bundle_estimate_params")
+        if chosen is None:
+            continue
+        block.freeze_parameters(".*")
+        for tag, free in _flags(child(chosen, "io")):
+            pattern = PARAMETERS.get(tag, ".*" if tag == "all" else "")
+            if not pattern:
+                raise problem(chosen, f"the camera parameter {tag!r} is not known here")
+            (block.free_parameters if free else block.freeze_parameters)(pattern)
+        for tag, free in _flags(child(chosen, "eo")):
+            if tag != "all":
+                raise problem(chosen, "poses are estimated as a whole or not at all here")
+            if not free:
+                block.freeze_centres()
+                block.freeze_rotations()
+        block.freeze_parameters("b2")
+
+
+def _flags(element: Element | None) -> Iterator[tuple[str, bool]]:
+    if element is None:
+        return
+    if text(element):
+        yield "all", _flag(element)
+    yield from ((child.name, _flag(child)) for child in element.children if child.name != "c")
+
+
+def _flag(element: Element) -> bool:
+    if text(element) not in ("true", "false", "default"):
+        raise problem(element, f"true, false or default is expected, not {text(element)!r}")
+    return text(element) == "true"

@@ -1,0 +1,94 @@
+"""Standard deviations that a user gives for observations whose file has none."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+from obseq.reading.text import parse_number
+from obseq.shown_units import METRES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+SECOND = math.pi / 648_000.0
+GON = math.pi / 200.0
+LENGTHS = {"mm": 1e-3, "cm": 1e-2} | METRES
+"""Units of lengths; `us-ft` is the foot of the United States' surveys."""
+ANGLES = {
+    "sec": SECOND,
+    "arcsec": SECOND,
+    "cc": GON * 1e-4,
+    "mgon": GON * 1e-3,
+    "gon": GON,
+    "deg": math.pi / 180.0,
+    "rad": 1.0,
+}
+"""Units of angles, as options and tables name them."""
+PARTS = {"ppm": 1e-6}
+NAMES = {
+    "distance": LENGTHS,
+    "distance-ppm": PARTS,
+    "direction": ANGLES,
+    "angle": ANGLES,
+    "azimuth": ANGLES,
+    "zenith": ANGLES,
+    "height": LENGTHS,
+    "height-per-km": LENGTHS,
+}
+"""What a standard deviation is of, and its units; heights per root of the kilometre of a line."""
+EXAMPLES = {
+    "distance": "distance=2mm",
+    "distance-ppm": "distance-ppm=2ppm",
+    "direction": "direction=3sec",
+    "angle": "angle=3sec",
+    "azimuth": "azimuth=10sec",
+    "zenith": "zenith=5sec",
+    "height": "height=1mm",
+    "height-per-km": "height-per-km=1mm",
+}
+_VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+(?:-[a-z]+)?)", re.ASCII)
+
+
+def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:
+    """Standard deviations by name, in metres, radians or parts.
+
+    Args:
+        texts: Such as `distance=2mm`.
+
+    Raises:
+        InputError: A name or a unit is not known, or a value is not above zero.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in NAMES:
+            raise InputError(
+                f"--sigmas {text}: {name!r} is none of {', '.join(NAMES)} (files go before --sigmas)"
+            )
+        parts = _VALUE.fullmatch(value)
+        if parts is None or parts[2] not in NAMES[name]:
+            units = ", ".join(NAMES[name])
+            raise InputError(
+                f"--sigmas {text}: a number with its unit ({units}) is needed, such as {EXAMPLES[name]}"
+            )
+        try:
+            number = parse_number(parts[1]) * NAMES[name][parts[2]]
+        except ValueError as error:
+            raise InputError(f"--sigmas {text}: {error}") from error
+        if number <= 0.0:
+            raise InputError(f"--sigmas {text}: a standard deviation is above zero")
+        found[name] = number
+    return found
+
+
+def lacking(name: str, given: Mapping[str, float]) -> str | None:
+    """What to do when there is no standard deviation of a name; None when there is one."""
+    if name in given:
+        return None
+    return (
+        "it has no standard deviation: write one after the value where the file has room for it, or give one "
+        f"for all of its kind with --sigmas {EXAMPLES[name]} (sigmas=['{EXAMPLES[name]}'] in Python)"
+    )

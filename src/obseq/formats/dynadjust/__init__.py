@@ -1,0 +1,1 @@
+"""Networks of DynAdjust: DNA and DynaML files, and geoid files."""

@@ -1,0 +1,103 @@
+"""Documents of Agisoft Metashape and PhotoScan: where their chunks are, and the fields of their elements."""
+
+from __future__ import annotations
+
+import zipfile
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.reading.elements import Element, problem, read_xml, xml_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+LARGEST = 1 << 30
+"""Bytes of the largest document that is taken out of a project."""
+
+
+def read_document(path: Path) -> Element:
+    """The document of an XML, of a project with its folder (`.psx`), or of one in an archive (`.psz`)."""
+    if path.suffix.lower() == ".psz":
+        return xml_of(_member(path), f"{path}:doc.xml")
+    return _archived(path) if path.suffix.lower() == ".psx" else read_xml(path)
+
+
+def _archived(path: Path) -> Element:
+    """The document of a project whose chunks are in files beside it."""
+    root = read_xml(path)
+    inside = root.attributes.get("path", "").replace("{projectname}", path.stem)
+    archive = path.parent / inside
+    if not inside or not archive.is_file():
+        raise problem(root, f"the files of the project ({inside or 'no path'}) are not beside it")
+    document = xml_of(_member(archive), f"{archive}:doc.xml")
+    places = [item.attributes.get("path", "") for item in items(document, "chunks", "chunk")]
+    chunks = [xml_of(_member(archive.parent / place), str(archive.parent / place)) for place in places]
+    return Element(root.file, "document", {}, root.line, chunks)
+
+
+def _member(archive: Path) -> bytes:
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            if opened.getinfo("doc.xml").file_size > LARGEST:
+                raise InputError(f"{archive}: doc.xml is larger than {LARGEST >> 20} MiB")
+            return opened.read("doc.xml")
+    except (OSError, KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise InputError(f"{archive}: doc.xml cannot be taken out ({error})") from None
+
+
+def chunk_of(root: Element, wanted: str | None) -> Element:
+    """The chunk that is wanted, or the only one."""
+    found = [root] if root.name == "chunk" else [item for item in root.children if item.name == "chunk"]
+    found += items(root, "chunks", "chunk")
+    labels = [item.attributes.get("label", "") for item in found]
+    if not found:
+        raise problem(root, "there is no chunk: export cameras (XML) or markers from Metashape")
+    if wanted is None and len(found) > 1:
+        raise problem(root, f"there are {len(found)} chunks: choose one of {', '.join(labels)}")
+    if wanted is not None and wanted not in labels:
+        raise problem(root, f"there is no chunk {wanted!r}, but {', '.join(labels)}")
+    return found[labels.index(wanted)] if wanted is not None else found[0]
+
+
+def items(root: Element, folder: str, tag: str) -> Iterator[Element]:
+    """The elements of a list, groups of it included."""
+    for holder in (item for item in root.children if item.name == folder):
+        for item in holder.children:
+            if item.name == tag:
+                yield item
+            elif item.name == "group":
+                yield from item.named(tag)
+
+
+def label_of(element: Element) -> str:
+    """What a thing is called."""
+    label = element.attributes.get("label", "")
+    if not label:
+        raise problem(element, "it has no label")
+    return label
+
+
+def floats(element: Element, text: str, count: int) -> list[float]:
+    """So many finite numbers of a text."""
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.isfinite(values).all():
+        raise problem(element, f"{count} finite numbers are expected, not {text[:60]!r}")
+    return values
+
+
+def number_of(element: Element, name: str, default: float | None = None) -> float:
+    """The number of an attribute."""
+    if default is not None and name not in element.attributes:
+        return default
+    return floats(element, element.attributes.get(name, ""), 1)[0]
+
+
+def is_enabled(element: Element) -> bool:
+    """Whether a thing is switched on, as it is unless it says otherwise."""
+    return element.attributes.get("enabled", "true").lower() in ("true", "1")

@@ -1,0 +1,90 @@
+"""Networks from files: OBS and point files, or what files of another program describe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obseq.formats.default_sigmas import parse_sigmas
+from obseq.formats.obs.after_sigma import checked_ignore
+from obseq.formats.obs.exchanged import told_if_exchanged
+from obseq.formats.obs.free_points import read_points
+from obseq.formats.obs.obs import read_obs
+from obseq.formats.obs.point_lists import read_point_lists
+from obseq.formats.once import require_distinct
+from obseq.formats.project import Reading
+from obseq.formats.registry import read_project
+from obseq.stopwatch import Stopwatch
+from obseq.survey.adjustment.datum import Datum, DatumKind
+from obseq.survey.grid_bearings import from_grid_north
+from obseq.survey.model import merge_points
+from obseq.survey.network import GIVEN, Network
+from obseq.survey.point_file_options import PointFileOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from obseq.survey.model import Points
+
+    Files = str | Path | Sequence[str | Path]
+
+
+def read_network(
+    observation_files: Files,
+    point_files: Files,
+    frame: str | None,
+    point_options: tuple[str | None, float | None, str | None, PointFileOptions | None],
+    encoding: str,
+    ignore: Collection[str],
+    refraction: float,
+) -> Network:
+    """The network of OBS files and point files; see `Network.read`."""
+    points_crs, point_sigma, point_format, options = point_options
+    watch = Stopwatch()
+    with watch.phase("read"), told_if_exchanged(observation_files, point_files, encoding):
+        book = read_obs(observation_files, encoding, ignore)
+        if point_format is None:
+            system = points_crs or frame
+            points = read_point_lists(point_files, point_sigma, encoding, ignore, system)
+        else:
+            options = replace(options or PointFileOptions(), encoding=encoding)
+            if point_sigma is not None:
+                options = replace(options, sigma=point_sigma)
+            points = _read_free_format(point_files, point_format, options)
+    return Network.assembled(points, book, frame, points_crs, refraction, watch)
+
+
+def read_project_network(
+    paths: Files,
+    frame: str | None,
+    refraction: float | None,
+    encoding: str,
+    points_crs: str | None,
+    outside: bool,
+    geoid: str | Path | None,
+    ignore: Collection[str],
+    sigmas: Collection[str],
+) -> Network:
+    """The network that files of another program describe; see `Network.read_project`."""
+    watch = Stopwatch()
+    with watch.phase("read"):
+        place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
+        project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
+    coefficient = project.refraction if refraction is None else refraction
+    systems = project.systems(frame, points_crs)
+    points = project.points_in(systems[1] or systems[0])
+    network = Network.assembled(points, project.book, *systems, coefficient, watch)
+    datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
+    network = replace(
+        network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
+    )
+    if project.is_from_grid_north:
+        network = replace(network, book=from_grid_north(network.fieldwork))
+    return network if place is None or project.has_geoid else network.with_deflections(place)
+
+
+def _read_free_format(files: Files, point_format: str, options: PointFileOptions) -> Points:
+    paths = [files] if isinstance(files, str | Path) else files
+    require_distinct(paths)
+    return merge_points([read_points(path, point_format, options) for path in paths])

@@ -1,0 +1,1 @@
+"""Solutions of GNSS networks as SINEX."""

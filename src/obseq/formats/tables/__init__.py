@@ -1,0 +1,1 @@
+"""Tables of points and observations: files (.csv), and columns in memory."""

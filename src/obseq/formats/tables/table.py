@@ -1,0 +1,169 @@
+"""One table with named columns (.csv): its rows, and what their cells hold."""
+
+from __future__ import annotations
+
+import csv
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from obseq.formats.default_sigmas import ANGLES
+from obseq.formats.tables.clusters import Member
+from obseq.reading.text import LEAST_SIGMA, quoted
+from obseq.shown_units import METRES, ShownUnits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.formats.columns import Measure
+    from obseq.formats.tables.clusters import Clusters
+    from obseq.reading.text import TextFile
+    from obseq.survey.kinds.kind import ObservationKind
+
+LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3} | METRES
+"""Units of lengths, as PROJ names them; `us-ft` is the foot of the United States' surveys."""
+DEFAULT_UNITS = {True: "gon", False: "m"}
+OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
+DEGREES = frozenset({"deg", "sec", "arcsec"})
+CORRELATING = ("covariances", "correlations")
+CLUSTERED = ("cluster", *CORRELATING)
+"""Columns of correlated rows: what they have in common, and the covariances with the rows before."""
+
+
+def shown_in(names: frozenset[str]) -> ShownUnits:
+    """Units of reports for those that tables name: feet, degrees where there are no others."""
+    lengths, angles = names & set(LENGTHS), names & set(ANGLES)
+    length = next(iter(lengths)) if len(lengths) == 1 else "m"
+    degrees = bool(angles) and angles <= DEGREES
+    return ShownUnits(length if length in METRES else "m", "degree" if degrees else "gon")
+
+
+class Table:
+    """A table, row by row.
+
+    Attributes:
+        file: Its lines.
+        columns: Position of each column, by name in small letters.
+        units: Those that its rows name.
+    """
+
+    def __init__(self, file: TextFile) -> None:
+        self.file, self.units = file, set[str]()
+        head = file.lines[0]
+        self.separator = max(",;\t", key=head.count)
+        names = [name.strip().lower() for name in head.split(self.separator)]
+        self._width = len(names)
+        while names and not names[-1]:  # as spreadsheets write columns that were emptied
+            names.pop()
+        self.columns = {name: place for place, name in enumerate(names)}
+        if len(self.columns) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise file.error(0, f"two columns have the name {quoted(twice)} (capitals make no difference)")
+
+    def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
+        """Refuses columns that are missing or unknown."""
+        missing = [name for name in wanted if name not in self.columns]
+        unknown = [name for name in self.columns if name not in (*wanted, *more)]
+        if missing:
+            raise self.file.error(0, f"column {missing[0]} is missing")
+        if unknown:
+            known = ", ".join((*wanted, *more))
+            raise self.file.error(0, f"column {quoted(unknown[0])} is unknown; there are {known}")
+
+    def check_rows(self) -> None:
+        """Refuses a table of which there are only the names of columns."""
+        if not any(line.strip() for line in self.file.lines[1:]):
+            raise self.file.error(0, "the table holds no row below the names of its columns; add its rows")
+
+    def rows(self) -> Iterator[tuple[int, dict[str, str]]]:
+        """Line (from 0) and cells by column of each row."""
+        for index, line in enumerate(self.file.lines[1:], start=1):
+            if not line.strip():
+                continue
+            cells = self._split(index, line)
+            if len(cells) != len(self.columns) and not self._is_padded(cells):
+                raise self.file.error(index, self._miscounted(cells))
+            yield index, {name: cells[place].strip() for name, place in self.columns.items()}
+
+    def _is_padded(self, cells: list[str]) -> bool:
+        """Whether all that a row has too much are empty cells at its end, as spreadsheets write them."""
+        is_surplus_empty = len(cells) > len(self.columns) and not any(
+            map(str.strip, cells[len(self.columns) :])
+        )
+        return is_surplus_empty and (len(cells) == self._width or not self._has_decimal_commas(cells))
+
+    def _has_decimal_commas(self, cells: list[str]) -> bool:
+        """Whether a comma between cells may be one within a number."""
+        parts = pairwise(cell.strip().lstrip("+-") for cell in cells)
+        return self.separator == "," and any(a.isdigit() and b.isdigit() for a, b in parts)
+
+    def _miscounted(self, cells: list[str]) -> str:
+        """What is said of a row of too few or too many cells."""
+        is_likely = len(cells) > len(self.columns) and self._has_decimal_commas(cells)
+        hint = "; the comma separates cells: write decimals with a point" if is_likely else ""
+        return f"{len(cells)} cells for {len(self.columns)} columns{hint}"
+
+    def _split(self, index: int, line: str) -> list[str]:
+        try:
+            return next(csv.reader([line], delimiter=self.separator))
+        except csv.Error as error:
+            raise self.file.error(index, f"this is no row of a table: {error}") from error
+
+    def number(self, index: int, cells: dict[str, str], column: str, default: float | None = None) -> float:
+        """The number in a cell; the default when it is empty or the column is not there."""
+        text = cells.get(column, "")
+        if not text and default is not None:
+            return default
+        return self.file.number(index, text, f"column {column}: {{}}")
+
+    def numbers(self, index: int, cells: dict[str, str], column: str) -> list[float]:
+        """The numbers in a cell, with blanks between them."""
+        return [self.number(index, {column: text}, column) for text in cells.get(column, "").split()]
+
+    def unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
+        """What value and sigma of a row are multiplied by."""
+        units = ANGLES if kind.is_angle else LENGTHS
+        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
+        self.units.add(name)
+        if name not in units:
+            raise self.file.error(
+                index, f"unit {quoted(name)!r} is none of {', '.join(units)}, in which {kind.words} is"
+            )
+        return units[name]
+
+    def length_unit(self, index: int, cells: dict[str, str]) -> float:
+        """Metres in the unit of the coordinates and sigmas of a point."""
+        name = cells.get("unit", "") or "m"
+        self.units.add(name)
+        if name not in LENGTHS:
+            raise self.file.error(index, f"unit {quoted(name)!r} is none of {', '.join(LENGTHS)}")
+        return LENGTHS[name]
+
+    def is_active(self, index: int, cells: dict[str, str]) -> bool:
+        """Whether a row is not switched off."""
+        text = cells.get("active", "").lower()
+        if text not in OFF:
+            raise self.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
+        return OFF[text]
+
+    def check_measure(self, index: int, kind: ObservationKind, value: float, sigma: float) -> None:
+        """Refuses a value that its kind cannot have, and a sigma that would be an infinite weight."""
+        if not sigma >= LEAST_SIGMA:
+            raise self.file.error(index, "column sigma: it is not positive; the weight would be infinite")
+        problem = kind.problem(value)
+        if problem is not None:
+            raise self.file.error(index, f"the {kind.words} {problem}; correct it, or active 0")
+
+    def correlate(
+        self, index: int, cells: dict[str, str], clusters: Clusters, row: int, measure: Measure
+    ) -> None:
+        """Adds a row of the field book to its cluster, if it is in one."""
+        name, place = cells.get("cluster", ""), self.file.place(index)
+        given = [column for column in CORRELATING if cells.get(column)]
+        if len(given) > 1 or (given and not name):
+            raise self.file.error(index, "a row has covariances or correlations, and the name of its cluster")
+        if name and measure.relative:
+            raise self.file.error(index, "a row of a cluster has no relative_sigma: give it its whole sigma")
+        if name:
+            member = Member(row, measure.sigma, self.unit(index, cells, measure.kind), place)
+            numbers = self.numbers(index, cells, given[0]) if given else []
+            clusters.add(name, member, numbers, given == ["correlations"])

@@ -1,0 +1,1 @@
+"""What the observations of a network are asked before it is adjusted, wherever they come from."""

@@ -1,1 +1,0 @@
-"""The files of surveyors: OBS, COR and free point files."""
