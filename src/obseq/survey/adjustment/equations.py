@@ -14,6 +14,7 @@ from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.labels import Labels
+from obseq.survey.adjustment.loose_motions import loose_motions
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
@@ -94,7 +95,7 @@ class Equations:
         self._families: list[tuple[Family, Batch]] = []
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
-        self._set_datum(points, point_system, initial)
+        self._set_datum(points, point_system)
         self.system.unknowns.followers.append(self._renew)
 
     def restart(self, points: Points, book: FieldBook, initial: InitialValues) -> None:
@@ -125,14 +126,14 @@ class Equations:
         ids[new] = self.system.add_points([points.names[row] for row in new], coordinates[new])
         return ids
 
-    def _set_datum(self, points: Points, point_system: PointSystem, initial: InitialValues) -> None:
+    def _set_datum(self, points: Points, point_system: PointSystem) -> None:
         """Puts a free network on the components that are to carry its datum."""
         chosen = np.zeros((len(points), 3), np.bool_)
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            motions = self._frame.motions(initial.coordinates)
-            self.system.set_datum(self.points[rows], chosen[rows], motions[rows])
+            loose = loose_motions(self.system, self.points).points
+            self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}

@@ -124,17 +124,6 @@ class Frame:
         """Whether stations have a vertical, which turns from place to place."""
         return self.system.kind is crs.Kind.LOCAL_TANGENT
 
-    def turn(self, points: FloatArray) -> FloatArray:
-        """(n, 3) how points (n, 3) move in a turn about the vertical of their middle, per radian."""
-        centre = points.mean(axis=0)
-        return np.cross(self.vertical(centre[None])[0, 2], points - centre)
-
-    def motions(self, points: FloatArray) -> FloatArray:
-        """(n, 3, 4) how points (n, 3) move to the east, north and up of their middle, and in that turn."""
-        axes = self.vertical(points.mean(axis=0)[None])[0]
-        moved = np.broadcast_to(axes.T, (len(points), 3, 3))
-        return np.concatenate([moved, self.turn(points)[:, :, None]], axis=2)
-
     @property
     def plumb(self) -> Callable[[FloatArray], FloatArray] | None:
         """What gives the vertical of points; None in a system without."""
