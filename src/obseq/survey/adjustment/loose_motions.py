@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.errors import SingularMatrixError
+from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
+from obseq.leastsquares.diagnosis.singular import undetermined_error
 from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.adjustment.frame import MEAN_RADIUS
 
@@ -64,7 +65,10 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     moves[numbers < 0] = 0.0
     unknowns, is_place = np.zeros((normal.pattern.n, moves.shape[2])), np.zeros(normal.pattern.n, np.bool_)
     unknowns[numbers[numbers >= 0]], is_place[numbers[numbers >= 0]] = moves[numbers >= 0], True
-    unknowns = _with_others(normal, unknowns, is_place)
+    try:
+        unknowns = _with_others(normal, unknowns, is_place)
+    except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
+        return LooseMotions(moves[:, :, :0], unknowns[:, :0])
     seen, weighted = _seen(normal, unknowns, is_place)
     size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
     chosen, _ = _modes(seen, size)
@@ -73,6 +77,21 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     turned, weakest = _modes(weighted @ chosen, chosen.T @ size @ chosen)
     chosen = chosen @ turned[:, weakest * UNDETERMINED * extent < 1.0]
     return LooseMotions(moves @ chosen, unknowns @ chosen)
+
+
+def loose_error(system: LeastSquares, points: IntArray) -> SingularSystemError | None:
+    """The error for motions that are free or loose; None where there are none. Arguments as of the latter."""
+    found = loose_motions(system, points).unknowns
+    if not found.shape[1]:
+        return None
+    normal = system.equations()
+    return undetermined_error(normal.table, normal.free, normal.pattern, np.linalg.qr(found)[0])
+
+
+def size_of(coordinates: FloatArray) -> float:
+    """Size of a network of points (n, 3): twice the farthest of them from their middle."""
+    arms = coordinates - coordinates.mean(axis=0)
+    return 2.0 * float(np.linalg.norm(arms, axis=1).max())
 
 
 def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
@@ -99,7 +118,7 @@ def _similarities(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray,
     for part in range(count):
         own = parts == part
         arms = np.where(own[:, None], coordinates - coordinates[own].mean(axis=0), 0.0)
-        extent = max(extent, 2.0 * float(np.linalg.norm(arms, axis=1).max()))
+        extent = max(extent, size_of(coordinates[own]))
         shifts = own[:, None, None] * np.eye(3)
         turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
         found.append(np.concatenate([shifts, turns, arms[:, :, None]], axis=2))
@@ -107,16 +126,17 @@ def _similarities(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray,
 
 
 def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
-    """Motions (n_free, k) of points with what the other unknowns make of them: as little as they can."""
+    """Motions (n_free, k) of points with what the other unknowns make of them: as little as they can.
+
+    Raises:
+        SingularMatrixError: the others are undetermined.
+    """
     values, diagonal = normal.assemble(viscous=False).values.copy(), normal.pattern.diagonal
     held = np.where(is_place, HELD * values[diagonal], 0.0)
     values[diagonal] += held
     solver = choose_solver(normal.pattern)
     solver.analyse(normal.pattern)
-    try:
-        solver.factor(values)
-    except SingularMatrixError:
-        return unknowns[:, :0]  # others are undetermined with all points known
+    solver.factor(values)
     return np.asarray(solver.solve(held[:, None] * unknowns))
 
 
