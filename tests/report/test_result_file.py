@@ -1,8 +1,8 @@
 import json
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from obseq.errors import InputError
 from obseq.report import read_json, to_json
@@ -57,7 +57,7 @@ WRONG = {
     "{": "not a result file",
     '{"format": "obseq-derivative-checks"}': "not the result of an adjustment",
     '{"format": "obseq-adjustment", "version": 2}': "another version",
-    '{"format": "obseq-adjustment", "version": 1}': "n_observations is missing",
+    '{"format": "obseq-adjustment", "version": 1}': "missing required field `n_observations`",
     "[" * 100_000: "not a result file",
     '{"sigma0": NaN}': "NaN is no number of JSON",
 }
@@ -73,18 +73,18 @@ def test_what_is_no_result_is_refused(text, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"redundancy": 1.5}, "redundancy is not a whole number"),
-        ({"converged": 1}, "converged is neither true nor false"),
-        ({"points": {}}, "points is not a list"),
-        ({"points": [3]}, r"points\[0\] is not an object"),
+        ({"redundancy": 1.5}, "redundancy: Expected `int`"),
+        ({"converged": 1}, "converged: Expected `bool`"),
+        ({"points": {}}, "points: Expected `array`"),
+        ({"points": [3]}, r"points\[0\]: Expected `object`"),
         (
             {"iterations": [{"sigma0": 1.0, "max_step": "x"}]},
-            r"iterations\[0\].max_step is not a finite number",
+            r"iterations\[0\].max_step: Expected `float",
         ),
-        ({"frame": None}, "frame is not a text"),
+        ({"frame": None}, "frame: Expected `str`"),
         (
             {"run": {"identifier": "a", "created": "b", "versions": {"obseq": 1}}},
-            "run.versions.obseq is not a text",
+            r"run.versions\[...\]: Expected `str`",
         ),
     ],
 )

@@ -1,12 +1,13 @@
 """`obseq check-derivatives`: generated derivatives against finite differences."""
 
 import argparse
-import json
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, say
 from obseq.cli.progress import Progress
-from obseq.plain import finite
+from obseq.records.record import encoded
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -70,5 +71,5 @@ def to_json(checks: "list[DerivativeCheck]") -> str:
         }
         for check in checks
     ]
-    table = {"format": "obseq-derivative-checks", "version": 1, "formulas": finite(rows)}
-    return json.dumps(table, indent=1, allow_nan=False) + "\n"
+    table = {"format": "obseq-derivative-checks", "version": 1, "formulas": rows}
+    return msgspec.json.format(encoded(table), indent=1) + "\n"

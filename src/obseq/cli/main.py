@@ -23,6 +23,7 @@ COMMANDS = {
     "convert": ("convert",),
     "aerial": ("image-world", "world-image", "intersect", "resect"),
     "epipolar": ("epipolar",),
+    "targets": ("targets",),
     "project_imports": ("edit-metadata", "import-gcp", "import-obs"),
     "project": (
         "create-calib",

@@ -83,6 +83,11 @@ class CommandParser(Parser):
         super().__init__(**options)
         self.register("action", None, Given)
 
+    def add_subparsers(self, **options: Any) -> Any:
+        """Take a word that says what follows it: it stands in its place."""
+        self._is_intermixed = True
+        return super().add_subparsers(**options)
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse options first, then what is left; an option that is not known ends it."""
         if self._is_intermixed:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, add_command
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in
+from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.cli.tree_command import Files
 from obseq.errors import InputError
-from obseq.writing import check_writable, write_all
+from obseq.writing import check_writable
 
 if TYPE_CHECKING:
     from obseq.project.bundle_options import BundleOptions
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = adjustment.record()
         files = _files(arguments, tree, options, adjustment, definition)
         check_writable(files)
-        write_all(files | {path: form.write(record) for path, form in outputs})
+        record = write(record, outputs, files)
     show(record, outputs, list(files))
     return 0 if record.is_complete else INCOMPLETE
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.reading.text import parse_number
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -12,12 +12,12 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.formats.obs.cor import cor_text
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 from obseq.survey.model import make_points
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.records.adjustment import AdjustmentRecord, PointRecord
     from obseq.survey.model import Points
 
 HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")

@@ -15,7 +15,7 @@ from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.shown_units import ShownUnits
+    from obseq.records.shown_units import ShownUnits
     from obseq.survey.model import FieldBook, Points
 
 

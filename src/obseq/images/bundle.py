@@ -14,7 +14,8 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights, in_words
+from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights
+from obseq.images.adjustment.weakness import in_words
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ class BundleAdjustment(AdjustableBlock):
                 done += result.iterations
             check_weights(equations)
         except SingularSystemError as error:
-            raise in_words(self, start, error) from None
+            raise in_words(equations, error) from None
         return check_cameras(
             BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
         )

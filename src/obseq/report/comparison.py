@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
-from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.printable import listed, printable
+from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.report import units
 from obseq.report.result_file import text_of
 from obseq.report.rows import Table
@@ -41,7 +41,7 @@ def comparison_summary(
 
 def comparison_json(record: ComparisonRecord) -> str:
     """The text of the file of a comparison: valid JSON, floats exact."""
-    return text_of(record.to_dict())
+    return text_of(record)
 
 
 def comparison_csv(record: ComparisonRecord) -> str:

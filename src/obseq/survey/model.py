@@ -21,7 +21,7 @@ from obseq.survey.points import points_of_lines as points_of_lines
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.record import UnusedRecord
+    from obseq.records.adjustment import UnusedRecord
 
 IntArray = npt.NDArray[np.int32]
 _ORIENTING = codes(*(kind for kind in KINDS if kind.orients > 0))

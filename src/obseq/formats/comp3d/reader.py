@@ -18,7 +18,7 @@ from obseq.formats.includes import Folder
 from obseq.formats.levelled_points import levelled_points
 from obseq.formats.obs.cor import PointColumns
 from obseq.formats.project import Project, Reading
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from obseq.formats.dynadjust.records import Header
 from obseq.formats.dynadjust.stations import Stations
 from obseq.formats.project import Project
 from obseq.reading.xml import read_xml
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from obseq.formats.default_sigmas import ANGLES
 from obseq.formats.tables.clusters import Member
 from obseq.reading.text import LEAST_SIGMA, quoted
-from obseq.shown_units import METRES, ShownUnits
+from obseq.records.shown_units import METRES, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -84,7 +84,7 @@ def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[I
         with suppress(SingularSystemError):  # a point that has run away: it is called back
             result = equations.system.solve(strategy=strategy, **few)
             done += result.iterations
-            if result.converged and _misses(equations)[1].max(initial=0.0) <= ROUGH:
+            if result.converged and not result.weak and _misses(equations)[1].max(initial=0.0) <= ROUGH:
                 break
         before, off = off, _put_again(equations, _are_free(equations))[0]
         if off <= ROUGH or off > NO_MORE * before:
@@ -183,21 +183,35 @@ def _solve_calling_back(
     """The solution, and the points that had to be left out on the way.
 
     A point whose rays are nearly parallel may run away while poses are still rough. It is put back to where
-    its rays meet; those of which even good poses make no point are left out the second time.
+    its rays meet; those of which even good poses make no point are left out the second time. A solution that
+    leaves something weak is better than none.
 
     Raises:
-        SingularSystemError: something else is undetermined.
+        SingularSystemError: something is undetermined from the start.
     """
     lost: tuple[LeftOut, ...] = ()
+    found: LeastSquaresResult | None = None
     for attempt in range(RECALLS):
+        is_last = attempt == RECALLS - 1
         try:
             result = equations.system.solve(strategy=strategy, covariance=covariance, **solving)
         except SingularSystemError:
-            if attempt == RECALLS - 1 or not _has_tie_points(equations):
+            if found is not None:
+                equations.system.unknowns.restore(found.state)
+                return found, lost
+            if is_last or not _has_tie_points(equations):
                 raise
             lost += _call_back(equations, attempt > 0)
             continue
-        if result.converged or attempt == RECALLS - 1 or len(result.iterations) >= solving["max_iterations"]:
+        if is_last or (result.converged and not result.weak):
+            break
+        if result.weak:
+            if not _has_tie_points(equations):
+                break
+            found = result
+            lost += _call_back(equations, attempt > 0)
+            continue
+        if len(result.iterations) >= solving["max_iterations"]:
             break
         _call_back(equations, leave_out=False)
     return result, lost

@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
+from obseq.images.adjustment.weakness import weakness
 from obseq.images.camera import are_in_front
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
@@ -157,6 +158,11 @@ class BundleSolution:
     def converged(self) -> bool:
         """Whether the iterations ended by themselves."""
         return self.result.converged
+
+    @property
+    def weak(self) -> str:
+        """Why there are no precisions, and what is hardly determined; empty where nothing is."""
+        return weakness(self.equations, self.result)
 
     def adjusted_block(self) -> Block:
         """The block at the solution: its cameras, poses, points as approximations, and used measures."""

@@ -40,6 +40,8 @@ LARGEST_RESIDUAL = 8.0
 """Pixels: points that any image misses by more are not used to place others."""
 LOOSER = 8.0
 """Times as large as usual misses may be for the last images: unknown distortion makes tens of pixels."""
+SHOWN = 3
+"""Images whose reasons are told."""
 LEAST_OF_A_FRAME = 3
 """Known points that bring a block to the world."""
 FRAME_OPTIONS = ResectionOptions(triplets=200, max_error=8.0, covariance=False)
@@ -139,9 +141,11 @@ class Growth:
             if best is None or quality > best[0]:
                 best = quality, first, second, found
         if best is None:
+            tried = [image for image in waiting if image in self.reasons]
+            why = "".join(f"; {image}: {self.reasons[image]}" for image in tried[:SHOWN])
             raise InputError(
                 f"no two of the {len(waiting)} images without pose share {LEAST_COMMON} points from "
-                "different places; give poses, or more control points"
+                f"different places{why}; give poses, or more control points"
             )
         _, first, second, found = best
         self.poses[first] = RigidMotion(np.zeros(3), np.eye(3))

@@ -101,8 +101,11 @@ def iterate_in_region(
 ) -> Progress:
     """Runs the iterations; the table of unknowns holds the last accepted state whatever happens.
 
+    What was found stays: unknowns that are not determined any more where the steps have led are told in the
+    progress.
+
     Raises:
-        SingularSystemError: the unknowns are not determined, at first or where the steps have led.
+        SingularSystemError: the unknowns are not determined where the iterations start.
     """
     done, counted = Progress(), equations.evaluations
     search = _Search(equations, path, options, redundancy)
@@ -111,23 +114,28 @@ def iterate_in_region(
         try:
             trial, reason = search.advance()
         except SingularSystemError as error:
-            raise strayed(error, done.iterations) from None
+            if not done.iterations:
+                raise
+            done.weak, done.reason = strayed(error, done.iterations), StopReason.NO_DECREASE
+            break
         record = recorded(trial.linearisation, options, redundancy + path.defect, trial.move, trial.length)
         done.iterations.append(record)
         progress(record)
         if reason is not None:
             done.reason = reason
-            _settle(path, done.iterations)
+            done.weak = _settled(path, done.iterations)
             break
     done.defect, done.evaluations = path.defect, equations.evaluations - counted - search.known
     return done
 
 
-def _settle(path: Path, iterations: list[Iteration]) -> None:
+def _settled(path: Path, iterations: list[Iteration]) -> SingularSystemError | None:
+    """Counts the defect; what is hardly determined where the iterations have arrived."""
     try:
         path.settle()
     except SingularSystemError as error:
-        raise strayed(error, iterations) from None
+        return strayed(error, iterations)
+    return None
 
 
 class _Search:

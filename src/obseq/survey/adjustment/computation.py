@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
-from obseq.record import new_run
+from obseq.records.adjustment import new_run
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
@@ -101,7 +101,10 @@ class Computation:
             ObseqError: there is none.
         """
         equations = self._equations(start)
-        return equations.system.solve(**self._solving(equations))
+        solution = equations.system.solve(**self._solving(equations))
+        if solution.weak is not None:
+            raise solution.weak
+        return solution
 
     @cached_property
     def point_system(self) -> PointSystem:

@@ -280,6 +280,19 @@ class Equations:
             residuals[rows] = found[:, 0] / scales
         return residuals, sigmas
 
+    def scales(self, coordinates: FloatArray) -> FloatArray:
+        """(n,) what a unit of computed minus observed is in the residual of its equation; 0 for inactive."""
+        found = np.zeros(len(self._book.observations))
+        for rows, _ in self.batches.values():
+            found[rows] = self._grid_scales(rows, coordinates)
+        return found
+
+    def verticals(self, points: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3) verticals at points; z in a frame that has none."""
+        if not self._frame.has_vertical:
+            return np.tile((0.0, 0.0, 1.0), (len(points), 1))
+        return np.asarray(self._plumb.axes(points, coordinates)[:, 2])
+
     def local_axes(self, coordinates: FloatArray) -> FloatArray:
         """(n, 3) what a metre east, north and up adds to components of vectors and positions.
 

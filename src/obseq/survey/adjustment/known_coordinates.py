@@ -162,6 +162,12 @@ class KnownCoordinates:
         """The equations of coordinates that are correlated with one another: row of the point of each."""
         return {} if self._together is None else {self._together: self._correlated[0]}
 
+    def coordinates(self) -> IntArray:
+        """(k, 2) point and component of each equation, in the order of `residuals`."""
+        rows = np.concatenate([self._rows, self._correlated[0]])
+        components = np.concatenate([self._components, self._correlated[1]])
+        return np.column_stack([rows, components]).astype(np.int64)
+
     def places(self) -> dict[Batch, IntArray]:
         """Where the equations stand in `residuals`."""
         own, start = {}, 0

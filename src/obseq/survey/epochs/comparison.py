@@ -9,14 +9,14 @@ import numpy as np
 
 from obseq import crs
 from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting, instance
-from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.printable import composed
-from obseq.record import EllipseRecord
-from obseq.shown_units import METRIC
+from obseq.records.adjustment import EllipseRecord
+from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.records.shown_units import METRIC
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence

@@ -10,15 +10,14 @@ from __future__ import annotations
 import functools
 import math
 import os
-from dataclasses import field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from obseq.dataclass import dataclass
+import msgspec
+
 from obseq.errors import InputError
 from obseq.packages import version
-from obseq.plain import from_plain, to_labelled
-from obseq.record_quality import (
+from obseq.records.quality import (
     DoubtfulRecord,
     EffectRecord,
     EllipseRecord,
@@ -38,7 +37,8 @@ from obseq.record_quality import (
     UnusedRecord,
     VarianceComponentRecord,
 )
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.record import Record, from_plain, to_plain
+from obseq.records.shown_units import METRIC, ShownUnits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,8 +81,7 @@ __all__ = [
 MAIN_PACKAGES = ("obseq", "numpy", "scipy", "numba", "pyproj")
 
 
-@dataclass(frozen=True)
-class RunRecord:
+class RunRecord(Record, frozen=True):
     """Which run of the program made a result: all files of one run carry the same identifier.
 
     Attributes:
@@ -96,16 +95,14 @@ class RunRecord:
     versions: dict[str, str]
 
 
-@dataclass(frozen=True)
-class IterationRecord:
+class IterationRecord(Record, frozen=True):
     """One iteration: sigma0 of the residuals at its start, and its largest step (m or rad)."""
 
     sigma0: float | None
     max_step: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class PointRecord:
+class PointRecord(Record, frozen=True):
     """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
 
     Attributes:
@@ -141,8 +138,7 @@ class PointRecord:
     inner: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True)
-class StationRecord:
+class StationRecord(Record, frozen=True):
     """One station: its point, how it is oriented, and the azimuth of the zero of its circle (rad)."""
 
     origin: str
@@ -150,8 +146,7 @@ class StationRecord:
     g0: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationRecord:
+class ObservationRecord(Record, frozen=True):
     """One observation, where it was read, and how it fits.
 
     Attributes:
@@ -170,8 +165,8 @@ class ObservationRecord:
     """
 
     type: str
-    origin: str = field(metadata={"key": "from"})
-    target: str = field(metadata={"key": "to"})
+    origin: str = msgspec.field(name="from")
+    target: str = msgspec.field(name="to")
     value: float
     sigma: float
     residual: float | None
@@ -193,8 +188,7 @@ class ObservationRecord:
     azimuth: float | None = None
 
 
-@dataclass(frozen=True)
-class ConstraintRecord:
+class ConstraintRecord(Record, frozen=True):
     """A known coordinate: as given, in the unit of its system; sigma and residual (adjusted - given) in m."""
 
     point: str
@@ -209,8 +203,7 @@ class ConstraintRecord:
     standardised_residual: float | None = None
 
 
-@dataclass(frozen=True)
-class OperationRecord:
+class OperationRecord(Record, frozen=True):
     """The operation of PROJ between a coordinate system and geocentric WGS 84.
 
     Attributes:
@@ -224,16 +217,14 @@ class OperationRecord:
     accuracy: float | None = None
 
 
-@dataclass(frozen=True)
-class PhaseRecord:
+class PhaseRecord(Record, frozen=True):
     """How long a part of the work took."""
 
     name: str
     seconds: float
 
 
-@dataclass(frozen=True)
-class AdjustmentRecord:
+class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     """The whole adjustment.
 
     Attributes:
@@ -263,6 +254,7 @@ class AdjustmentRecord:
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
@@ -278,7 +270,7 @@ class AdjustmentRecord:
     points: tuple[PointRecord, ...]
     stations: tuple[StationRecord, ...]
     observations: tuple[ObservationRecord, ...]
-    variance_factor: float | None = field(default=None, metadata={"null": True})
+    variance_factor: float | None = None
     global_test: GlobalTestRecord | None = None
     reliability: ReliabilityRecord | None = None
     snooping: SnoopingRecord | None = None
@@ -309,6 +301,7 @@ class AdjustmentRecord:
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
+    failures: tuple[str, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -323,11 +316,11 @@ class AdjustmentRecord:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
-        return self.converged and is_whole and is_clean
+        return self.converged and is_whole and is_clean and not self.failures
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""
-        return to_labelled(self)
+        return to_plain(self)
 
     @classmethod
     def from_dict(cls, plain: Any, what: str = "the record") -> AdjustmentRecord:

@@ -1,0 +1,5 @@
+"""Coded targets: generated, drawn, found in images, decoded and measured."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,13 @@
+from .drawings import draw as draw
+from .families import FAMILIES as FAMILIES
+from .families import made as made
+from .pictures import Picture as Picture
+from .pictures import read_picture as read_picture
+from .sheets import pdf_bytes as pdf_bytes
+from .sheets import svg_text as svg_text
+from .specification import Geometry as Geometry
+from .specification import Specification as Specification
+from .specification_files import encoding_text as encoding_text
+from .specification_files import read_specification as read_specification
+from .specification_files import read_specifications as read_specifications
+from .specification_files import specification_text as specification_text
