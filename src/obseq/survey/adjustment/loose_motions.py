@@ -147,7 +147,8 @@ def _seen(
     shares, weighted = [np.zeros((0, unknowns.shape[1]))], [np.zeros((0, unknowns.shape[1]))]
     for batch in (*normal.batches, *normal.constraints):
         moved, alone = _moved(normal, batch, unknowns, is_place)
-        shares.append((moved / alone[:, None])[batch.active & (alone > 0.0)])
+        sees = batch.active & (alone > 0.0)
+        shares.append(moved[sees] / alone[sees, None])
         if batch.clusters is not None:
             weighted.append(batch.whitening_matrix() @ moved)
         elif batch not in normal.constraints:

@@ -78,22 +78,9 @@ class AxisFoot(ObservationKind):
         return {"axis": site.shared(rows, "axis"), "origin": origins, "point": points}
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """The distance that makes it an angle."""
+        """The distance that makes it an angle, and is held as a sigma is: it is one, of the foot."""
         origins, points = site.positions(rows, coordinates)
         return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
-
-    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """Of the distance."""
-        origins, points = site.positions(rows, coordinates)
-        distances = self.values(site, rows, coordinates)[:, None]
-        along = (points - origins) / distances
-        cosines = np.einsum("ni,ni->n", site.shared_values(rows, "axis"), along)[:, None]
-        return np.asarray(np.hstack([along, -along]) * cosines / distances)
-
-    @property
-    def depends_on_place(self) -> bool:
-        """The distance does."""
-        return True
 
 
 AXIS_RADIUS = OnCircle(

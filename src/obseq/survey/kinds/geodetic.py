@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import FirstPlace, ObservationKind
 
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import Site
 
 
-def curvatures(site: Site, rows: IntArray, latitude: FloatArray) -> FloatArray:
+def curvatures(
+    latitude: FloatArray, radius: float = EQUATORIAL_RADIUS, squared: float = SQUARED_ECCENTRICITY
+) -> FloatArray:
     """(n, 2) radii of curvature along the parallel and along the meridian, at latitudes (n,)."""
-    *_, radius, squared = site.to_ground(rows)
     inside = 1.0 - squared * np.square(np.sin(latitude))
     parallel = radius / np.sqrt(inside)
     return np.column_stack([parallel, parallel * (1.0 - squared) / inside])
@@ -91,7 +93,7 @@ class Geodetic(OfPlace):
         axes = site.normals(rows, coordinates)[:, self.axis]
         if self.axis == 2:
             return axes
-        radii = curvatures(site, rows, place[:, 1])[:, self.axis] + place[:, 2]
+        radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])[:, self.axis] + place[:, 2]
         if self.axis == 0:
             radii = radii * np.cos(place[:, 1])
         return np.asarray(axes / radii[:, None])
@@ -143,7 +145,7 @@ class EllipsoidChord(ObservationKind):
         """(n,) lengths, (n, 3) directions, and for each end (n, 3, 3) movement of the foot with the point."""
         feet, moves = [], []
         for place, axes, point in site.places(rows, coordinates):
-            radii = curvatures(site, rows, place[:, 1])
+            radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])
             shares = np.column_stack([radii / (radii + place[:, 2:]), np.zeros(len(rows))])
             moves.append(np.einsum("nki,nk,nkj->nij", axes, shares, axes))
             feet.append(point - place[:, 2:] * axes[:, 2])
