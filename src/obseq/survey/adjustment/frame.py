@@ -110,7 +110,7 @@ class Frame:
             return np.asarray(self.around(coordinates).verticals[rows])
         return self.vertical(coordinates[rows])
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def turns(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) what east, north, up of points turn by when these move, in the frame (rad per m).
 
         Columns are those of the movement; deflections of the vertical do not change them.

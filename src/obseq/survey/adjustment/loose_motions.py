@@ -1,9 +1,9 @@
 """The motions of a network that its equations do not determine: free ones, and loose ones.
 
-A part of a network moves as a rigid whole, or changes its scale, and its instruments with it. What no equation
-sees of that is free. What equations see through the curvature of the Earth alone is loose, as long as its
-standard deviation is beyond a share of the size of the network; the rest is determined. See docs/statistics.md,
-"Free networks".
+A part of a network moves as a rigid whole, or changes its scale, and its instruments with it. What no
+equation sees of that is free. What equations see through the curvature of the Earth alone is loose where its
+standard deviation is beyond a share of the size of the network. The rest is determined (docs/statistics.md,
+"Free, loose and determined motions").
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 UNDETERMINED = 0.01
 """Standard deviation of a motion, as a share of the size of the network, from which it is not determined."""
 DIRECT = 1e-3
-"""Share of what an equation sees of points one by one from which it sees a motion: less may be a misclosure."""
+"""Share of what an equation sees of single points from which it sees a motion: less may be a misclosure."""
 ALIKE = 1e-10
 """Share, squared, of what sets a motion apart from others, below which it is none of its own."""
 HELD = 1e12
@@ -143,7 +143,7 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
 def _seen(
     normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(m, k) what equations see of motions, as shares of what they see of points; and in standard deviations."""
+    """(m, k) what equations see of motions, as shares of what they see of points; the same over sigmas."""
     shares, weighted = [np.zeros((0, unknowns.shape[1]))], [np.zeros((0, unknowns.shape[1]))]
     for batch in (*normal.batches, *normal.constraints):
         moved, alone = _moved(normal, batch, unknowns, is_place)

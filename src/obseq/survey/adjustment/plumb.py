@@ -16,7 +16,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
@@ -63,7 +63,7 @@ class Plumb:
             return verticals
         return np.asarray(deflecting(np.nan_to_num(self.points.deflections[rows])) @ verticals)
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def turns(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) what these axes turn by when their points move, in the frame (rad per m)."""
         return self.frame.turns(rows, coordinates)
 
@@ -80,7 +80,7 @@ class Plumb:
         leaning = np.einsum("nk,nkj->nj", np.cross(along, sights), self.turns(ends[0], coordinates))
         return np.hstack([along - leaning, -along])
 
-    def _mean_deflections(self, origins: IntArray, targets: IntArray) -> FloatArray:
+    def _mean_deflections(self, origins: IndexArray, targets: IndexArray) -> FloatArray:
         """(k, 2) eta and xi, half way between points."""
         return np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.survey.kinds.registry import IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -106,7 +107,9 @@ class NetworkSite:
         return result
 
     def _is_grid(self, rows: IntArray) -> BoolArray:
-        return self._are_grid[self.book.observations.stations[rows]]
+        """(n,) whether observations are lengths of a station along the grid."""
+        observations = self.book.observations
+        return self._are_grid[observations.stations[rows]] & ~IS_ANGLE[observations.types[rows]]
 
     @cached_property
     def _are_grid(self) -> BoolArray:
@@ -164,14 +167,14 @@ class NetworkSite:
 
     def normals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up of the ellipsoid at the last points."""
-        return self.frame.verticals(self.book.observations.to_points[rows], coordinates)
+        return self.places(rows, coordinates)[1][1]
 
     def places(self, rows: IntArray, coordinates: FloatArray) -> tuple[Place, Place]:
         """Of both points: geodetic coordinates, east, north and up of the ellipsoid, coordinates."""
         self.to_geocentric(rows)
-        observations, place = self.book.observations, self.frame.around(coordinates).geodetic
+        observations, around = self.book.observations, self.frame.around(coordinates)
         first, last = (
-            (place[points], self.frame.verticals(points, coordinates), coordinates[points])
+            (around.geodetic[points], around.verticals[points], coordinates[points])
             for points in (observations.from_points[rows], observations.to_points[rows])
         )
         return first, last

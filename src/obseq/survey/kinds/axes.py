@@ -82,6 +82,11 @@ class AxisFoot(ObservationKind):
         origins, points = site.positions(rows, coordinates)
         return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
 
+    @property
+    def depends_on_place(self) -> bool:
+        """The distance does."""
+        return True
+
 
 AXIS_RADIUS = OnCircle(
     "AxisRadius",

@@ -99,6 +99,4 @@ DIST_HZ = HorizontalDistance(
     takes_heights=False,
     is_plumb=True,
 )
-DIST = Distance(
-    "Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, horizontal=DIST_HZ
-)
+DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, horizontal=DIST_HZ)
