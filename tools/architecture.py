@@ -15,9 +15,11 @@ BESIDE = ("formulas", "codegen", "generated")
 FILES = (
     "arguments",
     "arrays",
+    "cached",
     "boundary",
     "dataclass",
     "errors",
+    "module_texts",
     "packages",
     "pools",
     "printable",

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from referee.network import ABSOLUTE, FROM_NORTH, TINY, Equations, Unknowns
+from referee.equations import Equations
+from referee.network import ABSOLUTE, FROM_NORTH, TINY, Unknowns
 
 TOLERANCE = 1e-6  # of sigma0, for the length of the last step in standard deviations
 SMALL = 1e-2  # of sigma0: steps below it that shrink no more are the rounding of geocentric coordinates
@@ -21,7 +22,7 @@ class Adjusted:
 
     names: dict
     xyz: np.ndarray
-    covariance: np.ndarray  # (3n, 3n) of all points
+    spread: np.ndarray  # (u, r) whose products with itself are the covariances of all unknowns
     residuals: np.ndarray
     redundancy: np.ndarray
     standardised: np.ndarray
@@ -30,18 +31,17 @@ class Adjusted:
     freedom: int
     iterations: int
     unknowns: Unknowns
-    defect: int = 0
+
+    def covariance(self, rows):
+        """(k, k) of some unknowns."""
+        return self.spread[rows] @ self.spread[rows].T
 
 
-def linearised(network, unknowns):
+def linearised(network, unknowns, equations=Equations):
     """Residuals (n,), Jacobian (n, u), covariance (n, n); then value and Jacobian of what is held."""
     size = len(unknowns.values)
-    rows = unknowns.values + 1j * TINY * np.eye(size)
-    at = Equations(network, unknowns, rows)
-    parts, sigmas = [], []
-    for o in network.observations:
-        parts.append(at.residual(o))
-        sigmas.append(at.sigma(o))
+    at = equations(network, unknowns, unknowns.values + 1j * TINY * np.eye(size))
+    parts, sigmas = at.observed()
     correlated = {} if network.known is None else {key: k for k, key in enumerate(network.known[0])}
     held, known = [], []
     for point in network.points:
@@ -69,12 +69,13 @@ def linearised(network, unknowns):
     )
 
 
-def adjust(network, start=None, polish=2):
+def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
     """Adjusts; of a free network from where it starts, that being its datum."""
-    unknowns = start or Unknowns(network)
-    reference, iterations, left, length = unknowns.points().copy(), 0, polish, np.inf
-    while True:
-        v, jacobian, covariance, c, hold = linearised(network, unknowns)
+    unknowns = unknowns(network)
+    equations(network, unknowns).orient()
+    reference, iterations, left, length = unknowns.values.copy(), 0, polish, np.inf
+    while iterations <= MOST and np.isfinite(unknowns.values).all():
+        v, jacobian, covariance, c, hold = linearised(network, unknowns, equations)
         root = np.linalg.cholesky(covariance)
         white, misfit = np.linalg.solve(root, jacobian), np.linalg.solve(root, v)
         basis, kernel, step = solved(network, white, misfit, c, hold)
@@ -85,14 +86,12 @@ def adjust(network, start=None, polish=2):
         is_rounding = length < SMALL * scale and length > before / 2
         if left < polish or length <= TOLERANCE * scale or is_rounding:
             if left == 0:
-                break
+                return _result(network, unknowns, (v, root, white, basis, kernel), iterations + 1)
             left -= 1
         else:
             iterations += 1
-        if iterations > MOST or not np.isfinite(step).all():
-            raise UndeterminedError("the iterations of the reference do not end")
         unknowns.take(settled(network, unknowns, step, kernel, reference))
-    return _result(network, unknowns, (v, root, white, basis, kernel), iterations + 1)
+    raise UndeterminedError("the iterations of the referee do not end")
 
 
 def solved(network, white, misfit, c, hold):
@@ -119,29 +118,18 @@ def solved(network, white, misfit, c, hold):
     return basis, kernel, step
 
 
-def datum_rows(network):
-    """Numbers of the unknowns that carry the datum."""
-    chosen = network.inner or tuple(network.names)
-    return [
-        3 * row + k
-        for name, row in network.names.items()
-        for k in range(3)
-        if name in chosen and network.points[row].sigmas[k] != 0
-    ]
-
-
 def settled(network, unknowns, step, kernel, reference):
     """The step that ends on the datum: least movement of its points from the reference."""
     if not kernel.shape[1]:
         return step
-    rows = datum_rows(network)
-    away = (unknowns.values + step)[rows] - reference.ravel()[rows]
+    rows = network.datum_rows(unknowns)
+    away = (unknowns.values + step)[rows] - reference[rows]
     return step - kernel @ np.linalg.lstsq(kernel[rows], away, rcond=None)[0]
 
 
 def _result(network, unknowns, parts, iterations):
     v, root, white, basis, kernel = parts
-    n, size = len(network.observations), 3 * len(network.points)
+    n = len(network.observations)
     hat = white @ basis
     free = np.eye(len(v)) - hat @ hat.T
     inverse = np.linalg.inv(root)
@@ -152,15 +140,14 @@ def _result(network, unknowns, parts, iterations):
         standardised = pv / np.sqrt(np.diag(pqp))
     move = np.eye(len(unknowns.values))
     if kernel.shape[1]:
-        rows = datum_rows(network)
+        rows = network.datum_rows(unknowns)
         move[:, rows] -= kernel @ np.linalg.pinv(kernel[rows])
-    spread = (move @ basis)[:size]
     freedom = len(v) - basis.shape[1]
     own = float(misfit[:n] @ misfit[:n])
     return Adjusted(
         network.names,
         unknowns.points(),
-        spread @ spread.T,
+        move @ basis,
         v,
         redundancy,
         standardised,
@@ -169,7 +156,6 @@ def _result(network, unknowns, parts, iterations):
         freedom,
         iterations,
         unknowns,
-        kernel.shape[1],
     )
 
 
@@ -205,4 +191,5 @@ def inner_covariance(network, found):
     root = np.linalg.cholesky(covariance)
     white = np.linalg.solve(root, jacobian)
     basis, kernel, _ = solved(free, white, np.linalg.solve(root, v), c, hold)
-    return _result(free, unknowns, (v, root, white, basis, kernel), 0).covariance
+    found = _result(free, unknowns, (v, root, white, basis, kernel), 0)
+    return found.covariance(np.arange(3 * len(free.points)))

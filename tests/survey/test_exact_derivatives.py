@@ -123,7 +123,7 @@ def all_batches(of):
 
 
 def along(of, batch, direction):
-    """(n,) derivatives along a direction (n_points, 3) of all coordinates, and (n,) lengths of the gradients."""
+    """(n,) derivatives along a direction (n_points, 3) of all coordinates, and (n,) those of the steepest."""
     rows, found = jacobian_rows(of.system.unknowns, batch)[1:], np.zeros((batch.n, *direction.shape))
     for role, ids in zip(batch.shape.roles, batch.blocks, strict=True):
         if role.kind == "Point3":

@@ -157,7 +157,7 @@ def test_known_heights_show_the_position_of_a_large_network():
 
 @pytest.mark.parametrize(("size", "free"), [(10.0, 4), (1000.0, 4), (10_000.0, 4), (200_000.0, 3)])
 def test_free_networks_move_over_the_earth_and_turn(size, free):
-    """Redundancies are those of one point and one direction held; of the largest, curvature shows the height."""
+    """Redundancies are those of one point and one direction held; the height of the largest is seen."""
     network = surveyed(size, {"A": (1e-3,) * 3, "B": (1e-3,) * 3})
     found = network.adjust(datum=Datum("inner"))
     assert found.solution.redundancy == 20 + free  # 36 observations, 12 coordinates and 4 orientations

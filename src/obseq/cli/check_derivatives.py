@@ -51,10 +51,11 @@ def to_text(checks: "list[DerivativeCheck]") -> str:
     width = max((len(check.name) for check in checks), default=0)
     lines = [f"{'formula':<{width}}  worst relative error  residual by unknown"]
     for check in checks:
-        mark = "" if check.passed else "  FAILED"
+        mark = "  STALE" if check.stale else "" if check.passed else "  FAILED"
         where = f"{check.residual} by {check.unknown}"
         lines.append(f"{check.name:<{width}}  {check.worst_relative_error:>20.2e}  {where}{mark}")
     failed = sum(not check.passed for check in checks)
+    lines += [check.stale for check in checks if check.stale]
     lines.append(f"{failed} of {len(checks)} failed" if failed else f"all {len(checks)} passed")
     return "\n".join(lines)
 
@@ -68,6 +69,7 @@ def to_json(checks: "list[DerivativeCheck]") -> str:
             "unknown": check.unknown,
             "residual": check.residual,
             "passed": check.passed,
+            "stale": check.stale,
         }
         for check in checks
     ]

@@ -12,11 +12,11 @@ Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.joint_levels import joint_critical
 

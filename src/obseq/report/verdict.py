@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cached_property
 
 from msgspec import structs
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.records.adjustment import (
     AdjustmentRecord,

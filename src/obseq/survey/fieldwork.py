@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 from obseq.boundary import Boundary
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.shown_units import METRIC, ShownUnits

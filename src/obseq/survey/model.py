@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import enum
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import expecting, instance
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE, KINDS, among, codes
 from obseq.survey.points import CoordinateCovariance as CoordinateCovariance

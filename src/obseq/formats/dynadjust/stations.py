@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.cached import cached_property
 from obseq.crs.frames import geographic_crs
 from obseq.errors import CrsError, InputError
 from obseq.formats.dynadjust.records import radians_of_packed
