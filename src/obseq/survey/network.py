@@ -110,6 +110,7 @@ class Network:
         ignore=WORDS,
         refraction=NUMBER,
         geoid=PATH | NOTHING,
+        stochastic=PATH | NOTHING,
     )
     def read(
         cls,
@@ -124,6 +125,7 @@ class Network:
         ignore: Collection[str] = (),
         refraction: float = crs.REFRACTION_COEFFICIENT,
         geoid: str | Path | None = None,
+        stochastic: str | Path | None = None,
     ) -> Network:
         """Reads OBS files and point files.
 
@@ -142,6 +144,8 @@ class Network:
                 "deflections", "after-sigma" (everything after the sigma of an observation).
             refraction: Coefficient k of zenith angles: rays are arcs of radius (radius of the Earth) / k.
             geoid: Deflections of the vertical of points whose line gives none (see `with_deflections`).
+            stochastic: File that says what observations are worth, in place of their own sigmas (see
+                `obseq.formats.read_stochastic`).
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
@@ -150,6 +154,7 @@ class Network:
         network = files.read_network(
             observation_files, point_files, frame, points, encoding, ignore, refraction
         )
+        network = network if stochastic is None else files.read_stochastic(stochastic).weighing(network)
         return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod
@@ -163,6 +168,7 @@ class Network:
         ignore=WORDS,
         sigmas=WORDS,
         points_crs=TEXT | NOTHING,
+        stochastic=PATH | NOTHING,
     )
     def read_project(
         cls,
@@ -176,6 +182,7 @@ class Network:
         geoid: str | Path | None = None,
         ignore: Collection[str] = (),
         sigmas: Collection[str] = (),
+        stochastic: str | Path | None = None,
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -191,12 +198,14 @@ class Network:
                 observations that are not those of the network.
             sigmas: Standard deviations of observations whose file has none, such as "distance=2mm" (STAR*NET,
                 LandXML).
+            stochastic: File that says what observations of each instrument are worth, centring included (see
+                `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         return files.read_project_network(
-            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas
+            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic
         )
 
     @expecting(geoid=PATH)
