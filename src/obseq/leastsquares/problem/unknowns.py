@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -42,7 +43,6 @@ class UnknownTable:
         names: name of each block.
         manifolds: kinds of blocks, those that every system knows first.
         owner: which thread works on the system.
-        followers: called wherever the values have moved, or have come back: they renew what follows.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class UnknownTable:
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
-        self.followers: list[Callable[[], None]] = []
+        self._followers: list[WeakMethod[Callable[[], None]]] = []
 
     def __len__(self) -> int:
         return len(self.names)
@@ -358,10 +358,16 @@ class UnknownTable:
         self._context.view[: len(state.context)] = state.context
         self._lead()
 
+    def followed_by(self, renew: Callable[[], None]) -> None:
+        """Has a method called wherever the values have moved or come back, as long as its object lives."""
+        self._followers.append(WeakMethod(renew))
+
     def _lead(self) -> None:
         """Renews what follows from the values."""
-        for follow in self.followers:
-            follow()
+        for follower in self._followers:
+            renew = follower()
+            if renew is not None:
+                renew()
 
     def move(self, step: FloatArray) -> None:
         """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""

@@ -96,7 +96,7 @@ class Equations:
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
         self._set_datum(points, point_system)
-        self.system.unknowns.followers.append(self._renew)
+        self.system.unknowns.followed_by(self._renew)
 
     def restart(self, points: Points, book: FieldBook, initial: InitialValues) -> None:
         """Takes the numbers of another network, which has the same equations otherwise (`kept_equations`).
