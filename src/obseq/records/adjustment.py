@@ -17,6 +17,7 @@ import msgspec
 
 from obseq.errors import InputError
 from obseq.packages import version
+from obseq.printable import printable_line
 from obseq.records.quality import (
     DoubtfulRecord,
     EffectRecord,
@@ -334,7 +335,12 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
             raise InputError(f"{what}: it is not the result of an adjustment (its format is not {FORMAT})")
         if plain.get("version") != VERSION:
             raise InputError(f"{what}: it has another version than {VERSION}; make it again with this obseq")
-        return from_plain(cls, plain, what)
+        record = from_plain(cls, plain, what)
+        names = [point.name for point in record.points]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"{what}: point {printable_line(twice)} comes twice")
+        return record
 
 
 def defined(values: NDArray[np.float64]) -> list[float | None]:

@@ -96,7 +96,6 @@ DIST_HZ = HorizontalDistance(
     "horizontal distance",
     "TopoDistHz",
     start=Start.FLAT,
-    takes_heights=False,
     is_plumb=True,
 )
 DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, horizontal=DIST_HZ)
