@@ -65,6 +65,9 @@ class UnknownTable:
         self._followers: list[WeakMethod[Callable[[], None]]] = []
         self._perspectives: list[Perspective] = []
 
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_followers": []}  # they belong to whoever moves this one
+
     def __len__(self) -> int:
         return len(self.names)
 
