@@ -11,7 +11,7 @@ def main() -> int:
 
 
 def generate(arguments: Sequence[str] | None = None) -> int:
-    """Load the generator, which takes half a second, and run it; the program's own arguments if None."""
+    """Load the generator, which takes half a second, and run it; None for the arguments of the program."""
     from obseq.codegen.main import main as run
 
     return run(arguments)

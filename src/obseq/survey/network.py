@@ -31,7 +31,7 @@ from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
-from obseq.survey.checks.both_faces import refuse_both_faces
+from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
 from obseq.survey.fieldwork import Fieldwork
@@ -111,6 +111,7 @@ class Network:
         refraction=NUMBER,
         geoid=PATH | NOTHING,
         stochastic=PATH | NOTHING,
+        faces=TEXT,
     )
     def read(
         cls,
@@ -126,6 +127,7 @@ class Network:
         refraction: float = crs.REFRACTION_COEFFICIENT,
         geoid: str | Path | None = None,
         stochastic: str | Path | None = None,
+        faces: str = MEAN,
     ) -> Network:
         """Reads OBS files and point files.
 
@@ -146,13 +148,14 @@ class Network:
             geoid: Deflections of the vertical of points whose line gives none (see `with_deflections`).
             stochastic: File that says what observations are worth, in place of their own sigmas (see
                 `obseq.formats.read_stochastic`).
+            faces: Of sights in both faces of the telescope, "mean" to adjust the means, "all" all readings.
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         points = (points_crs, point_sigma, point_format, point_options)
         network = files.read_network(
-            observation_files, point_files, frame, points, encoding, ignore, refraction
+            observation_files, point_files, frame, points, encoding, ignore, refraction, faces
         )
         network = network if stochastic is None else files.read_stochastic(stochastic).weighing(network)
         return network if geoid is None else network.with_deflections(geoid)
@@ -169,6 +172,7 @@ class Network:
         sigmas=WORDS,
         points_crs=TEXT | NOTHING,
         stochastic=PATH | NOTHING,
+        faces=TEXT,
     )
     def read_project(
         cls,
@@ -183,6 +187,7 @@ class Network:
         ignore: Collection[str] = (),
         sigmas: Collection[str] = (),
         stochastic: str | Path | None = None,
+        faces: str = MEAN,
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -200,12 +205,13 @@ class Network:
                 LandXML).
             stochastic: File that says what observations of each instrument are worth, centring included (see
                 `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
+            faces: "mean" or "all", as for `read`.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         return files.read_project_network(
-            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic
+            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic, faces
         )
 
     @expecting(geoid=PATH)
@@ -255,6 +261,7 @@ class Network:
         points_crs: str | None,
         refraction: float,
         watch: Stopwatch,
+        faces: str = MEAN,
     ) -> Network:
         """The network of points in their system and of observations."""
         with watch.phase("coordinate systems"):
@@ -266,7 +273,7 @@ class Network:
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
             warning = _area_warning(given, points)
-        refuse_both_faces(book)
+        book = reduced_faces(book, faces)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
         points, book = join(
