@@ -271,7 +271,7 @@ def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (["--measures=nowhere.csv"], "nowhere.csv: No such file"),
+        (["--measures=nowhere.csv"], "nowhere.csv: there is no such file"),
         (["--freeze=Q9"], "no camera parameter matches 'Q9'"),
         (["--bal=b.txt"], "say where the block is"),
         (["--obs=a.obs"], "--obs and --cor go together"),
