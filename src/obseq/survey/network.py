@@ -317,6 +317,7 @@ class Network:
         quality=instance(Quality),
         start=instance(InitialValues) | NOTHING,
         datum=instance(Datum) | NOTHING,
+        strategy=TEXT,
     )
     def adjust(
         self,
@@ -328,6 +329,7 @@ class Network:
         quality: Quality = QUALITY,
         start: InitialValues | None = None,
         datum: Datum | None = None,
+        strategy: str = "controlled",
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -344,6 +346,7 @@ class Network:
             start: Where the iterations start; by default initial values from the known points and the
                 observations.
             datum: What the network rests on; None for what the files say, or the known coordinates.
+            strategy: How the iterations move; see `obseq.LeastSquares.solve`.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -352,7 +355,14 @@ class Network:
         chosen = self.datum if datum is None else datum
         watch = Stopwatch(progress)
         computation = Computation(
-            self.frame, self.points_crs, self.unit_sigma, max_iterations, tolerance, watch, quality
+            self.frame,
+            self.points_crs,
+            self.unit_sigma,
+            max_iterations,
+            tolerance,
+            watch,
+            quality,
+            strategy=strategy,
         )
         adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)

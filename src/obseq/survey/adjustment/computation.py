@@ -76,6 +76,7 @@ class Computation:
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
         wrong: Rows of observations that contradict all others where the iterations start.
+        strategy: How the iterations move.
     """
 
     frame: Frame
@@ -86,6 +87,7 @@ class Computation:
     watch: Stopwatch
     quality: Quality
     wrong: tuple[int, ...] = ()
+    strategy: str = "controlled"
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -208,7 +210,7 @@ class Computation:
             "before_iteration": equations.follow,
             "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
             "progress": lambda step: self.watch.progress(str(step)),
-            "strategy": "controlled",
+            "strategy": self.strategy,
         }
 
     def _adjustment(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:
