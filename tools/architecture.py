@@ -23,6 +23,7 @@ FILES = (
     "packages",
     "pools",
     "printable",
+    "spreadsheets",
     "stopwatch",
     "writing",
 )
@@ -34,7 +35,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "geometry": (),
     "crs": (),
     "formulas": (),
-    "report": ("records",),
+    "report": ("records", "reading"),
     "reading": (),
     "codegen": ("formulas", "kernels"),
     "generated": ("kernels",),
@@ -57,6 +58,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
+        "reading",
         "targets",
         "report",
         "records",

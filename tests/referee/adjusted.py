@@ -75,87 +75,86 @@ def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
     equations(network, unknowns).orient()
     reference, iterations, left, length = unknowns.values.copy(), 0, polish, np.inf
     while iterations <= MOST and np.isfinite(unknowns.values).all():
-        v, jacobian, covariance, c, hold = linearised(network, unknowns, equations)
-        root = np.linalg.cholesky(covariance)
-        white, misfit = np.linalg.solve(root, jacobian), np.linalg.solve(root, v)
-        basis, kernel, step = solved(network, white, misfit, c, hold)
-        rank = basis.shape[1]
-        freedom = len(v) - rank
-        scale = np.sqrt(misfit @ misfit / freedom) if freedom else 1.0
-        before, length = length, np.linalg.norm(white @ step)
+        parts = linearised(network, unknowns, equations)
+        design = Design(*with_datum(network, unknowns, reference, *parts))
+        basis, step = design.solved()
+        before, length = length, np.linalg.norm(design.white @ step)
+        freedom = len(design.v) - basis.shape[1]
+        scale = np.linalg.norm(design.misfit) / np.sqrt(freedom) if freedom else 1.0
         is_rounding = length < SMALL * scale and length > before / 2
         if left < polish or length <= TOLERANCE * scale or is_rounding:
             if left == 0:
-                return _result(network, unknowns, (v, root, white, basis, kernel), iterations + 1)
+                return result(network, unknowns, design, basis, iterations + 1)
             left -= 1
         else:
             iterations += 1
-        unknowns.take(settled(network, unknowns, step, kernel, reference))
+        unknowns.take(step)
     raise UndeterminedError("the iterations of the referee do not end")
 
 
-def solved(network, white, misfit, c, hold):
-    """(u, r) basis of what moves, (u, d) kernel that the datum takes, and the step."""
-    size = white.shape[1]
-    scales = 1.0 / np.maximum(np.linalg.norm(np.vstack([white, hold]), axis=0), 1e-300)
-    moving, step = np.eye(size), np.zeros(size)
-    if len(c):
-        scaled = hold * scales
-        _, s, vt = np.linalg.svd(scaled)
-        rank = int((s > 1e-12 * s[0]).sum())
-        step = -np.linalg.pinv(scaled) @ c
-        moving = vt[rank:].T
-    u, s, vt = np.linalg.svd((white * scales) @ moving, full_matrices=False)
-    kept = s > SINGULAR * s[0]
-    missing = moving.shape[1] - int(kept.sum())
-    if missing and network.inner is None:
-        raise UndeterminedError(f"{missing} motions are free")
-    y = -(u[:, kept].T @ (misfit + white @ (scales * step))) / s[kept]
-    step = scales * (step + moving @ (vt[kept].T @ y))
-    basis = scales[:, None] * (moving @ (vt[kept].T / s[kept]))
-    full = np.linalg.svd((white * scales) @ moving)[2]
-    kernel = scales[:, None] * (moving @ full[int(kept.sum()) :].T)
-    return basis, kernel, step
+@dataclass
+class Design:
+    """Linear equations J dx = -v with a covariance, and H dx = -c, which hold exactly."""
+
+    v: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    c: np.ndarray
+    hold: np.ndarray
+
+    def __post_init__(self):
+        self.root = np.linalg.cholesky(self.covariance)
+        self.white = np.linalg.solve(self.root, self.jacobian)
+        self.misfit = np.linalg.solve(self.root, self.v)
+
+    def solved(self):
+        """(u, r) basis of what moves, whose products with itself are the covariances, and the step."""
+        scales = 1.0 / np.maximum(np.linalg.norm(np.vstack([self.white, self.hold]), axis=0), 1e-300)
+        moving, step = np.eye(len(scales)), np.zeros(len(scales))
+        if len(self.c):
+            scaled = self.hold * scales
+            _, s, vt = np.linalg.svd(scaled)
+            moving, step = vt[int((s > 1e-12 * s[0]).sum()) :].T, -np.linalg.pinv(scaled) @ self.c
+        u, s, vt = np.linalg.svd((self.white * scales) @ moving, full_matrices=False)
+        if len(s) < moving.shape[1] or not (s > SINGULAR * s.max(initial=0.0)).all():
+            raise UndeterminedError("motions are free")
+        y = -(u.T @ (self.misfit + self.white @ (scales * step))) / s
+        return scales[:, None] * (moving @ (vt.T / s)), scales * (step + moving @ (vt.T @ y))
 
 
-def settled(network, unknowns, step, kernel, reference):
-    """The step that ends on the datum: least movement of its points from the reference."""
-    if not kernel.shape[1]:
-        return step
-    rows = network.datum_rows(unknowns)
-    away = (unknowns.values + step)[rows] - reference[rows]
-    return step - kernel @ np.linalg.lstsq(kernel[rows], away, rcond=None)[0]
+def with_datum(network, unknowns, reference, v, jacobian, covariance, c, hold):
+    """The equations, and of a free network that its datum moves as little as can be from a reference."""
+    if network.inner is None:
+        return v, jacobian, covariance, c, hold
+    loose = network.loose(unknowns, jacobian, np.linalg.solve(np.linalg.cholesky(covariance), jacobian), hold)
+    rows, datum = network.datum_rows(unknowns), np.zeros((loose.shape[1], len(unknowns.values)))
+    datum[:, rows] = loose[rows].T
+    away = np.zeros(len(reference))
+    away[rows] = (unknowns.values - reference)[rows]
+    return v, jacobian, covariance, np.concatenate([c, datum @ away]), np.vstack([hold, datum])
 
 
-def _result(network, unknowns, parts, iterations):
-    v, root, white, basis, kernel = parts
-    n = len(network.observations)
+def result(network, unknowns, design, basis, iterations):
+    """Everything at the solution."""
+    n, white, v, inverse = len(network.observations), design.white, design.v, np.linalg.inv(design.root)
     hat = white @ basis
     free = np.eye(len(v)) - hat @ hat.T
-    inverse = np.linalg.inv(root)
-    misfit = inverse @ v
-    pv, pqp = inverse.T @ misfit, inverse.T @ free @ inverse
-    redundancy = np.diag(root @ free @ inverse).copy()
+    pv, pqp = inverse.T @ design.misfit, inverse.T @ free @ inverse
     with np.errstate(invalid="ignore", divide="ignore"):
         standardised = pv / np.sqrt(np.diag(pqp))
-    move = np.eye(len(unknowns.values))
-    if kernel.shape[1]:
-        rows = network.datum_rows(unknowns)
-        move[:, rows] -= kernel @ np.linalg.pinv(kernel[rows])
-    freedom = len(v) - basis.shape[1]
-    own = float(misfit[:n] @ misfit[:n])
+    freedom, own = len(v) - basis.shape[1], float(design.misfit[:n] @ design.misfit[:n])
     return Adjusted(
-        network.names,
-        unknowns.points(),
-        move @ basis,
-        v,
-        redundancy,
-        standardised,
-        np.sqrt(own / freedom) if freedom else np.nan,
-        float(misfit @ misfit) / freedom if freedom else np.nan,
-        freedom,
-        iterations,
-        unknowns,
+        names=network.names,
+        xyz=unknowns.points(),
+        spread=basis,
+        residuals=v,
+        redundancy=np.diag(design.root @ free @ inverse).copy(),
+        standardised=standardised,
+        sigma0=np.sqrt(own / freedom) if freedom else np.nan,
+        variance_factor=float(design.misfit @ design.misfit) / freedom if freedom else np.nan,
+        freedom=freedom,
+        iterations=iterations,
+        unknowns=unknowns,
     )
 
 
@@ -187,9 +186,7 @@ def inner_covariance(network, found):
     for key, part in unknowns.at.items():
         unknowns.values[part] = found.unknowns.values[found.unknowns.at[key]]
     unknowns.bases |= found.unknowns.bases
-    v, jacobian, covariance, c, hold = linearised(free, unknowns)
-    root = np.linalg.cholesky(covariance)
-    white = np.linalg.solve(root, jacobian)
-    basis, kernel, _ = solved(free, white, np.linalg.solve(root, v), c, hold)
-    found = _result(free, unknowns, (v, root, white, basis, kernel), 0)
+    parts = with_datum(free, unknowns, unknowns.values, *linearised(free, unknowns))
+    design = Design(*parts)
+    found = result(free, unknowns, design, design.solved()[0], 0)
     return found.covariance(np.arange(3 * len(free.points)))

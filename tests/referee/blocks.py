@@ -59,6 +59,11 @@ class Block(Network):
     inclinations: tuple = ()
     datum: str = "control"
 
+    def loose(self, unknowns, jacobian, white, hold):
+        """(u, d) what no measure sees."""
+        _, s, vt = np.linalg.svd(np.vstack([white, hold]) / (scale := np.linalg.norm(white, axis=0)))
+        return vt[int((s > 1e-9 * s[0]).sum()) :].T / scale[:, None]
+
     def datum_rows(self, unknowns):
         if self.datum == "points":
             return super().datum_rows(unknowns)

@@ -3,11 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from referee.earth import Frame, System, norm
+from referee.earth import MEAN_RADIUS, Frame, System, norm
 
 from obseq.cached import cached_property
 
 TINY = 1e-30
+ALIKE = 1e-5  # of the largest: what a motion that others make up leaves of itself
 READ_ALONG = {"DX": 0, "DY": 1, "DZ": 2}
 AXES = {"X": 0, "Y": 1, "Z": 2, "x": 0, "y": 1, "z": 2}
 TURNS, DIRECTIONS = ("turn",), ("axis",)
@@ -95,11 +96,41 @@ class Network:
             unknowns.at["point", name].start + k for name in chosen for k in range(3) if (name, k) not in held
         ]
 
+    def loose(self, unknowns, jacobian, white, hold):
+        """(u, d) motions of the whole network that its equations do not determine (docs/statistics.md)."""
+        return loose_motions(self, unknowns, (jacobian, hold), white)
+
     def orientation(self, setup):
         """Of a set-up, after the rule that what nothing turns is along the vertical."""
         turning = any(o.setup == setup and o.kind in ("Hz", "DX", "DY", "Alpha") for o in self.observations)
         word = self.setups[setup].orientation
         return word if turning or word == "GRID" else "FIX"
+
+
+def loose_motions(network, unknowns, seen_by, white):
+    """(u, d) similarities of the network, instruments following, that are free or loose.
+
+    An equation sees curvature only of a motion where that is a thousandth, or the size of the network over
+    the radius of the Earth, of what it sees of its points, or less. A motion of which all equations see
+    curvature only is loose where its standard deviation is beyond a hundredth of the size.
+    """
+    n, xyz = 3 * len(network.points), unknowns.points()
+    arms = xyz - xyz.mean(axis=0)
+    extent = 2 * np.linalg.norm(arms, axis=1).max()
+    columns = [np.tile(axis, (len(xyz), 1)) for axis in np.eye(3)]
+    columns += [np.cross(axis, arms) / extent for axis in np.eye(3)] + [arms / extent]
+    held = np.array([p.sigmas == 0 for p in network.points])
+    u, s, _ = np.linalg.svd(np.column_stack([np.where(held, 0.0, c).ravel() for c in columns]), False)
+    points = u[:, s > ALIKE * s[0]] * np.sqrt(len(xyz))
+    others = -np.linalg.lstsq(white[:, n:], white[:, :n] @ points, rcond=1e-12)[0]
+    motions = np.vstack([points, others])
+    alone = [np.maximum(np.linalg.norm(part[:, :n], axis=1), 1e-300)[:, None] for part in seen_by]
+    shares = np.vstack([part @ motions / size for part, size in zip(seen_by, alone, strict=True)])
+    modes = np.linalg.svd(shares)[2].T
+    seen = np.abs(shares @ modes).max(axis=0)
+    motions = motions @ modes[:, seen <= max(1e-3, 2 * extent / MEAN_RADIUS)]
+    _, weights, turned = np.linalg.svd(white @ motions, full_matrices=False)
+    return (motions @ turned.T)[:, weights * 0.01 * extent < 1.0]
 
 
 class Unknowns:

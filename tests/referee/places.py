@@ -3,7 +3,7 @@
 import numpy as np
 from referee.earth import WGS84, Frame, Ground, System, euler, tangent
 
-BESSEL = Ground(6377397.155, 0.006674372230614, (674.374, 15.056, 405.346))
+BESSEL = Ground(6377397.155, 0.006674372231802145, (674.374, 15.056, 405.346))
 SWISS = (
     "+proj=somerc +lat_0=46.95240555555556 +lon_0=7.439583333333333 +k_0=1 +x_0=2600000 +y_0=1200000 "
     "+ellps=bessel"

@@ -59,7 +59,7 @@ WRONG = {
     '{"format": "obseq-adjustment", "version": 2}': "another version",
     '{"format": "obseq-adjustment", "version": 1}': "missing required field `n_observations`",
     "[" * 100_000: "not a result file",
-    '{"sigma0": NaN}': "NaN is no number of JSON",
+    '{"sigma0": NaN}': "NaN is not a finite number",
 }
 
 
@@ -104,3 +104,23 @@ def test_names_keep_their_letters(plain, make) -> None:
 
 def test_an_empty_list_is_valid(make) -> None:
     assert json.loads(to_json(make(stations=[])))["stations"] == []
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            '"n_unknowns": ',
+            '"n_unknowns": 1, "n_unknowns": ',
+            'the key "n_unknowns" comes twice in one object',
+        ),
+        ('"converged": true', '"converged": true, "sigma0": 1e999', "1e999 is not a finite number"),
+        ('"name":"B"', '"name":"A"', "point A comes twice"),
+    ],
+)
+def test_no_value_takes_the_place_of_another(before, after, said, record, tmp_path) -> None:
+    text = to_json(record)
+    assert before in text
+    (tmp_path / "a.json").write_text(text.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        read_json(tmp_path / "a.json")

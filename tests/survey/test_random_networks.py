@@ -69,3 +69,18 @@ def test_the_field_case_of_a_bad_approximation(shared_data, frame):
     adjustment = Network.read(folder / "demo.obs", folder / "demo.cor", frame, "IGNF:LAMB93").adjust()
     assert [item.name for item in adjustment.replaced] == ["PtB"]
     assert adjustment.sigma0 == pytest.approx(1.76552, abs=5e-6)
+
+
+def test_heights_of_instrument_and_target_count_for_horizontal_distances(tmp_path):
+    """The target's plumb line leans 1 km / 6378 km towards it: 2 m above the mark it is 0.31 mm farther."""
+    lines = "type,from,to,value,sigma,from_height,to_height\nDistHz,A,B,1000,0.001,{0},{0}\n"
+    lines += "Azim,A,B,100,0.001,,\nZen,A,B,100,0.001,,\n"
+    (tmp_path / "p.csv").write_text("name,x,y,z,sx,sy,sz\nA,0,0,0,0,0,0\nB,1000,0,0,,,\n")
+    found = []
+    for height in (0, 2):
+        (tmp_path / "o.csv").write_text(lines.format(height))
+        network = Network.read_project(
+            [tmp_path / "p.csv", tmp_path / "o.csv"], frame="RTL*2.4*0*0*EPSG:4326"
+        )
+        found.append(network.adjust().points.coordinates[1, 0])
+    assert found[0] - found[1] == pytest.approx(2.0 * 1000.0 / 6378137.0, rel=1e-3)

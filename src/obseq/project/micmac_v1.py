@@ -11,6 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import RigidMotion
 from obseq.images import Camera
 from obseq.project.xml_elements import root_of
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -121,11 +122,7 @@ def _distortion(
 
 
 def _parsed(path: Path) -> Element:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    return root_of(path, data)
+    return root_of(path, read_bytes(path))
 
 
 def _one(node: Element, name: str, place: Path) -> Element:

@@ -17,6 +17,7 @@ import msgspec
 
 from obseq.errors import InputError
 from obseq.packages import version
+from obseq.printable import printable_line
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import (
     DoubtfulRecord,
@@ -253,6 +254,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        planned: Whether nothing is measured yet: there are no residuals, nor what is judged by them.
         failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
@@ -300,6 +302,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
     failures: tuple[str, ...] = ()
+    planned: bool = False
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -337,7 +340,12 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
             raise InputError(f"{what}: it is not the result of an adjustment (its format is not {FORMAT})")
         if plain.get("version") != VERSION:
             raise InputError(f"{what}: it has another version than {VERSION}; make it again with this obseq")
-        return from_plain(cls, plain, what)
+        record = from_plain(cls, plain, what)
+        names = [point.name for point in record.points]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"{what}: point {printable_line(twice)} comes twice")
+        return record
 
 
 def defined(values: NDArray[np.float64]) -> list[float | None]:

@@ -1,6 +1,5 @@
 """The result file: the record of an adjustment as JSON, written and read back."""
 
-import json
 from pathlib import Path
 
 from msgspec import structs
@@ -8,6 +7,8 @@ from msgspec import structs
 from obseq.arguments import PATH, expecting, instance
 from obseq.errors import InputError
 from obseq.printable import json_escaped
+from obseq.reading.json_text import parsed_json
+from obseq.reading.text import read_bytes
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import Record, encoded
 
@@ -42,17 +43,12 @@ def read_plain(path: str | Path) -> object:
     Raises:
         InputError: the file cannot be read, or is no JSON.
     """
+    data = read_bytes(Path(path))
     try:
-        plain: object = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refused)
-    except OSError as error:
-        raise InputError(f"{path}: it cannot be read ({error.strerror})") from error
+        plain = parsed_json(data)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: it is not a result file: {error}") from error
     return plain
-
-
-def _refused(name: str) -> float:
-    raise ValueError(f"{name} is no number of JSON")
 
 
 def _lines(value: object) -> str:

@@ -11,6 +11,7 @@ from obseq.formats.default_sigmas import ANGLES
 from obseq.formats.tables.clusters import Member
 from obseq.reading.text import LEAST_SIGMA, quoted
 from obseq.records.shown_units import METRES, ShownUnits
+from obseq.spreadsheets import text_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,7 +96,7 @@ class Table:
             cells = self._split(index, line)
             if len(cells) != len(self.columns) and not self._is_padded(cells):
                 raise self.file.error(index, self._miscounted(cells))
-            yield index, {name: cells[place].strip() for name, place in self.columns.items()}
+            yield index, {name: text_in(cells[place].strip()) for name, place in self.columns.items()}
 
     @property
     def _blank(self) -> str:

@@ -76,8 +76,8 @@ class Catalogue:
         self.hypotheses = Hypotheses([*self._alone(), *self._of_causes()])
 
     def _alone(self) -> list[Family]:
-        """Single observations, known coordinates, and both plan coordinates of a point."""
-        own = np.flatnonzero(self._active[self.rows])
+        """Single observations, but components of vectors; known coordinates, and both in plan of a point."""
+        own = np.flatnonzero(self._active[self.rows] & (self.notes.vectors[self.rows] < 0))
         first, points, components = len(self.rows), self.known[:, 0], self.known[:, 1]
         plan = np.flatnonzero(components < 2)
         plan = plan[np.lexsort((components[plan], points[plan]))]
