@@ -133,7 +133,7 @@ def slipped(text: list[str], number: int) -> list[str]:
 def test_one_direction_of_the_other_face_in_a_network_of_four_points(tmp_path, number):
     text = (files("obseq.survey") / "data" / "demo.obs").read_text().splitlines()
     (error,) = demo(slipped(text, number), tmp_path).gross_errors()
-    assert lines(error) == {number} and "W102" in codes(error)
+    assert {number} in map(lines, alternatives(error)) and "W102" in codes(error)
 
 
 @pytest.mark.parametrize("number", [33, 306])
