@@ -69,10 +69,12 @@ class Tested:
     Attributes:
         statistic: (h,) T; 0 where nothing shows it.
         limit: (h,) K that it must exceed.
+        noise: (h,) what it takes of the noise, on average.
     """
 
     statistic: FloatArray
     limit: FloatArray
+    noise: FloatArray
 
 
 class LinearTests:
@@ -223,7 +225,7 @@ class LinearTests:
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
-        return Tested(statistic, limits[degrees])
+        return Tested(statistic, limits[degrees], self.scale * degrees)
 
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""
@@ -279,8 +281,13 @@ class LinearTests:
         return found
 
     def due(self, chosen: Sequence[int]) -> float:
-        """What hypotheses must take away to be believed: the limit of the test of each, and its rarity."""
-        return float(sum(self.limit(self.rank(i)) + self.rarity[i] for i in chosen))
+        """What hypotheses must take away to be believed: the limit of the test of each, and its rarity.
+
+        And what they take of the noise: one square for each degree of freedom. Else a whole image would be
+        cheaper than one of its points.
+        """
+        ranks = {i: self.rank(i) for i in chosen}
+        return float(sum(self.limit(q) + self.scale * q + self.rarity[i] for i, q in ranks.items()))
 
     def price(self, chosen: Sequence[int]) -> float:
         """What remains with hypotheses accepted, and what is due for them."""

@@ -45,7 +45,7 @@ def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = F
 def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """(h,) by how much each hypothesis lowers the price; minus infinity where its test does not reject."""
     passed = found.statistic > found.limit
-    return np.where(passed, found.statistic - found.limit - tests.rarity, -np.inf)
+    return np.where(passed, found.statistic - found.limit - found.noise - tests.rarity, -np.inf)
 
 
 def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
@@ -74,7 +74,7 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
         for i in now if len(now) <= tests.policy.most else ():
             rest = [j for j in now if j != i]
             given = tests.given(rest)
-            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.q[i] > 1))
+            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
             prices = tests.cost - given.took + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
             if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
