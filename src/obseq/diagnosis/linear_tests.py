@@ -12,13 +12,13 @@ Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.joint_levels import joint_critical
+from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -105,8 +105,9 @@ class LinearTests:
         self.shown = np.asarray(self._transposed @ left)
         self._across: dict[int, FloatArray] = {}
         self._weight = self._first_weights(columns)
-        level = 1.0 - (1.0 - policy.false_alarm) ** (1.0 / max(len(hypotheses), 1))
-        self.level = float(f"{level:.1e}")  # so that limits are computed once for models of like size
+        degrees, counts = np.unique(hypotheses.q[~hypotheses.is_block], return_counts=True)
+        tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in zip(degrees, counts, strict=True))
+        self.level = _level(policy.false_alarm, policy.power, tests)
         self._ranks: dict[int, int] = {}
         self.scale = 1.0
 
@@ -292,6 +293,15 @@ class LinearTests:
     def price(self, chosen: Sequence[int]) -> float:
         """What remains with hypotheses accepted, and what is due for them."""
         return self.cost - self.given(chosen).took + self.due(chosen)
+
+
+@lru_cache
+def _level(false_alarm: float, power: float, tests: tuple[tuple[int, int], ...]) -> float:
+    """Level of the test of one equation, all tests together having one: degrees of freedom, and how many.
+
+    Rounded, as the numbers of tests are, so that limits are computed once for models of like size.
+    """
+    return float(f"{shared_level(false_alarm, dict(tests or ((1, 1),)), power):.1e}")
 
 
 def _parts(which: IntArray) -> list[IntArray]:
