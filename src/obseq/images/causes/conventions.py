@@ -21,7 +21,7 @@ from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from obseq.diagnosis.protocol import Change
     from obseq.images.camera import Camera
@@ -49,8 +49,21 @@ def slips_of_a_camera(evidence: Evidence, label: tuple[int, ...], change: Change
 def _slips(evidence: Evidence, images: list[int]) -> Iterator[Slip]:
     names = [evidence.poses.images[image] for image in images]
     cameras = {name: evidence.cameras[image] for name, image in zip(names, images, strict=True)}
-    measures = _measures(evidence, names)
-    known = _others(evidence, images)
+    measures, known = _measures(evidence, names), _others(evidence, images)
+    yield from convention_of(measures, known, cameras, evidence.cameras)
+
+
+def convention_of(
+    measures: ImagePoints, known: ControlPoints, cameras: dict[str, Camera], others: Sequence[Camera]
+) -> Iterator[Slip]:
+    """How the measures in some images were given, where nearly all of them fit then.
+
+    Args:
+        measures: in the images.
+        known: points as the other images place them.
+        cameras: of the images, by name.
+        others: all cameras: the images may be of another.
+    """
     if _fit(measures, known, cameras):
         yield Slip("W146", "its pose is given far from where it is", 0.0, is_strong=True)
         return
@@ -59,10 +72,9 @@ def _slips(evidence: Evidence, images: list[int]) -> Iterator[Slip]:
         if changed is not None and _fit(changed, known, cameras):
             yield Slip(code, convention.said, 0.0, is_strong=True)
             return
-    for camera in {camera.name: camera for camera in evidence.cameras}.values():
-        if camera.name not in {own.name for own in cameras.values()} and _fit(
-            measures, known, dict.fromkeys(names, camera)
-        ):
+    own = {camera.name for camera in cameras.values()}
+    for camera in {camera.name: camera for camera in others}.values():
+        if camera.name not in own and _fit(measures, known, dict.fromkeys(cameras, camera)):
             yield Slip("W144", f"it is of camera {camera.name}", 0.0, is_strong=True)
 
 

@@ -22,14 +22,14 @@ from obseq.leastsquares.statistics.final_state import final_state
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.linear_tests import Columns
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
-    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+    from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.leastsquares.problem.unknowns import State
 
 STAGES = ((Huber(1.5), 25), (GemanMcClure(8.0), 8), (GemanMcClure(4.0), 8))
@@ -168,7 +168,7 @@ class BlockModel:
         return self._off(place) < FITTING
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
-        """All equations as they are given, at a place; parameters that are applied have their other values."""
+        """All equations as they are given, at a place; applied parameters have their other values."""
         result, is_there = self._result, place is self._solution and self._is_plain
         self._table.restore(place.state)
         if result is None or applied or not is_there or not result.has_covariances:
@@ -239,9 +239,7 @@ class BlockModel:
         for k, parameter in enumerate(numbering.parameters):
             given = self._table.read([parameter.block], self._state)[0]
             at = self._table.components(parameter.block).index(parameter.name)
-            off = [
-                change.size[0] for change in changes if self._parameter(change) == k
-            ]
+            off = [change.size[0] for change in changes if self._parameter(change) == k]
             values = self._system.values([parameter.block])
             values[0, at] = given[at] - sum(off)
             self._system.set_values([parameter.block], values)

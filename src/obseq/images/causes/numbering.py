@@ -98,15 +98,12 @@ class Numbering:
 
     def _held(self) -> list[Parameter]:
         """Parameters of cameras that keep the values that were given."""
-        table = self.equations.system.unknowns
-        return [
-            Parameter(camera, name, block)
-            for camera, block in zip(self.equations.cameras, self.equations.calibrations.tolist(), strict=True)
-            for name, is_held in zip(
-                table.components(block), table.frozen[table.scalars([block])].ravel().tolist(), strict=True
-            )
-            if is_held
-        ]
+        table, found = self.equations.system.unknowns, []
+        for camera, block in zip(self.equations.cameras, self.equations.calibrations.tolist(), strict=True):
+            is_held = table.frozen[table.scalars([block])].ravel().tolist()
+            named = zip(table.components(block), is_held, strict=True)
+            found += [Parameter(camera, name, block) for name, held in named if held]
+        return found
 
     @property
     def camera(self) -> IntArray:

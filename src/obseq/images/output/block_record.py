@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.diagnosis_record import DiagnosisRecord
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
 from obseq.images.output.shares import Owners, RejectedShare, rejected_shares
@@ -168,7 +169,7 @@ class BundleRecord:
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
-        cause: what is wrong with the whole block, when that was found; else empty.
+        diagnosis: what is wrong with it; None where nobody has looked.
         weak: what the observations hardly determine, so that there are no precisions; else empty.
         failures: what should explain the result, and failed: nobody has looked.
     """
@@ -198,7 +199,7 @@ class BundleRecord:
     run: RunRecord
     global_test: GlobalTestRecord | None = None
     unmeasured: tuple[BlockLeftOutRecord, ...] = ()
-    cause: str = ""
+    diagnosis: DiagnosisRecord | None = None
     weak: str = ""
     failures: tuple[str, ...] = ()
     format: str = FORMAT
@@ -207,7 +208,8 @@ class BundleRecord:
     @property
     def is_complete(self) -> bool:
         """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
-        is_clean = not (self.left_out or self.behind or self.suspects or self.cause or self.weak)
+        is_clean = not (self.left_out or self.behind or self.suspects or self.weak)
+        is_clean = is_clean and (self.diagnosis is None or self.diagnosis.is_quiet)
         return self.converged and is_clean and not self.rejected_shares and not self.failures
 
     @property
@@ -226,8 +228,8 @@ class BundleRecord:
 
     @property
     def suspects(self) -> tuple[StandardisedRecord, ...]:
-        """The observations of any kind that are suspected to be gross errors, the largest first."""
-        return () if self.suspicion is None else self.suspicion.suspects
+        """The observations whose tests stand out, the largest first; none where a diagnosis says more."""
+        return () if self.suspicion is None or self.diagnosis is not None else self.suspicion.suspects
 
     def to_json(self) -> str:
         """The text of the result file."""
