@@ -160,6 +160,8 @@ class Search(Generic[Place]):
         found = [select(tests, first)]
         if is_robust and not first and (suspects := _suspects(tests)):
             found.append(select(tests, suspects))
+            if blocks := _suspected_blocks(tests):
+                found.append(select(tests, blocks))
         if len(_cheapest(tests, found)) > 1:  # two rows may look like one group and another row
             found.append(select(tests, rows_only=True))
         return tuple(sorted(_cheapest(tests, found)))
@@ -185,3 +187,13 @@ def _suspects(tests: LinearTests) -> list[int]:
     order = np.argsort(-worst, kind="stable")
     which = which[order][worst[order] > tests.policy.suspect]
     return list(map(int, which[: tests.policy.begun]))
+
+
+def _suspected_blocks(tests: LinearTests) -> list[int]:
+    """Blocks most of whose rows a robust place contradicts, those with most first."""
+    hypotheses = tests.hypotheses
+    off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
+    count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
+    is_told = hypotheses.is_block & ~hypotheses.needs_slip
+    which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
+    return list(map(int, which[np.argsort(-count[which], kind="stable")][: tests.policy.most]))

@@ -129,7 +129,7 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     count = np.append(0, np.cumsum(np.isin(hypotheses.columns, held)))
     inner = count[hypotheses.starts[1:]] - count[hypotheses.starts[:-1]]
     some = blocks[inner[blocks] >= np.maximum(2, tests.policy.whole * hypotheses.q[blocks])]
-    return [j for j in some.tolist() if len(inside(tests, chosen, j)) >= needed(tests, j)]
+    return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
 
 
 def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:

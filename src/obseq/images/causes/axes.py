@@ -29,6 +29,10 @@ OFF_MIDDLE = 0.1
 """Share of the size of an image by which no principal point is off its middle, as a rule."""
 TIMES = 3.0
 """Times smaller than that share the shift of a principal point must become where images were reduced."""
+EASTINGS = (1e5, 1e6)
+"""Metres: between these are eastings of most grids, and northings above the second."""
+LIKELIER = 6.0
+"""Squares by which coordinates that look like northings first speak for their exchange."""
 ORDERS = (
     ((1, 0, 2), "x and y", "easting comes first here"),
     ((0, 2, 1), "y and z", "z is the height here"),
@@ -89,16 +93,20 @@ def _control_axes(subject: Subject) -> Iterator[Trial]:
     for order, axes, here in ORDERS if len(subject.given) else ORDERS[:1]:
         made = _as_given(subject)
         made.control = with_exchanged_axes(control, order)
-        yield Trial.saying(
-            f"{axes} of control points exchanged",
-            f"{axes} of the control points are exchanged ({here})",
-            made,
-        )
+        said = f"{axes} of the control points are exchanged ({here})"
+        told = Told(said, likelier=LIKELIER if _are_northings_first(control) else 0.0)
+        yield Trial(f"{axes} of control points exchanged", made, lambda _, told=told: told)
     if len(subject.given):
         made = _as_given(subject)
         made.control = replace(control, coordinates=control.coordinates * [1.0, 1.0, -1.0])
         said = "the heights of the control points count downwards (z goes up here)"
         yield Trial.saying("heights of control points counted downwards", said, made)
+
+
+def _are_northings_first(control: ControlPoints) -> bool:
+    """Whether coordinates look like northings and eastings of a grid, in this order."""
+    x, y, _ = np.median(control.coordinates, axis=0)
+    return bool(x > EASTINGS[1] and EASTINGS[0] <= y < EASTINGS[1])
 
 
 def _turned_back(subject: Subject) -> Iterator[Trial]:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 FACTORS = ((1000.0, "millimetres"), (100.0, "centimetres"))
 ABOUT = 1.8
 """Times which residuals may be larger or smaller than sigmas of the right unit."""
+FINE = 1e-6
+"""Of the extent of the control points: sigmas below may be in another unit than coordinates."""
 LOUD = 4.0
 """Sigmas: one control coordinate that is farther off is wrong itself."""
 FREE = 7
@@ -28,7 +30,7 @@ FREE = 7
 def _trials(subject: Subject) -> Iterator[Trial]:
     before = None if subject.solution is None else ratio(subject.solution)
     for factor, unit in FACTORS:
-        if before is None or before > 1.0:
+        if (before is None or before > 1.0) and _are_fine(subject):
             said = (
                 f"the sigmas of the control points are about {factor:g} times too small: coordinates in "
                 f"{unit} with sigmas in metres?"
@@ -77,10 +79,19 @@ def ratio(found: BundleSolution) -> float | None:
     return float(np.sqrt(np.sum(w**2) / (w.size - FREE))) if w.size > FREE else None
 
 
-def _are_large(subject: Subject) -> bool:
-    """Whether residuals are so much smaller than sigmas that these may be in a smaller unit."""
+def _are_fine(subject: Subject) -> bool:
+    """Whether sigmas are so small beside the extent of the points that they may be in a larger unit."""
+    control = subject.block.control
+    sigmas = control.sigmas[np.isfinite(control.sigmas) & (control.sigmas > 0.0)]
+    extent = float(np.linalg.norm(np.ptp(control.coordinates, axis=0))) if len(control) else 0.0
+    return bool(sigmas.size) and float(np.median(sigmas)) <= FINE * extent
+
+
+def _are_odd(subject: Subject) -> bool:
+    """Whether residuals are so much smaller, or larger, than sigmas that these may be in another unit."""
     found = None if subject.solution is None else ratio(subject.solution)
-    return found is not None and found < ABOUT / FACTORS[-1][0] ** 0.5
+    least = ABOUT / FACTORS[-1][0] ** 0.5
+    return found is not None and (found < least or (found > ABOUT and _are_fine(subject)))
 
 
 CONTROL_SIGMAS = SharedCause(
@@ -91,5 +102,5 @@ CONTROL_SIGMAS = SharedCause(
     "Give both in one unit.",
     4.0,
     _trials,
-    _are_large,
+    _are_odd,
 )

@@ -16,16 +16,20 @@ from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
-from obseq.images.causes.starts import start_from_measures
+from obseq.images.causes.starts import start_from_images, start_from_measures
 from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
+from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.causes.trials import Fit
     from obseq.images.poses import Poses
 
+MANY = 3
+"""Errors from which one mistake that all observations share is likelier."""
 LOGGER = logging.getLogger(__name__)
 MIRRORED = (
     "the block fits as a mirror image only (points behind the cameras, or a distortion that changes sides): "
@@ -64,23 +68,33 @@ def diagnosed(
     if not found.accused and solution.converged and is_good(solution):
         return _of_good(subject, found, told, options)
     is_explained = found.status == Status.EXPLAINED and not is_mirrored(solution)
+    is_explained &= len(found.accused) < MANY
     is_much = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
     if not is_explained and is_much and measures <= MOST_PLACED:
         fits = Tries(subject, told, options).best()
-        if fits and (is_astray or fits[0].left < found.left or not found.accused):
+        if fits and _is_cheaper(fits[0], found):
             return record_of_fits(fits)
         if is_mirrored(solution):
             return DiagnosisRecord(
                 Status.UNEXPLAINED, squares(solution), solution.result.redundancy, reason=MIRRORED
             )
-    return found
+    fits = Tries(subject, told, options).best([UNIT_OF_CONTROL]) if measures <= MOST_PLACED else []
+    return record_of_fits(fits) if fits and _is_cheaper(fits[0], found) else found
+
+
+def _is_cheaper(fit: Fit, found: DiagnosisRecord) -> bool:
+    """Whether a mistake that all share explains at a lower price than what single errors leave and cost."""
+    if not found.accused:
+        return True
+    return fit.left + fit.cause.rarity < found.left + sum(one.limit for one in found.accused)
 
 
 def single_errors(solution: BundleSolution, measures: int) -> DiagnosisRecord:
     """What the engine finds: single observations, images, parameters."""
     numbering = Numbering(solution.equations, solution.surveys)
-    other = partial(start_from_measures, solution.block) if measures <= MOST_PLACED else None
-    model = BlockModel(numbering, solution.result, follower(solution.surveys), other)
+    starts = [partial(find, solution.block) for find in (start_from_measures, start_from_images)]
+    others = starts if measures <= MOST_PLACED else []
+    model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
     with model.borrowed():
         verdict = diagnose(model)
     return record_of_verdict(verdict, model.catalogue)

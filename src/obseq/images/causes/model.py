@@ -62,7 +62,7 @@ class BlockModel:
         numbering: Numbering,
         result: LeastSquaresResult | None,
         before: Callable[[LeastSquares, int], None] | None = None,
-        other_start: Callable[[], Start | None] | None = None,
+        other_starts: Sequence[Callable[[], Start | None]] = (),
     ) -> None:
         """Takes a block.
 
@@ -70,10 +70,10 @@ class BlockModel:
             numbering: its equations.
             result: of their adjustment; None where there is none.
             before: is called before each iteration.
-            other_start: finds poses from measures and control points alone, where those given are no start.
+            other_starts: find other poses in turn, where those given are no start.
         """
         self.numbering, self._result, self._before = numbering, result, before
-        self._other_start = other_start
+        self._other_starts = other_starts
         self.catalogue = Catalogue(numbering)
         self._system = numbering.equations.system
         self._table = self._system.unknowns
@@ -119,11 +119,12 @@ class BlockModel:
     def robust(self, without: Sequence[Change] = ()) -> Place:
         """Where iterations with redescending losses lead: from the start, or from poses of the measures."""
         found = self._robustly(self.numbering.equations.start, without)
-        if not self._fits(found) and self._other_start is not None:
-            start = self._other_start()
-            other = None if start is None else self._robustly(start, without)
-            if other is not None and self._off(other) < self._off(found):
-                return other
+        for other_start in self._other_starts:
+            if self._off(found) < FITTING:
+                break
+            start = other_start()
+            other = found if start is None else self._robustly(start, without)
+            found = other if self._off(other) < self._off(found) else found
         return found
 
     def _robustly(self, start: Start, without: Sequence[Change]) -> Place:
@@ -163,9 +164,6 @@ class BlockModel:
             for item in self.numbering.equations.measures
         ]
         return float(np.median(np.nan_to_num(np.concatenate(found), nan=np.inf)))
-
-    def _fits(self, place: Place) -> bool:
-        return self._off(place) < FITTING
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
         """All equations as they are given, at a place; applied parameters have their other values."""

@@ -37,6 +37,7 @@ def _of_another_point(evidence: Evidence, measure: int, xy: FloatArray, spread: 
     numbering = evidence.numbering
     image, own = int(numbering.image[measure]), int(numbering.point[measure])
     places = evidence.pixels(image)
+    spread = 2.0 * spread  # the place of the other is not known better
     off = np.linalg.norm((places - xy) / spread, axis=1)
     off[own] = np.inf
     best = int(np.argmin(np.nan_to_num(off, nan=np.inf)))

@@ -21,7 +21,7 @@ from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
-from obseq.images.causes.starts import copied
+from obseq.images.causes.starts import copied, placed_by_images
 from obseq.images.causes.trials import Tries, is_accepted
 from obseq.images.control import ControlPoints
 from obseq.images.initial.conventions import MOST_PLACED
@@ -93,6 +93,8 @@ def why_unplaced(block: AdjustableBlock, growth: Growth) -> DiagnosisRecord | No
     tries = Tries(subject, silent, {})
     if fits := tries.best():
         return record_of_fits(fits)
+    if found := _by_images(block):
+        return found
     place_loosely(growth, block.control)
     lost = growth.waiting()
     if MOST_LOST * len(lost) > len(growth.measures.image_names):
@@ -103,6 +105,14 @@ def why_unplaced(block: AdjustableBlock, growth: Growth) -> DiagnosisRecord | No
     if lost and solution is not None and is_accepted(solution):
         return _of_lost(block, solution, [name for name in lost if name in growth.reasons])
     return found
+
+
+def _by_images(block: AdjustableBlock) -> DiagnosisRecord | None:
+    """Single errors of a block whose images make a shape that most control points agree with."""
+    try:
+        return _single_errors(placed_by_images(block))
+    except ObseqError:
+        return None
 
 
 def _single_errors(rest: AdjustableBlock) -> DiagnosisRecord | None:

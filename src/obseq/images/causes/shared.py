@@ -41,11 +41,13 @@ class Told:
         said: in words; empty where it is not this.
         images: that it concerns, by name.
         code: of what it turned out to be; empty for that of the cause.
+        likelier: squares by which something else than residuals speaks for it.
     """
 
     said: str
     images: tuple[str, ...] = ()
     code: str = ""
+    likelier: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from obseq.images.causes.comparison import is_mirrored, moved, principal_shift
 from obseq.images.causes.shared_registry import SHARED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
@@ -78,9 +78,10 @@ class Tries:
     def __init__(self, subject: Subject, told: Callable[[str], None], options: dict[str, Any]) -> None:
         self._subject, self._told, self._options = subject, told, options
 
-    def best(self) -> list[Fit]:
+    def best(self, causes: Sequence[SharedCause] = SHARED) -> list[Fit]:
         """What explains the block, the best first, with all that nothing tells from it; else nothing."""
-        tried = ((cause, trial) for cause in self._causes() for trial in cause.trials(self._subject))
+        wanted = self._wanted(causes)
+        tried = ((cause, trial) for cause in wanted for trial in cause.trials(self._subject))
         found = [fit for cause, trial in tried for fit in self._fit(cause, trial)]
         if not found:
             return []
@@ -92,11 +93,12 @@ class Tries:
         given = self._subject.given
         off = min(moved(fit.solution.poses, given) for fit in near)
         near = [fit for fit in near if moved(fit.solution.poses, given) <= TIMES * off + MOVED]
-        return sorted(near, key=lambda fit: (fit.cause.rarity, fit.left))
+        ordered = sorted(near, key=lambda fit: (fit.cause.rarity - fit.told.likelier, fit.left))
+        return list({fit.told.said: fit for fit in reversed(ordered)}.values())[::-1]
 
-    def _causes(self) -> Iterator[SharedCause]:
+    def _wanted(self, causes: Sequence[SharedCause]) -> Iterator[SharedCause]:
         before = self._subject.solution
-        for cause in SHARED:
+        for cause in causes:
             if before is None or not is_good(before) or cause.is_of_good(self._subject):
                 yield cause
 
@@ -127,7 +129,7 @@ class Tries:
             return False
         before = self._subject.solution
         if before is not None and is_good(before):
-            return is_good(found) and squares(found) <= squares(before) + POLICY.margin
+            return is_accepted(found) or squares(found) <= squares(before)
         if is_accepted(found):
             return True
         if before is None or before.sigma0 is None or is_mirrored(before):

@@ -20,14 +20,14 @@ def _trials(subject: Subject) -> Iterator[Trial]:
     if unit is None:
         return
     factor, said = unit
-    made, control = copied(subject.block), subject.block.control
-    made.poses = subject.given
-    made.control = replace(control, coordinates=control.coordinates / factor)
-    yield Trial.saying(
-        f"control points divided by {factor:.6g}",
-        f"the control points are {factor:.6g} times as large as the rest of the block says ({said})",
-        made,
-    )
+    control = subject.block.control
+    text = f"the control points are {factor:.6g} times as large as the rest of the block says ({said})"
+    for sigmas in (1.0, factor):  # they may be in the unit of the coordinates, or in that of the block
+        made = copied(subject.block)
+        made.poses = subject.given
+        covariances = control.covariances / sigmas**2
+        made.control = replace(control, coordinates=control.coordinates / factor, covariances=covariances)
+        yield Trial.saying(f"control points divided by {factor:.6g}", text, made)
 
 
 UNIT_OF_CONTROL = SharedCause(

@@ -29,7 +29,7 @@ UNITS = (
 )
 """How many times as large coordinates are, and the units that may be."""
 SAME, TIMES, KNOWN = 0.03, 3.0, 0.1
-"""Share of itself by which a scale may be off a unit, or so many times its precision; the poorest of these."""
+"""Share of itself by which a scale may be off a unit, or times its precision; the poorest of these."""
 
 
 def unit_of_control(block: Block, poses: Poses) -> tuple[float, str] | None:
