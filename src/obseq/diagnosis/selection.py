@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
 _EXCHANGES = 4
+_TWO = 2
+"""Errors that may well be in one block by chance."""
 
 
 def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False) -> list[int]:
@@ -133,8 +135,21 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
 
 
 def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Blocks that hold most of what is chosen, and are told only where a slip explains them."""
-    return [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]] if len(chosen) > 1 else []
+    """Blocks that are told only where a slip explains them.
+
+    Names, that hold most of what is chosen; and others that hold several of them, and cost less.
+    """
+    if len(chosen) < 2:
+        return []
+    mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
+    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip)
+    several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
+    price = tests.price(chosen) if several else 0.0
+    return mostly + [
+        j
+        for j in several
+        if tests.price([*(i for i in chosen if i not in inside(tests, chosen, j)), j]) < price
+    ]
 
 
 def needed(tests: LinearTests, block: int) -> float:

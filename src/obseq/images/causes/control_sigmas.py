@@ -28,15 +28,14 @@ FREE = 7
 
 
 def _trials(subject: Subject) -> Iterator[Trial]:
-    before = None if subject.solution is None else ratio(subject.solution)
     for factor, unit in FACTORS:
-        if (before is None or before > 1.0) and _are_fine(subject):
+        if _are_fine(subject):
             said = (
                 f"the sigmas of the control points are about {factor:g} times too small: coordinates in "
                 f"{unit} with sigmas in metres?"
             )
             yield _scaled(subject, factor, said)
-        if before is None or before < 1.0:
+        if subject.solution is not None and _are_large(subject.solution):
             said = (
                 f"the sigmas of the control points are about {factor:g} times as large as their residuals: "
                 f"in {unit}, with coordinates in metres?"
@@ -87,11 +86,15 @@ def _are_fine(subject: Subject) -> bool:
     return bool(sigmas.size) and float(np.median(sigmas)) <= FINE * extent
 
 
+def _are_large(found: BundleSolution) -> bool:
+    """Whether residuals are so much smaller than sigmas that these may be in a smaller unit."""
+    all_of_them = ratio(found)
+    return all_of_them is not None and all_of_them < ABOUT / FACTORS[-1][0] ** 0.5
+
+
 def _are_odd(subject: Subject) -> bool:
-    """Whether residuals are so much smaller, or larger, than sigmas that these may be in another unit."""
-    found = None if subject.solution is None else ratio(subject.solution)
-    least = ABOUT / FACTORS[-1][0] ** 0.5
-    return found is not None and (found < least or (found > ABOUT and _are_fine(subject)))
+    """Whether sigmas may be in another unit, by their residuals or by their size."""
+    return _are_fine(subject) or (subject.solution is not None and _are_large(subject.solution))
 
 
 CONTROL_SIGMAS = SharedCause(

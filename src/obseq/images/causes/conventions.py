@@ -38,17 +38,18 @@ CODES = ("W140", "W141", "W142", "W143", "W143", "W143", "W143")
 
 def slips_of_images(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
     """What is wrong with one image."""
-    yield from _slips(evidence, [label[0]])
+    yield from _slips(evidence, [label[0]], evidence.cameras)
 
 
 def slips_of_a_camera(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
     """What is wrong with the images of one camera."""
-    yield from _slips(evidence, np.flatnonzero(evidence.numbering.camera == label[0]).tolist())
+    images = np.flatnonzero(evidence.numbering.camera == label[0]).tolist()
+    yield from _slips(evidence, images, evidence.numbering.equations.start.cameras)
 
 
-def _slips(evidence: Evidence, images: list[int]) -> Iterator[Slip]:
+def _slips(evidence: Evidence, images: list[int], of_image: Sequence[Camera]) -> Iterator[Slip]:
     names = [evidence.poses.images[image] for image in images]
-    cameras = {name: evidence.cameras[image] for name, image in zip(names, images, strict=True)}
+    cameras = {name: of_image[image] for name, image in zip(names, images, strict=True)}
     measures, known = _measures(evidence, names), _others(evidence, images)
     yield from convention_of(measures, known, cameras, evidence.cameras)
 

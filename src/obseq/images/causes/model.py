@@ -281,7 +281,7 @@ class BlockModel:
             self._hold_lonely()
 
     def _hold_lonely(self) -> None:
-        """Points that keep one ray keep their place, as do images that keep none."""
+        """Points that keep one ray keep their place, as do images and cameras that keep none."""
         numbering, equations = self.numbering, self.numbering.equations
         active = np.concatenate([item.batch.active for item in equations.measures])
         rays = np.bincount(numbering.point[active], minlength=len(equations.points))
@@ -298,6 +298,10 @@ class BlockModel:
         if lost.size and not numbering.priors:
             self._system.freeze(equations.centres[lost])
             self._system.freeze(equations.rotations[lost])
+        camera_rays = np.bincount(numbering.camera[numbering.image[active]], minlength=len(equations.cameras))
+        for row in np.flatnonzero(camera_rays == 0).tolist():
+            name = numbering.cameras[row]
+            self._system.freeze([int(equations.calibrations[equations.cameras.index(name)])])
 
     @cached_property
     def _joined(self) -> BoolArray:

@@ -129,7 +129,7 @@ class Tries:
             return False
         before = self._subject.solution
         if before is not None and is_good(before):
-            return is_accepted(found) or squares(found) <= squares(before)
+            return is_accepted(found) or (not is_accepted(before) and squares(found) <= squares(before))
         if is_accepted(found):
             return True
         if before is None or before.sigma0 is None or is_mirrored(before):
