@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
+_HALF = 0.5
+"""Share of the redundancy that what is taken out may cost: of more, the rest would be the error."""
+
+
 def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
     """What is wrong with a model, or that nothing is."""
     return Search(model, policy).verdict()
@@ -196,4 +200,6 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
     is_told = hypotheses.is_block & ~hypotheses.needs_slip
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
-    return list(map(int, which[np.argsort(-count[which], kind="stable")][: tests.policy.most]))
+    which = which[np.argsort(-count[which], kind="stable")]
+    left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
+    return list(map(int, which[left]))

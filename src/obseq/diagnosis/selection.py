@@ -73,7 +73,7 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     now = list(chosen)
     for _ in range(_EXCHANGES):
         price, better = tests.price(now), None
-        for i in now if len(now) <= tests.policy.most else ():
+        for i in now if _are_few(tests, now) else ():
             rest = [j for j in now if j != i]
             given = tests.given(rest)
             found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
@@ -85,6 +85,11 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
             return now
         now = kept(tests, better)
     return now
+
+
+def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
+    """Whether exchanges of hypotheses are worth their time: not of whole images."""
+    return len(chosen) <= tests.policy.most and tests.hypotheses.q[chosen].sum() <= tests.policy.begun
 
 
 def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
