@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from obseq.arguments import expecting, instance
+from obseq.codegen.compiler import derive
 from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
@@ -32,6 +33,12 @@ def text_of(name: str) -> str | None:
     """
     formula = find(name)
     return None if formula is None else generate(formula, on_demand=True).text
+
+
+def formula_hash(name: str) -> str:
+    """Hash of the mathematics of a formula, as generated modules say it; empty without such a formula."""
+    formula = find(name)
+    return "" if formula is None else derive(formula).digest
 
 
 def keep(formula: Formula) -> Path:

@@ -258,6 +258,28 @@ class TopoDistHz(Formula):
         return norm(up.cross(sight)) - distance
 
 
+class TopoDistHzOff(Formula):
+    """Horizontal distance in the horizon of the first of two points that stand beside or above their marks.
+
+    Residual: as `TopoDistHz` with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDistHz with heights of instrument and target"
+    typical = TopoDistHz.typical
+
+    def residual(
+        self,
+        origin: From,
+        target: Target,
+        *,
+        offset: Offset,
+        up: Annotated[Point3, "u"],
+        distance: MeasuredLength,
+    ) -> Scalar:
+        """The distance computed, minus the distance observed (m)."""
+        return TopoDistHz().residual(origin, target + offset, up=up, distance=distance)
+
+
 class TopoAngle(Formula):
     """Horizontal angle at a point, clockwise from a backsight to a foresight.
 

@@ -12,6 +12,7 @@ from obseq.formulas.topography import (
     TopoDH,
     TopoDist,
     TopoDistHz,
+    TopoDistHzOff,
     TopoDistOff,
     TopoDX,
     TopoDXOff,
@@ -206,6 +207,13 @@ def test_horizontal_distance_leaves_out_what_is_along_the_vertical():
     assert flat == pytest.approx(0.1, abs=1e-13)
     (tilted,) = TopoDistHz().evaluate(ends, (1.0, 0.0, 0.0, 0.0))
     assert tilted == pytest.approx(math.hypot(4, 12), abs=1e-13)
+
+
+def test_an_offset_moves_the_end_of_a_horizontal_distance():
+    # the target stands 2 m above its mark, leaning 3 m to the east: 3 - 3 m east and 4 m north remain
+    ends, leaning = (100.0, 200.0, 10.0, 103.0, 204.0, 22.0), (-3.0, 0.0, 2.0)
+    (found,) = TopoDistHzOff().evaluate(ends, (*leaning, 0.0, 0.0, 1.0, 3.9))
+    assert found == pytest.approx(0.1, abs=1e-13)
 
 
 def test_angle_counts_clockwise_from_the_backsight():

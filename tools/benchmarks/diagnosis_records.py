@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 from diagnosis_verdicts import Found, Line, Place
 
+from obseq.records.record import to_plain
 from obseq.survey import Adjustment
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def of_block(record: BundleRecord) -> Found:
     """What the adjustment of a block accuses."""
     if record.diagnosis is None:
         return Found("undecided")
-    return of_diagnosis(asdict(record.diagnosis))
+    return of_diagnosis(to_plain(record.diagnosis))
 
 
 def of_refusal(error: ObseqError) -> Found | None:

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 from obseq.boundary import Boundary
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
-from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
+from obseq.cli.parsing import (
+    Commands,
+    add_command,
+    add_iterations,
+    output_file,
+    positive_integer,
+    positive_number,
+    say,
+)
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
+from obseq.errors import noting
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -101,7 +111,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
         choices=DATUMS,
         help="what fixes position, orientation and scale (without control points: centres or points)",
     )
-    computation.add_argument("--iterations", type=positive_integer, metavar="N", help="stop at this number")
+    add_iterations(computation, "levenberg-marquardt")
     computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
@@ -120,10 +130,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
-        _check_formats(arguments, block)
         given, options = block.poses, _options(datum, arguments)
-        with explained(block, progress, **options):
-            solution = _solve(block, options, progress)
+        with noting(block.notes):
+            _check_formats(arguments, block)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
         boundary = Boundary()
         search = partial(diagnosed, solution, given, progress, **options)
         diagnosis = boundary.attempt("the search for errors", search, None)
@@ -131,7 +142,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
         boundary = Boundary()
         files = boundary.texts(_writers(arguments, outputs, solution, record))
-        record = replace(record, failures=(*record.failures, *boundary.failures))
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
         write_all(files | ({} if text is None else {text: shown}))
     say(shown, outputs.values())
@@ -219,7 +230,9 @@ def _colmap_places(arguments: argparse.Namespace) -> list[Path]:
 
 def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:
     """What the command line says of the solution."""
-    return {"datum": datum, "threads": arguments.threads, "max_iterations": arguments.iterations}
+    given = {"strategy": arguments.strategy} if arguments.strategy else {}
+    limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
+    return {"datum": datum, "threads": arguments.threads, **limits, **given}
 
 
 def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:

@@ -1,9 +1,10 @@
 """`obseq bundle-adjust`: MMVII's `OriBundleAdj` on a project tree, with its options as it writes them."""
 
 import argparse
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
+
+from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.parsing import Commands, add_command, output_file, say
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         }
         boundary = Boundary()
         files = boundary.texts({path: writers[path] for path in reports}) | results.files(solution)
-        record = replace(record, failures=(*record.failures, *boundary.failures))
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         check_writable(files)
         write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]

@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
-    from obseq.record import AdjustmentRecord
+    from obseq.records.adjustment import AdjustmentRecord
 
 Writer = TypeVar("Writer")
 RESULT = ".json"

@@ -12,11 +12,12 @@ Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
@@ -226,7 +227,7 @@ class LinearTests:
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
-        return Tested(statistic, limits[degrees], self.scale * degrees)
+        return Tested(statistic, limits[degrees], np.asarray(self.scale * degrees, np.float64))
 
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""

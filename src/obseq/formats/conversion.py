@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord
+    from obseq.records.adjustment import AdjustmentRecord
     from obseq.survey.model import Points
 
 UNIT_SIGMA = 10.0

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq import crs
+from obseq import crs, spreadsheets
 from obseq.errors import InputError
 from obseq.formats.obs.cor import cor_text
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 from obseq.survey.model import make_points
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.records.adjustment import AdjustmentRecord, PointRecord
     from obseq.survey.model import Points
 
 HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")
@@ -69,11 +67,9 @@ def csv_text(points: Points, unit: str = "m") -> str:
         points: In metres; in the units of their system where no unit is named.
         unit: Of lengths, in which they are written; a column names it unless it is the metre.
     """
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     named = () if unit == "m" else (unit,)
-    writer.writerow((*HEADER, *("unit" for _ in named)))
+    rows: list[tuple[str, ...]] = [(*HEADER, *("unit" for _ in named))]
     for name, xyz, sigmas in zip(points.names, points.coordinates, points.sigmas, strict=True):
         numbers = (np.concatenate([xyz, sigmas]) / METRES[unit]).tolist()
-        writer.writerow([name, *("" if np.isnan(value) else repr(value) for value in numbers), *named])
-    return stream.getvalue()
+        rows.append((name, *("" if np.isnan(value) else repr(value) for value in numbers), *named))
+    return spreadsheets.csv_text(rows)

@@ -1,12 +1,11 @@
 """The HTML report: one file that needs nothing else, with a plan and tables that are linked."""
 
-import json
 from importlib.resources import files
 from string import Template
 
 from obseq.arguments import expecting, instance
-from obseq.plain import encoded
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.record import encoded
 from obseq.report.content import content
 from obseq.report.html import escaped
 from obseq.report.quality import single_tests, snooping_lines, suspects
@@ -25,7 +24,6 @@ from obseq.report.verdict import Verdict
 
 SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "motions", "plan", "charts", "main")
 MOST_WARNINGS = 20
-ENCODER = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), allow_nan=False)
 
 Facts = list[tuple[str, str, str]]
 
@@ -53,7 +51,7 @@ def _part(name: str) -> str:
 
 def _embedded(plain: dict[str, object]) -> str:
     """JSON inside an element of HTML: nothing in it ends the element."""
-    return encoded(plain, ENCODER).replace("<", "\\u003c")
+    return encoded(plain).replace("<", "\\u003c")
 
 
 def _facts(record: AdjustmentRecord) -> str:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from obseq.record import (
+from obseq.records.adjustment import (
     AdjustmentRecord,
     JointTestRecord,
     ObservationRecord,

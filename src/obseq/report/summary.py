@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import listed, printable
-from obseq.record import AdjustmentRecord, OperationRecord, PointRecord
+from obseq.records.adjustment import AdjustmentRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.table import lines_of

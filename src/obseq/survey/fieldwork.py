@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 from obseq.boundary import Boundary
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths

@@ -95,12 +95,16 @@ def _control_axes(subject: Subject) -> Iterator[Trial]:
         made.control = with_exchanged_axes(control, order)
         said = f"{axes} of the control points are exchanged ({here})"
         told = Told(said, likelier=LIKELIER if _are_northings_first(control) else 0.0)
-        yield Trial(f"{axes} of control points exchanged", made, lambda _, told=told: told)
+        yield Trial(f"{axes} of control points exchanged", made, partial(_telling, told=told))
     if len(subject.given):
         made = _as_given(subject)
         made.control = replace(control, coordinates=control.coordinates * [1.0, 1.0, -1.0])
         said = "the heights of the control points count downwards (z goes up here)"
         yield Trial.saying("heights of control points counted downwards", said, made)
+
+
+def _telling(found: BundleSolution, told: Told) -> Told:
+    return told
 
 
 def _are_northings_first(control: ControlPoints) -> bool:

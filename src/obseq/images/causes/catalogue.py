@@ -13,6 +13,8 @@ from obseq.images.adjustment.equations import roots_of
 from obseq.images.causes.registry import CAUSES
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.images.causes.cause import Cause
@@ -83,17 +85,17 @@ class Catalogue:
         is_local = np.arange(linear.n + len(parameters)) < linear.n
         return Columns(csc_array(hstack([alone, own], format="csc")), is_local)
 
-    def _mixtures(self) -> object:
+    def _mixtures(self) -> csr_array:
         """(n, n) from errors of observations to those of equations: coordinates may be whitened already."""
-        from scipy.sparse import block_diag, eye_array
+        from scipy.sparse import block_diag, csr_array, eye_array
 
         numbering = self.numbering
         batch, given = numbering.equations.control
         if batch is None:
-            return eye_array(numbering.n, format="csr")
+            return csr_array(eye_array(numbering.n))
         rest = numbering.n - numbering.first_control - len(given)
-        parts = [eye_array(numbering.first_control), self._coordinates(), eye_array(rest)]
-        return block_diag([part for part in parts if part.shape[0]], format="csr")
+        parts = [eye_array(numbering.first_control), csr_array(self._coordinates()), eye_array(rest)]
+        return csr_array(block_diag([part for part in parts if part.shape[0]]))
 
     def _coordinates(self) -> FloatArray:
         """(k, k) what one unit of each control coordinate is in the equations of its point."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import logging
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.verdict import Status
-from obseq.diagnosis_record import AccusedRecord, DiagnosisRecord
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES, compared
@@ -20,10 +19,12 @@ from obseq.images.causes.starts import start_from_images, start_from_measures
 from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.causes.trials import Fit
     from obseq.images.poses import Poses
@@ -55,16 +56,17 @@ def diagnosed(
         told: is told what is being tried; a trial takes as long as an adjustment.
         options: of `solve`, as they were.
     """
-    measures = sum(len(part.measures) for part in solution.block.sets)
+    block = cast("AdjustableBlock", solution.block)
+    measures = sum(len(part.measures) for part in block.sets)
     if solution.sigma0 is None or measures > MOST_MEASURES or options.get("datum") == "none":
         return None
-    subject = Subject(solution.block, given, solution)
+    subject = Subject(block, given, solution)
     is_astray = not solution.converged or is_mirrored(solution)
     if has_robust_weights(solution):
         is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
         fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
         return record_of_fits(fits) if fits else None
-    found = single_errors(solution, measures)
+    found = single_errors(block, solution, measures)
     if not found.accused and solution.converged and is_good(solution):
         return _of_good(subject, found, told, options)
     is_explained = found.status == Status.EXPLAINED and not is_mirrored(solution)
@@ -89,10 +91,10 @@ def _is_cheaper(fit: Fit, found: DiagnosisRecord) -> bool:
     return fit.left + fit.cause.rarity < found.left + sum(one.limit for one in found.accused)
 
 
-def single_errors(solution: BundleSolution, measures: int) -> DiagnosisRecord:
+def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: int) -> DiagnosisRecord:
     """What the engine finds: single observations, images, parameters."""
     numbering = Numbering(solution.equations, solution.surveys)
-    starts = [partial(find, solution.block) for find in (start_from_measures, start_from_images)]
+    starts = [partial(find, block) for find in (start_from_measures, start_from_images)]
     others = starts if measures <= MOST_PLACED else []
     model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
     with model.borrowed():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.causes.shared import Subject
     from obseq.images.poses import Poses
 
@@ -101,7 +103,11 @@ def _exchanged(subject: Subject) -> Iterator[Trial]:
             sets.append(replace(part, measures=replace(part.measures, image_names=names)))
         made.sets = sets
         said = f"images {first} and {second} are exchanged in the measures"
-        yield Trial(said, made, lambda solution, said=said, pair=(first, second): Told(said, pair))
+        yield Trial(said, made, partial(_telling, told=Told(said, (first, second))))
+
+
+def _telling(found: BundleSolution, told: Told) -> Told:
+    return told
 
 
 def compared(found: Poses, given: Poses, are_observed: bool) -> Told:

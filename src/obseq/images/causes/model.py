@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach

@@ -24,13 +24,13 @@ class Other(NamedTuple):
     Attributes:
         source: their batch or prior.
         first: number of the first of them.
-        count: observations.
+        rows: observations.
         width: equations of each.
     """
 
     source: Batch | Prior
     first: int
-    count: int
+    rows: int
     width: int
 
 
@@ -76,7 +76,9 @@ class Numbering:
         known = set(map(id, own))
         rest = [other for other in equations.system.batches if id(other) not in known]
         self.batches, self.priors = [*own, *rest], list(equations.system.priors)
-        self.image = np.concatenate([none, *(sets[item.part].image[item.rows] for item in measures)])
+        self.image: IntArray = np.concatenate(
+            [none, *(sets[item.part].image[item.rows] for item in measures)]
+        )
         self.point = np.concatenate([none, *(sets[item.part].point[item.rows] for item in measures)])
         self.part = np.concatenate([none, *(np.full(len(item.rows), item.part) for item in measures)])
         self.row = np.concatenate([none, *(item.rows for item in measures)])
@@ -94,7 +96,7 @@ class Numbering:
 
     def _add(self, other: Other) -> None:
         self.others.append(other)
-        self.n += other.count * other.width
+        self.n += other.rows * other.width
 
     def _held(self) -> list[Parameter]:
         """Parameters of cameras that keep the values that were given."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def _where(numbering: Numbering) -> Members:
     starts, columns, labels = [0], [], []
     for k, other in enumerate(numbering.others):
-        active = getattr(other.source, "active", np.ones(other.count, np.bool_))
+        active = getattr(other.source, "active", np.ones(other.rows, np.bool_))
         for row in np.flatnonzero(active).tolist():
             columns.append(other.first + other.width * row + np.arange(other.width))
             starts.append(starts[-1] + other.width)

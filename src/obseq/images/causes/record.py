@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.diagnosis.verdict import Status
-from obseq.diagnosis_record import (
+from obseq.images.causes.camera_images import CAMERA_IMAGES
+from obseq.images.causes.control_coordinate import CONTROL_COORDINATE
+from obseq.images.causes.control_point import CONTROL_POINT
+from obseq.images.causes.image import IMAGE
+from obseq.records.diagnosis import (
     AccusedRecord,
     DiagnosisRecord,
     KnownRecord,
@@ -15,10 +19,6 @@ from obseq.diagnosis_record import (
     SlipRecord,
     SuspectRecord,
 )
-from obseq.images.causes.camera_images import CAMERA_IMAGES
-from obseq.images.causes.control_coordinate import CONTROL_COORDINATE
-from obseq.images.causes.control_point import CONTROL_POINT
-from obseq.images.causes.image import IMAGE
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -84,7 +84,9 @@ def _accused(one: Accusation, catalogue: Catalogue) -> AccusedRecord:
 def _suspect(named: Named, catalogue: Catalogue) -> SuspectRecord:
     """What a hypothesis accuses."""
     numbering, start = catalogue.numbering, catalogue.numbering.equations.start
-    what, images, points = named.cause.words(numbering, named.label), (), ()
+    what = named.cause.words(numbering, named.label)
+    images: tuple[str, ...] = ()
+    points: tuple[KnownRecord, ...] = ()
     observations: tuple[PlaceRecord, ...] = ()
     if named.cause is CONTROL_COORDINATE:
         points = (KnownRecord(start.points[named.label[0]], "xyz"[named.label[1]]),)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.verdict import Status
-from obseq.diagnosis_record import AccusedRecord, DiagnosisRecord, SlipRecord
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import ContradictionError, start_of
@@ -28,6 +27,8 @@ from obseq.images.initial.conventions import MOST_PLACED
 from obseq.images.initial.growth import place_loosely
 from obseq.images.names import are_among
 from obseq.leastsquares import LeastSquares
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord
+from obseq.records.record import to_plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -64,7 +65,7 @@ def _say(error: ObseqError, found: DiagnosisRecord | None) -> None:
     """Adds what explains an error to its text, and the record of that to the error."""
     if found is not None and found.accused:
         error.args = (f"{error}\nLikely cause: {'; '.join(one.text for one in found.accused)}",)
-        error.diagnosis = asdict(found)  # type: ignore[attr-defined]
+        error.diagnosis = to_plain(found)  # type: ignore[attr-defined]
 
 
 def _of_no_solution(

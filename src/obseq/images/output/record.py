@@ -21,18 +21,18 @@ from obseq.images.output.block_record import (
 from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.testing import reliability_record
-from obseq.record import IterationRecord, new_run
+from obseq.records.adjustment import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.diagnosis_record import DiagnosisRecord
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import LeftOut
     from obseq.images.camera import Camera
-    from obseq.record_quality import GlobalTestRecord
+    from obseq.records.diagnosis import DiagnosisRecord
+    from obseq.records.quality import GlobalTestRecord
 
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""
@@ -54,6 +54,7 @@ def record_of(
     """
     result, boundary = solution.result, Boundary()
     precisions = precisions and result.weak is None
+    far = solution.is_far if precisions else np.zeros(len(solution.points), dtype=bool)
     order = np.argsort(-_normalised(solution))[:WORST]
     reliability = None
     if precisions and result.redundancy:
@@ -76,7 +77,7 @@ def record_of(
         _left_out(solution.left_out),
         _left_out(solution.unpaired),
         tuple(solution.block.notes),
-        tuple(_image_points(solution, np.flatnonzero(solution.is_behind))),
+        tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
         _residuals(solution),
@@ -89,6 +90,7 @@ def record_of(
         diagnosis,
         solution.weak,
         (*failures, *boundary.failures),
+        tuple(solution.points[row] for row in np.flatnonzero(far)),
     )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.dataclass import dataclass
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,8 +22,7 @@ WEAK = 0.1
 """A robust weight below which a measure is rejected: its test is that of what is left of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class RejectedShare:
+class RejectedShare(Record, frozen=True):
     """How many of the coordinates of something are rejected.
 
     Attributes:

@@ -6,13 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
-from obseq.record import (
+from obseq.records.adjustment import (
     AdjustmentRecord,
     ConstraintRecord,
     EllipseRecord,
@@ -23,7 +24,7 @@ from obseq.record import (
     StationRecord,
     defined,
 )
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import (
+    from obseq.records.adjustment import (
         EllipsoidRecord,
         GrossErrorRecord,
         MotionRecord,
@@ -270,7 +271,7 @@ class Adjustment:
             strict=True,
         )
         for record, (known, moved, ellipsoid, inner) in zip(records, extras, strict=True):
-            yield replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
+            yield structs.replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
 
     def _inner(self) -> Sequence[tuple[float, ...] | None]:
         if self.inner is None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import structs
 
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.record import (
+from obseq.records.adjustment import (
     EllipsoidRecord,
     GlobalTestRecord,
     OperationRecord,
@@ -119,7 +119,7 @@ def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
         name = " ".join(found[k].name for k in members)
         (whole,) = _statistics(fit, np.where(own, 0, 1), [name, ""])[:1]
         for k in members:
-            found[k] = replace(found[k], sigma_factor=None)
+            found[k] = structs.replace(found[k], sigma_factor=None)
         found.append(whole)
     count = sum(_is_tested(record) for record in found)
     return tuple(_tested(record, _TYPES_LEVEL / count) if _is_tested(record) else record for record in found)
@@ -146,7 +146,7 @@ def _tested(record: StatisticsRecord, level: float) -> StatisticsRecord:
         chi_square_limit(freedom, below=0.5 * level) / freedom,
         chi_square_limit(freedom, above=0.5 * level) / freedom,
     )
-    return replace(record, lower=limits[0] ** 0.5, upper=limits[1] ** 0.5, level=level)
+    return structs.replace(record, lower=limits[0] ** 0.5, upper=limits[1] ** 0.5, level=level)
 
 
 def by_setup(fit: Fit) -> tuple[StatisticsRecord, ...]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
-from obseq.record import new_run
+from obseq.records.adjustment import new_run
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
@@ -75,6 +76,7 @@ class Computation:
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
         wrong: Rows of observations that contradict all others where the iterations start.
+        strategy: How the iterations move.
     """
 
     frame: Frame
@@ -85,6 +87,7 @@ class Computation:
     watch: Stopwatch
     quality: Quality
     wrong: tuple[int, ...] = ()
+    strategy: str = "controlled"
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -207,7 +210,7 @@ class Computation:
             "before_iteration": equations.follow,
             "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
             "progress": lambda step: self.watch.progress(str(step)),
-            "strategy": "controlled",
+            "strategy": self.strategy,
         }
 
     def _adjustment(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.record import MotionRecord
+    from obseq.records.adjustment import MotionRecord
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ _FITS = 4.0
 
 
 def _sights(effects: Effects, row: int) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) vectors from the instrument of an observation to all points at the height of its target, and up."""
+    """(p, 3) vectors from the instrument of an observation to all points at its height of target, and up."""
     rows = effects.notes.book.observations
     up = effects.up[row]
     raised = (rows.to_heights[row] - rows.from_heights[row]) * up

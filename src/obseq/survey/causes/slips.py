@@ -1,7 +1,7 @@
 """WHAT: the slips that may be behind an error that was found, and how well they fit.
 
-A slip says nothing of where the error is. It is told where it turns what should have been written into what was
-written, and where a fit by accident is improbable.
+A slip says nothing of where the error is. It is told where it turns what should have been written into
+what was written, and where a fit by accident is improbable.
 """
 
 from __future__ import annotations

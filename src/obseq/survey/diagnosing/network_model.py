@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.iterations.arrival import Options

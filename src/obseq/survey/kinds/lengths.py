@@ -98,7 +98,6 @@ DIST_HZ = HorizontalDistance(
     "horizontal distance",
     "TopoDistHz",
     start=Start.FLAT,
-    takes_heights=False,
     turns_freely=True,
 )
 DIST = Distance(

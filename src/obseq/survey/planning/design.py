@@ -10,7 +10,7 @@ import numpy as np
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, SEED, TRUTH, WHOLE, WORDS, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.plan_record import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
+from obseq.records.plan import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from obseq.arrays import BoolArray
-    from obseq.plan_record import DrawsRecord
+    from obseq.records.plan import DrawsRecord
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
 

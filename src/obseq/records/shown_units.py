@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,8 +22,7 @@ def length_named(metres: float) -> str:
     return next((name for name, size in METRES.items() if size == metres), "m")
 
 
-@dataclass(frozen=True)
-class ShownUnits:
+class ShownUnits(Record, frozen=True, omit_defaults=False):
     """Units of reports.
 
     Attributes:

@@ -10,15 +10,15 @@ from __future__ import annotations
 import functools
 import math
 import os
-from dataclasses import field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from obseq.dataclass import dataclass
+import msgspec
+
 from obseq.errors import InputError
 from obseq.packages import version
-from obseq.plain import from_plain, to_labelled
-from obseq.record_quality import (
+from obseq.printable import printable_line
+from obseq.records.quality import (
     DoubtfulRecord,
     EffectRecord,
     EllipseRecord,
@@ -38,7 +38,8 @@ from obseq.record_quality import (
     UnusedRecord,
     VarianceComponentRecord,
 )
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.record import Record, from_plain, to_plain
+from obseq.records.shown_units import METRIC, ShownUnits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,8 +82,7 @@ __all__ = [
 MAIN_PACKAGES = ("obseq", "numpy", "scipy", "numba", "pyproj")
 
 
-@dataclass(frozen=True)
-class RunRecord:
+class RunRecord(Record, frozen=True):
     """Which run of the program made a result: all files of one run carry the same identifier.
 
     Attributes:
@@ -96,16 +96,14 @@ class RunRecord:
     versions: dict[str, str]
 
 
-@dataclass(frozen=True)
-class IterationRecord:
+class IterationRecord(Record, frozen=True):
     """One iteration: sigma0 of the residuals at its start, and its largest step (m or rad)."""
 
     sigma0: float | None
     max_step: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class PointRecord:
+class PointRecord(Record, frozen=True):
     """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
 
     Attributes:
@@ -141,8 +139,7 @@ class PointRecord:
     inner: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True)
-class StationRecord:
+class StationRecord(Record, frozen=True):
     """One station: its point, how it is oriented, and the azimuth of the zero of its circle (rad)."""
 
     origin: str
@@ -150,8 +147,7 @@ class StationRecord:
     g0: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationRecord:
+class ObservationRecord(Record, frozen=True):
     """One observation, where it was read, and how it fits.
 
     Attributes:
@@ -170,8 +166,8 @@ class ObservationRecord:
     """
 
     type: str
-    origin: str = field(metadata={"key": "from"})
-    target: str = field(metadata={"key": "to"})
+    origin: str = msgspec.field(name="from")
+    target: str = msgspec.field(name="to")
     value: float
     sigma: float
     residual: float | None
@@ -193,8 +189,7 @@ class ObservationRecord:
     azimuth: float | None = None
 
 
-@dataclass(frozen=True)
-class ConstraintRecord:
+class ConstraintRecord(Record, frozen=True):
     """A known coordinate: as given, in the unit of its system; sigma and residual (adjusted - given) in m."""
 
     point: str
@@ -209,8 +204,7 @@ class ConstraintRecord:
     standardised_residual: float | None = None
 
 
-@dataclass(frozen=True)
-class OperationRecord:
+class OperationRecord(Record, frozen=True):
     """The operation of PROJ between a coordinate system and geocentric WGS 84.
 
     Attributes:
@@ -224,16 +218,14 @@ class OperationRecord:
     accuracy: float | None = None
 
 
-@dataclass(frozen=True)
-class PhaseRecord:
+class PhaseRecord(Record, frozen=True):
     """How long a part of the work took."""
 
     name: str
     seconds: float
 
 
-@dataclass(frozen=True)
-class AdjustmentRecord:
+class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     """The whole adjustment.
 
     Attributes:
@@ -279,7 +271,7 @@ class AdjustmentRecord:
     points: tuple[PointRecord, ...]
     stations: tuple[StationRecord, ...]
     observations: tuple[ObservationRecord, ...]
-    variance_factor: float | None = field(default=None, metadata={"null": True})
+    variance_factor: float | None = None
     global_test: GlobalTestRecord | None = None
     reliability: ReliabilityRecord | None = None
     snooping: SnoopingRecord | None = None
@@ -329,7 +321,7 @@ class AdjustmentRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""
-        return to_labelled(self)
+        return to_plain(self)
 
     @classmethod
     def from_dict(cls, plain: Any, what: str = "the record") -> AdjustmentRecord:
@@ -343,7 +335,12 @@ class AdjustmentRecord:
             raise InputError(f"{what}: it is not the result of an adjustment (its format is not {FORMAT})")
         if plain.get("version") != VERSION:
             raise InputError(f"{what}: it has another version than {VERSION}; make it again with this obseq")
-        return from_plain(cls, plain, what)
+        record = from_plain(cls, plain, what)
+        names = [point.name for point in record.points]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"{what}: point {printable_line(twice)} comes twice")
+        return record
 
 
 def defined(values: NDArray[np.float64]) -> list[float | None]:

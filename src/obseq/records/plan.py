@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from obseq.dataclass import dataclass
-from obseq.plain import to_labelled
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.record import Record, to_plain
 
 FORMAT = "obseq-plan"
 VERSION = 1
 
 
-@dataclass(frozen=True)
-class WeakPointRecord:
+class WeakPointRecord(Record, frozen=True):
     """A point and the direction in which it is known worst.
 
     Attributes:
@@ -32,8 +30,7 @@ class WeakPointRecord:
     elevation: float
 
 
-@dataclass(frozen=True)
-class WeakObservationRecord:
+class WeakObservationRecord(Record, frozen=True):
     """An observation whose mistake would not be noticed, or not soon.
 
     Attributes:
@@ -51,8 +48,7 @@ class WeakObservationRecord:
     external: float | None
 
 
-@dataclass(frozen=True)
-class GainRecord:
+class GainRecord(Record, frozen=True):
     """What one more observation would bring.
 
     Attributes:
@@ -80,8 +76,7 @@ class GainRecord:
     point_after: float
 
 
-@dataclass(frozen=True)
-class DrawsRecord:
+class DrawsRecord(Record, frozen=True):
     """Errors of adjustments of drawn observations, against the precisions that were predicted.
 
     Attributes:
@@ -109,8 +104,7 @@ class DrawsRecord:
     failed: int
 
 
-@dataclass(frozen=True)
-class PlanRecord:
+class PlanRecord(Record, frozen=True, omit_defaults=False):
     """A plan.
 
     Attributes:
@@ -133,4 +127,4 @@ class PlanRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the file holds."""
-        return to_labelled(self)
+        return to_plain(self)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from obseq.dataclass import dataclass
+from obseq.records.record import Record
 
 
-@dataclass(frozen=True)
-class PlaceRecord:
+class PlaceRecord(Record, frozen=True, omit_defaults=False):
     """An observation by where it is written.
 
     Attributes:
@@ -20,8 +19,7 @@ class PlaceRecord:
     row: int
 
 
-@dataclass(frozen=True)
-class KnownRecord:
+class KnownRecord(Record, frozen=True, omit_defaults=False):
     """A known coordinate.
 
     Attributes:
@@ -33,8 +31,7 @@ class KnownRecord:
     coordinate: str
 
 
-@dataclass(frozen=True)
-class SlipRecord:
+class SlipRecord(Record, frozen=True, omit_defaults=False):
     """A slip that may be behind an error.
 
     Attributes:
@@ -46,8 +43,7 @@ class SlipRecord:
     text: str
 
 
-@dataclass(frozen=True)
-class SuspectRecord:
+class SuspectRecord(Record, frozen=True, omit_defaults=False):
     """What may be wrong.
 
     Attributes:
@@ -65,8 +61,7 @@ class SuspectRecord:
     images: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class AccusedRecord(SuspectRecord):
+class AccusedRecord(SuspectRecord, frozen=True, omit_defaults=False):
     """One error.
 
     Attributes:
@@ -90,8 +85,7 @@ class AccusedRecord(SuspectRecord):
     slips: tuple[SlipRecord, ...] = ()
 
 
-@dataclass(frozen=True)
-class DiagnosisRecord:
+class DiagnosisRecord(Record, frozen=True, omit_defaults=False):
     """What is wrong with an adjustment.
 
     Attributes:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from obseq.dataclass import dataclass
+from obseq.records.record import Record
 
 
-@dataclass(frozen=True, slots=True)
-class EllipseRecord:
+class EllipseRecord(Record, frozen=True):
     """An error ellipse in x and y: semi-axes (m), bearing of the major one (rad, clockwise from y)."""
 
     semi_major: float
@@ -14,8 +13,7 @@ class EllipseRecord:
     bearing: float
 
 
-@dataclass(frozen=True)
-class EllipsoidRecord:
+class EllipsoidRecord(Record, frozen=True):
     """An error ellipsoid.
 
     Attributes:
@@ -29,8 +27,7 @@ class EllipsoidRecord:
     elevations: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EffectRecord:
+class EffectRecord(Record, frozen=True):
     """What the detectable bias of an observation does to the coordinates, in the computation frame.
 
     Attributes:
@@ -44,8 +41,7 @@ class EffectRecord:
     z: float
 
 
-@dataclass(frozen=True)
-class MotionRecord:
+class MotionRecord(Record, frozen=True):
     """A motion of points that no observation sees.
 
     Attributes:
@@ -59,8 +55,7 @@ class MotionRecord:
     moves: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True)
-class StatisticsRecord:
+class StatisticsRecord(Record, frozen=True):
     """How the active observations of one type, or of one station, fit.
 
     Attributes:
@@ -91,8 +86,7 @@ class StatisticsRecord:
     level: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ReliabilityRecord:
+class ReliabilityRecord(Record, frozen=True):
     """What stands behind the reliability of single observations.
 
     Attributes:
@@ -114,8 +108,7 @@ class ReliabilityRecord:
     tests: int
 
 
-@dataclass(frozen=True, slots=True)
-class JointTestRecord:
+class JointTestRecord(Record, frozen=True):
     """The test of the components of a vector, or of a position, as one observation.
 
     Attributes:
@@ -155,8 +148,7 @@ class JointTestRecord:
         return self.statistic > self.critical
 
 
-@dataclass(frozen=True)
-class RejectionRecord:
+class RejectionRecord(Record, frozen=True):
     """An observation that data snooping left out.
 
     Attributes:
@@ -185,8 +177,7 @@ class RejectionRecord:
     blunders: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
-class SnoopingRecord:
+class SnoopingRecord(Record, frozen=True):
     """What data snooping did.
 
     Attributes:
@@ -212,8 +203,7 @@ KNOWN = "known "
 """What the name of a known coordinate that is suspected begins with."""
 
 
-@dataclass(frozen=True)
-class SuspicionRecord:
+class SuspicionRecord(Record, frozen=True, omit_defaults=False):
     """One gross error that explains what the sigmas do not.
 
     Attributes:
@@ -243,8 +233,7 @@ class SuspicionRecord:
         return any(name.startswith(KNOWN) for name in self.observations)
 
 
-@dataclass(frozen=True)
-class VarianceComponentRecord:
+class VarianceComponentRecord(Record, frozen=True, omit_defaults=False):
     """The variance of one kind of observation, as the residuals show it.
 
     Attributes:
@@ -264,8 +253,7 @@ class VarianceComponentRecord:
     supported: bool
 
 
-@dataclass(frozen=True)
-class RelativeRecord:
+class RelativeRecord(Record, frozen=True):
     """The precision of two points relative to each other.
 
     Attributes:
@@ -285,8 +273,7 @@ class RelativeRecord:
     ellipse: EllipseRecord
 
 
-@dataclass(frozen=True)
-class GlobalTestRecord:
+class GlobalTestRecord(Record, frozen=True):
     """The two-sided chi-square test of the variance factor against 1.
 
     Attributes:
@@ -306,8 +293,7 @@ class GlobalTestRecord:
     passed: bool
 
 
-@dataclass(frozen=True)
-class LeftOutRecord:
+class LeftOutRecord(Record, frozen=True, omit_defaults=False):
     """A point or a station that nothing determines, and that was left out with its observations.
 
     Attributes:
@@ -323,8 +309,7 @@ class LeftOutRecord:
     directions: tuple[tuple[float, ...], ...] | None = None
 
 
-@dataclass(frozen=True)
-class UnusedRecord:
+class UnusedRecord(Record, frozen=True):
     """Observations of a file that take no part, and that the file does not switch off itself.
 
     Attributes:
@@ -336,8 +321,7 @@ class UnusedRecord:
     observations: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class DoubtfulRecord:
+class DoubtfulRecord(Record, frozen=True):
     """A point that converged, and of which the observations say next to nothing.
 
     Attributes:
@@ -354,8 +338,7 @@ class DoubtfulRecord:
     circle: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class ReplacedRecord:
+class ReplacedRecord(Record, frozen=True, omit_defaults=False):
     """Approximate coordinates that observations contradict, and that were not used.
 
     Attributes:
@@ -372,8 +355,7 @@ class ReplacedRecord:
     moved: float
 
 
-@dataclass(frozen=True)
-class GrossErrorRecord:
+class GrossErrorRecord(Record, frozen=True, omit_defaults=False):
     """Observations or known points that contradict the rest grossly, and the likely cause.
 
     Attributes:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from obseq.dataclass import dataclass
-from obseq.plain import to_labelled
-from obseq.record import EllipseRecord, RunRecord
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.adjustment import EllipseRecord, RunRecord
+from obseq.records.record import Record, to_plain
+from obseq.records.shown_units import METRIC, ShownUnits
 
 FORMAT = "obseq-comparison"
 VERSION = 1
 
 
-@dataclass(frozen=True)
-class TestRecord:
+class TestRecord(Record, frozen=True):
     """A test: its statistic, the limit at the level, and what is beyond it.
 
     Attributes:
@@ -32,8 +30,7 @@ class TestRecord:
     passed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class DisplacementRecord:
+class DisplacementRecord(Record, frozen=True):
     """How a point has moved, second epoch minus first, along east, north and up of its place.
 
     Attributes:
@@ -65,8 +62,7 @@ class DisplacementRecord:
     is_significant: bool
 
 
-@dataclass(frozen=True)
-class ComparisonRecord:
+class ComparisonRecord(Record, frozen=True, omit_defaults=False):
     """Two epochs compared.
 
     Attributes:
@@ -109,4 +105,4 @@ class ComparisonRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the file holds."""
-        return to_labelled(self)
+        return to_plain(self)
