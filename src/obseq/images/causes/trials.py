@@ -93,7 +93,7 @@ class Tries:
         given = self._subject.given
         off = min(moved(fit.solution.poses, given) for fit in near)
         near = [fit for fit in near if moved(fit.solution.poses, given) <= TIMES * off + MOVED]
-        ordered = sorted(near, key=lambda fit: (fit.cause.rarity - fit.told.likelier, fit.left))
+        ordered = sorted(near, key=lambda fit: fit.cause.rarity - fit.told.likelier)
         return list({fit.told.said: fit for fit in reversed(ordered)}.values())[::-1]
 
     def _wanted(self, causes: Sequence[SharedCause]) -> Iterator[SharedCause]:
