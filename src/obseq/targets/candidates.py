@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.targets.detection import above_mean, crossings, saddle_strength, saddles, smooth, spots, stand_out
+from obseq.targets.detection import (
+    above_mean,
+    crossings,
+    discs,
+    saddle_strength,
+    saddles,
+    smooth,
+    spots,
+    stand_out,
+)
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatRows
@@ -29,6 +38,11 @@ RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
 """Of the circles on which the directions of crossing lines are taken, pixels, as far as they go on."""
 NARROWEST = 0.25
 """Radians of the narrowest quadrant: a tilt of 80 degrees."""
+FARTHEST = 34.0
+"""Pixels to the edge of the largest disc of a level; larger ones are found at the next."""
+RAYS_OF_RINGS = np.array([0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85])
+RAYS_OF_ROWS = np.array([0.1, 0.14, 0.18, 0.24, 0.3, 0.7, 0.76, 0.82, 0.86, 0.9])
+"""Rays in a quadrant, in parts of it. Before the middle of rows the gap to the bits is narrow."""
 MOST = 40000
 """Candidates of a tile at most."""
 
@@ -42,34 +56,43 @@ def gaussian(sigma: float) -> FloatRows:
     return found
 
 
-def find_saddles(level: Level, sign: float) -> FloatRows:
-    """(n, 7) crossings of two lines: x, y, strength, dark and light level around; the strongest first.
+def find_discs(level: Level, sign: float, in_rows: bool) -> FloatRows:
+    """(n, 10) chequered discs of a level; the strongest first.
 
-    The last two are the angle at which light turns dark, and by how much further dark turns light.
+    x, y, strength, dark and light level around, the angle at which light turns dark, by how much further dark
+    turns light, and the ellipse `p' q p = 1` of the disc: q11, q12, q22.
 
     Args:
         level: of the image.
         sign: 1, or -1 for light and dark exchanged.
+        in_rows: bits are so near that the edge of the disc is seen in a part of its quadrants only.
     """
-    taps = gaussian(SMOOTHING)
-    smoothed = level.noise / (2.0 * math.sqrt(math.pi) * SMOOTHING)
-    least = (SURE * smoothed / (2.0 * SMOOTHING**2)) ** 2
-    found = [_tile_saddles(tile, taps, least, 2.0 * SURE * smoothed, sign) for tile in level.tiles()]
-    together = np.vstack(found)
-    return together[np.argsort(-together[:, 2], kind="stable")]
+    found = np.vstack([_tile_discs(tile, level.noise, sign, in_rows) for tile in level.tiles()])
+    return found[np.argsort(-found[:, 2], kind="stable")]
 
 
-def _tile_saddles(tile: Tile, taps: FloatRows, least: float, contrast: float, sign: float) -> FloatRows:
+def _tile_discs(tile: Tile, noise: float, sign: float, in_rows: bool) -> FloatRows:
+    found = _tile_saddles(tile, noise)
+    angles, parts = np.empty((len(found), 2)), RAYS_OF_ROWS if in_rows else RAYS_OF_RINGS
+    crossings(tile.image, sign, RADII, found, angles)
+    is_crossing = (angles[:, 1] > NARROWEST) & (angles[:, 1] < math.pi - NARROWEST)
+    found = np.column_stack((found, angles))[is_crossing]
+    shapes = np.empty((len(found), 3))
+    discs(tile.image, sign, parts, FARTHEST, found, np.empty((2 * len(parts), 3)), shapes)
+    found = np.column_stack((found, shapes))[np.isfinite(shapes[:, 0])]
+    found[:, :2] += np.array([tile.left, tile.top])
+    return found[tile.owns(found[:, 0], found[:, 1])]
+
+
+def _tile_saddles(tile: Tile, noise: float) -> FloatRows:
+    """(n, 5) as `saddles` writes them."""
+    after = noise / (2.0 * math.sqrt(math.pi) * SMOOTHING)
+    least = (SURE * after / (2.0 * SMOOTHING**2)) ** 2
     work, smoothed = np.empty_like(tile.image), np.empty_like(tile.image)
-    smooth(tile.image, taps, work, smoothed)
+    smooth(tile.image, gaussian(SMOOTHING), work, smoothed)
     saddle_strength(smoothed, work)
     out = np.empty((MOST, 5))
-    n = saddles(smoothed, work, least, contrast, CIRCLE, 6, out)
-    angles = np.empty((n, 2))
-    crossings(tile.image, sign, RADII, out[:n], angles)
-    found = np.column_stack((out[:n] + np.array([tile.left, tile.top, 0.0, 0.0, 0.0]), angles))
-    found = found[(angles[:, 1] > NARROWEST) & (angles[:, 1] < math.pi - NARROWEST)]
-    return found[tile.owns(found[:, 0], found[:, 1])]
+    return out[: saddles(smoothed, work, least, 2.0 * SURE * after, CIRCLE, 6, out)]
 
 
 def find_spots(level: Level, sign: float) -> FloatRows:

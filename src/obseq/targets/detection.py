@@ -238,6 +238,141 @@ def crossings(image: FloatRows, sign: float, radii: FloatArray, found: FloatRows
 
 
 @compiled
+def discs(
+    image: FloatRows,
+    sign: float,
+    parts: FloatArray,
+    farthest: float,
+    found: FloatRows,
+    work: FloatRows,
+    shapes: FloatRows,
+) -> None:
+    """The ellipses in which the dark quadrants around saddles end.
+
+    An ellipse is `p' q p = 1` about the saddle, by least squares through the places where rays turn light;
+    those far from it are left out, twice. All of its quadrants must be as light and as dark as they should.
+
+    Args:
+        image: (height, width).
+        sign: 1, or -1 for light and dark exchanged.
+        parts: (k,) rays in a dark quadrant, in parts of it.
+        farthest: the end is not looked for farther off, pixels.
+        found: (n, 7): x, y, strength, dark and light level, the angle of the dark quadrant and its width.
+        work: (2 k, 3) work space.
+        shapes: (n, 3) written: q11, q12, q22; not a number where there is no such ellipse.
+    """
+    for n in range(len(found)):
+        x, y, middle = found[n, 0], found[n, 1], 0.5 * (found[n, 3] + found[n, 4])
+        shapes[n, 0] = math.nan
+        count = 0
+        for side in range(2):
+            for m in range(len(parts)):
+                turn = found[n, 5] + parts[m] * found[n, 6] + side * math.pi
+                u, v = math.cos(turn), math.sin(turn)
+                last, step = 0.0, 1.5
+                while step < farthest:
+                    value = sign * (between(image, x + step * u, y + step * v) - middle)
+                    if value >= 0.0 and last < 0.0:
+                        reach = step - 0.5 * value / (value - last)
+                        work[count, 0], work[count, 1], work[count, 2] = reach * u, reach * v, 1.0
+                        count += 1
+                        break
+                    last = value
+                    step += 0.5
+        if count < 1.4 * len(parts):
+            continue
+        a = b = c = 0.0
+        scatter = size = 0.0
+        is_ellipse = True
+        for _ in range(3):
+            a, b, c = _centred_conic(work, count)
+            if not (a > 0.0 and a * c - b * b > 0.0):
+                is_ellipse = False
+                break
+            size = 1.0 / math.sqrt(math.sqrt(a * c - b * b))
+            scatter = weight = 0.0
+            for k in range(count):
+                p, q = work[k, 0], work[k, 1]
+                radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
+                away = abs(radius - 1.0) * math.hypot(p, q) / radius
+                scatter += work[k, 2] * min(away, 3.0)
+                weight += work[k, 2]
+            scatter /= weight
+            for k in range(count):
+                p, q = work[k, 0], work[k, 1]
+                radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
+                away = abs(radius - 1.0) * math.hypot(p, q) / radius
+                work[k, 2] = 1.0 if away < max(0.7, 2.0 * scatter) else 0.0
+        kept = 0.0
+        for k in range(count):
+            kept += work[k, 2]
+        if not is_ellipse or kept < 0.6 * count or size < 2.5 or scatter > 0.6 + size / 20.0:
+            continue
+        if _has_quadrants(image, sign, x, y, found[n, 5], found[n, 6], a, b, c):
+            shapes[n, 0], shapes[n, 1], shapes[n, 2] = a, b, c
+
+
+@compiled
+def _centred_conic(work: FloatRows, count: int) -> tuple[float, float, float]:
+    """The conic `a x^2 + 2 b x y + c y^2 = 1` through points (x, y, weight) by least squares."""
+    n11 = n12 = n13 = n22 = n23 = n33 = r1 = r2 = r3 = 0.0
+    for k in range(count):
+        x, y, w = work[k, 0], work[k, 1], work[k, 2]
+        f, g, h = x * x, 2.0 * x * y, y * y
+        n11 += w * f * f
+        n12 += w * f * g
+        n13 += w * f * h
+        n22 += w * g * g
+        n23 += w * g * h
+        n33 += w * h * h
+        r1 += w * f
+        r2 += w * g
+        r3 += w * h
+    c11, c12, c13 = n22 * n33 - n23 * n23, n13 * n23 - n12 * n33, n12 * n23 - n13 * n22
+    whole = n11 * c11 + n12 * c12 + n13 * c13
+    c22, c23, c33 = n11 * n33 - n13 * n13, n12 * n13 - n11 * n23, n11 * n22 - n12 * n12
+    a = (c11 * r1 + c12 * r2 + c13 * r3) / whole
+    b = (c12 * r1 + c22 * r2 + c23 * r3) / whole
+    c = (c13 * r1 + c23 * r2 + c33 * r3) / whole
+    return a, b, c
+
+
+@compiled
+def _has_quadrants(
+    image: FloatRows,
+    sign: float,
+    x: float,
+    y: float,
+    begin: float,
+    span: float,
+    a: float,
+    b: float,
+    c: float,
+) -> bool:
+    """Whether all places well inside the quadrants of an ellipse are as light or as dark as they should."""
+    darkest, lightest, dark, light = 1e30, -1e30, 0.0, 0.0
+    for side in range(2):
+        for m in range(3):
+            for k in range(3):
+                part = 0.25 + 0.25 * m
+                reach = 0.4 + 0.2 * k
+                for is_dark in range(2):
+                    turn = begin + side * math.pi
+                    turn += part * span if is_dark == 1 else span + part * (math.pi - span)
+                    u, v = math.cos(turn), math.sin(turn)
+                    length = reach / math.sqrt(a * u * u + 2.0 * b * u * v + c * v * v)
+                    value = sign * between(image, x + length * u, y + length * v)
+                    if is_dark == 1:
+                        lightest = max(lightest, value)
+                        dark += value / 18.0
+                    else:
+                        darkest = min(darkest, value)
+                        light += value / 18.0
+    contrast = light - dark
+    return contrast > 0.0 and lightest < dark + 0.5 * contrast and darkest > light - 0.5 * contrast
+
+
+@compiled
 def above_mean(image: FloatRows, reach: int, least: float, sums: FloatArray, out: ByteRows) -> None:
     """Marks pixels that are lighter than the mean of the square around them.
 
@@ -351,7 +486,7 @@ def stand_out(image: FloatRows, found: FloatRows, levels: FloatRows) -> None:
     Args:
         image: (height, width).
         found: (n, 6) as `spots` writes them.
-        levels: (n, 2) written: dark around and light inside; light is not above dark where it is no such spot.
+        levels: (n, 2) written: dark around and light inside; both the same where it is no such spot.
     """
     for n in range(len(found)):
         xx, xy, yy = found[n, 2], found[n, 3], found[n, 4]

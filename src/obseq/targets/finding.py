@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.targets.candidates import find_saddles, find_spots
+from obseq.targets.candidates import find_discs, find_spots
 from obseq.targets.chequers import chequered_disc, read_bits
+from obseq.targets.distortion import with_one_distortion
 from obseq.targets.drawings import bit_places
 from obseq.targets.levels import levels_of
 from obseq.targets.measuring import Drawings, fit_drawing
@@ -25,11 +27,11 @@ if TYPE_CHECKING:
     from obseq.targets.specification import Specification
 
 LIKE = 0.85
-"""Share of the grey variance that the drawing of a target explains at least."""
+"""Share of the grey variance, but for noise, that the drawing of a target explains at least."""
 FIGURE_LIKE = 0.75
 """And that the drawing of its central figure explains, before its code is read."""
 ODD = 0.3
-"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing: below the middle."""
+"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing."""
 INSIDE = 0.6
 """Half widths of a sheet within which nothing else is looked for."""
 
@@ -124,8 +126,9 @@ class Finder:
 
     def find(self, image: Array) -> Found:
         """The targets of an image (height, width) of grey levels."""
-        search = _Search(image, self.focal or float(max(image.shape)), self.uncoded)
-        for level in reversed(levels_of(image)):
+        levels = levels_of(image)
+        search = _Search(image, self.focal or float(max(image.shape)), self.uncoded, levels[0].noise)
+        for level in reversed(levels):
             for sign in (1.0, -1.0):
                 rings = [one for one in self._sets if one.sign == sign and not one.is_chequered]
                 chequers = [one for one in self._sets if one.sign == sign and one.is_chequered]
@@ -151,7 +154,8 @@ class _Set:
 class _Search:
     """The search of one image."""
 
-    def __init__(self, image: Array, focal: float, uncoded: bool) -> None:
+    def __init__(self, image: Array, focal: float, uncoded: bool, noise: float) -> None:
+        self.noise = noise
         self.image, self.focal, self.uncoded = image, focal, uncoded
         self.targets: list[Target] = []
         self.plain: list[Target] = []
@@ -168,7 +172,7 @@ class _Search:
             levels = float(spot[5]), float(spot[6])
             readings = [read_ring(self.image, one.spec, ellipse, levels, sign) for one in sets]
             if any(
-                self._confirmed(one, reading)
+                self._confirmed(one, [reading])
                 for one, reading in zip(sets, readings, strict=True)
                 if isinstance(reading, Reading)
             ):
@@ -181,22 +185,23 @@ class _Search:
 
     def chequers(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for chequered targets."""
-        candidates = find_saddles(level, sign)
-        for saddle in self._free(level, candidates):
-            for one in sets:
-                if self._chequered(level, one, saddle):
-                    break
+        for in_rows in (False, True):
+            alike = [one for one in sets if one.spec.geometry.in_rows == in_rows]
+            if not alike:
+                continue
+            for disc in self._free(level, find_discs(level, sign, in_rows)):
+                for one in alike:
+                    if self._chequered(level, one, disc):
+                        break
 
-    def _chequered(self, level: Level, one: _Set, saddle: FloatArray) -> bool:
-        disc = chequered_disc(level, one.spec, saddle)
-        if disc is None or isinstance(disc, Unread):
+    def _chequered(self, level: Level, one: _Set, found: FloatArray) -> bool:
+        disc = chequered_disc(level, one.spec, found)
+        if disc is None:
             return False
-        fit = fit_drawing(
-            self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=6
-        )
+        fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=6)
         if fit is None or fit.gain * one.sign > 0.0:
             return False
-        if fit.likeness < FIGURE_LIKE:
+        if fit.likeness_with(self.noise) < FIGURE_LIKE:
             self._refuse(fit.placed, Unread("figure: likeness to the drawing", fit.likeness, FIGURE_LIKE))
             return False
         if self._is_taken(fit.placed.centre):
@@ -205,31 +210,35 @@ class _Search:
         if isinstance(readings, Unread):
             self._refuse(fit.placed, readings)
             return False
-        return any(self._confirmed(one, reading) for reading in readings)
+        return self._confirmed(one, readings)
 
-    def _confirmed(self, one: _Set, reading: Reading) -> bool:
-        """Whether the drawing of the target that was read fits the image; it is kept then."""
-        fit = fit_drawing(self.image, one.drawings, reading.code, reading.placed, focal=self.focal)
-        if fit is None:
-            self._refuse(reading.placed, Unread("drawing: fits inside the image", 0.0, 1.0))
+    def _confirmed(self, one: _Set, readings: Sequence[Reading]) -> bool:
+        """Whether the drawing of one of the targets that were read fits the image; the best is kept then."""
+        best: tuple[Reading, Fit] | None = None
+        for reading in readings:
+            fit = fit_drawing(self.image, one.drawings, reading.code, reading.placed, focal=self.focal)
+            if fit is not None and (best is None or fit.likeness > best[1].likeness):
+                best = reading, fit
+        if best is None:
+            self._refuse(readings[0].placed, Unread("drawing: fits inside the image", 0.0, 1.0))
             return False
+        reading, fit = best
         if self._is_taken(fit.placed.centre):
             return True
-        oddest = worst_zone(one.spec, fit)
-        target = _target(one, reading, fit, oddest)
-        if fit.likeness < LIKE:
-            self._refuse(fit.placed, Unread(f"{reading.name}: likeness", fit.likeness, LIKE))
+        likeness, oddest = fit.likeness_with(self.noise), worst_zone(one.spec, fit)
+        if likeness < LIKE:
+            self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
         else:
-            self.targets.append(target)
+            self.targets.append(_target(one, reading, fit, oddest))
             self._take(fit, one.spec.geometry.radii[3])
             return True
         return False
 
     def _measure_spot(self, one: _Set, ellipse: Placed) -> None:
         fit = fit_drawing(self.image, one.drawings, -1, ellipse, focal=self.focal, whole=False)
-        if fit is None or fit.likeness < LIKE or self._is_taken(fit.placed.centre):
+        if fit is None or fit.likeness_with(self.noise) < LIKE or self._is_taken(fit.placed.centre):
             return
         reading = Reading(ellipse, "", -1, np.empty(0))
         self.plain.append(_target(one, reading, fit, 0.0))
@@ -256,13 +265,18 @@ class _Search:
         self.refused.append(Refusal(x, y, why.stage, why.value, why.limit))
 
     def found(self) -> Found:
-        """What was found: of two targets of one name, that whose drawing fits better; the other is refused."""
+        """What was found; of two targets of one name, that whose drawing fits better."""
         best: dict[str, Target] = {}
         for target in sorted(self.targets, key=lambda target: -target.fit.likeness):
             other = best.setdefault(target.name, target)
             if other is not target:
-                why = Unread(f"{target.name}: likeness, less than another's", target.fit.likeness, other.fit.likeness)
+                why = Unread(
+                    f"{target.name}: likeness, less than another's", target.fit.likeness, other.fit.likeness
+                )
                 self._refuse(target.fit.placed, why)
+        fits = with_one_distortion([one.fit for one in self.targets], self.image.shape, self.focal)
+        better = {id(one): replace(one, fit=fit) for one, fit in zip(self.targets, fits, strict=True)}
+        best = {name: better[id(one)] for name, one in best.items()}
         refused = [one for one in self.refused if not self._is_taken(np.array([one.x, one.y]))]
         return Found([best[name] for name in sorted(best)], self.plain, refused)
 

@@ -1,7 +1,8 @@
 """The last step, the same for all families: least squares of the drawing against the image.
 
-Unknown are the place of the centre, the affinity and the perspective around it, the point spread, the
-bend of a distortion, and the light with its slopes: 17 unknowns of `DeformImHomography`. The covariance of the centre is that of the fit.
+Unknown are the place of the centre, the affinity and the perspective around it, the point spread, the bend of
+a distortion, and the light with its slopes: 17 unknowns of `DeformImHomography`. The covariance of the centre
+is that of the fit.
 """
 
 from __future__ import annotations
@@ -46,7 +47,6 @@ LONGEST_STEP = 1.0
 """Pixels by which one step may move the centre: beyond, the drawing and its image do not overlap."""
 FEWEST = 40
 """Pixels of the smallest fit: twice its unknowns, and some."""
-FINER = 4
 BEND_PRIOR = 0.1
 """Sigma of the bend, over the focal length: a distortion k of 0.2 at half a focal length from the middle."""
 SLOPE_PRIOR = 0.5
@@ -97,7 +97,7 @@ class Fit:
 
     Attributes:
         placed: where the drawing lies.
-        covariance: (2, 2) of the centre, pixels squared.
+        joint: (4, 4) covariance of bend and centre.
         sigma0: of the grey levels, from the residuals.
         likeness: share of the grey variance that the drawing explains.
         gain: grey levels between sheet and ink, in the middle; negative for black ink.
@@ -108,13 +108,24 @@ class Fit:
     """
 
     placed: Placed
-    covariance: FloatRows
+    joint: FloatRows
     sigma0: float
     likeness: float
     gain: float
     offset: float
     places: FloatRows
     residuals: FloatArray
+
+    def likeness_with(self, noise: float) -> float:
+        """The share of the variance that the drawing explains, of what noise (grey levels) does not."""
+        left, noise = self.sigma0**2, min(noise, self.sigma0) ** 2
+        whole = left / max(1.0 - self.likeness, 1e-12)
+        return 1.0 - (left - noise) / (whole - noise) if whole > 2.0 * noise else self.likeness
+
+    @property
+    def covariance(self) -> FloatRows:
+        """(2, 2) of the centre, pixels squared."""
+        return self.joint[2:, 2:]
 
     @property
     def n_pixels(self) -> int:
@@ -146,7 +157,7 @@ class Drawings:
             height = math.ceil(-top * cells) + math.ceil(bottom * cells) + 4
             out = np.empty((height, width))
             ink = 0 if code < 0 else inked_bits(self.spec, code)
-            smooth_table(self._figure, self.spec.bits, ink, grid, FINER, out)
+            smooth_table(self._figure, self.spec.bits, ink, grid, out)
             self._tables[code, cells] = out, grid
         return self._tables[code, cells]
 
@@ -166,9 +177,10 @@ def region_of(spec: Specification, placed: Placed, whole: bool) -> Region:
     rows, radius = math.inf, min(end + blur, legend)
     if geometry.in_rows:
         radius = min(1.0 + blur, begin)
-        rows = half_width + min(blur, 0.1) if whole else math.inf
+        rows = half_width if whole else math.inf
     elif not whole:
         radius = min(1.0 + blur, 0.5 * (1.0 + begin))
+    width, height = legend_size(spec)
     return Region(
         radius,
         rows,
@@ -176,13 +188,17 @@ def region_of(spec: Specification, placed: Placed, whole: bool) -> Region:
         max(half_width - blur, 0.7 * half_width),
         min(top + blur, -0.7 * half_width),
         max(bottom - blur, 0.7 * half_width),
+        legend - width - blur,
+        legend - height - blur,
+        legend + blur,
     )
 
 
-def legend_half_width(spec: Specification) -> float:
-    """Width of the legend in a corner, units."""
+def legend_size(spec: Specification) -> tuple[float, float]:
+    """Width and height of the legend in a corner, units."""
     letters = max(len(name) + 1 for name in spec.codes) // 2
-    return CELL[0] * letters * dot_size(letters, spec.geometry.radii[2])
+    dot = dot_size(letters, spec.geometry.radii[2])
+    return CELL[0] * letters * dot, CELL[1] * dot
 
 
 @cache
@@ -385,7 +401,7 @@ class _Iteration:
         gain = float(self.unknowns[GAIN])
         return Fit(
             self.placed,
-            variance * self.inverse[CENTRE, CENTRE],
+            variance * self.inverse[BEND.start : CENTRE.stop, BEND.start : CENTRE.stop],
             math.sqrt(variance),
             1.0 - square / whole if whole > 0.0 else 0.0,
             gain,

@@ -1,7 +1,8 @@
 """The compiled loops of measuring: a drawing as an image shows it, its gradient, and the pixels that count.
 
-A place `m` of the drawing (units) is seen at `t + p + |p|^2 c` (pixels) with `p = A m / (1 + g . m)`. `place` is
-(10,): t, the rows of A, g, c; of c the first order is enough. Windows are parts of an image; `corner` is (2,): the pixel of their first column and line.
+A place `m` of the drawing (units) is seen at `t + p + |p|^2 c` (pixels) with `p = A m / (1 + g . m)`.
+`place` is (10,): t, the rows of A, g, c; of c the first order is enough. Windows are parts of an image;
+`corner` is (2,): the pixel of their first column and line.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ class Region(NamedTuple):
         half_width: of the sheet, less what is disturbed by its edges.
         top: upper edge of the sheet, likewise.
         bottom: lower edge.
+        legend_x: the legend stands in the corners, beyond that and `legend_y` from the middle.
+        legend_y: likewise; it ends at `rows_end`.
+        rows_end: beyond, rows do not see the legend any more.
     """
 
     radius: float
@@ -33,12 +37,17 @@ class Region(NamedTuple):
     half_width: float
     top: float
     bottom: float
+    legend_x: float
+    legend_y: float
+    rows_end: float
 
 
 @compiled
 def counts(region: Region, x: float, y: float) -> bool:
     """Whether a place of the drawing counts."""
     if abs(x) > region.half_width or y < region.top or y > region.bottom:
+        return False
+    if abs(x) > region.legend_x and region.legend_y < abs(y) < region.rows_end:
         return False
     if x * x + y * y <= region.radius * region.radius:
         return True

@@ -27,9 +27,9 @@ LEAST_CELL = 6
 LIGHT_IN_GAP = 0.45
 """Share of the contrast that the dark ring around the spot may reach in the median."""
 MARGIN = 0.2
-"""Least distance of a bit from the middle between light and dark, in half contrasts: below, it is not read."""
+"""Least distance of a bit from the middle between light and dark, in half contrasts: else it is not read."""
 UNEVEN = 0.35
-"""Mean scatter within bits, over that of all: where the ring is cut into bits at all, it is a third or less."""
+"""Mean scatter within bits, over that of all: where the ring is cut into bits at all, a third or less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ def _named(spec: Specification, ellipse: Placed, margins: FloatArray, begin: flo
     code = code_of(ordered > 0.0, spec)
     if code not in spec.turns:
         return Unread("code of the set", float(code), math.nan)
-    name, places = spec.turns[code]
+    name, places = spec.turns[code][0]
     turn = begin + (-places if grows else places) * step - spec.geometry.angle
     c, s = math.cos(turn), math.sin(turn)
     return Reading(ellipse.turned(np.array([[c, -s], [s, c]])), name, spec.codes[name], ordered)

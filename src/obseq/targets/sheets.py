@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable_line
 from obseq.targets.drawings import figure_of, inked_bits, row_box
-from obseq.targets.legend import legend_boxes
+from obseq.targets.legend import legend_places
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -106,9 +106,7 @@ def _row_bit(spec: Specification, bit: int) -> FloatRows:
 
 
 def _legend(spec: Specification, name: str) -> list[FloatRows]:
-    raster = spec.raster
-    boxes = np.array(legend_boxes(spec, name), dtype=float)
-    places = (boxes - 0.5 - np.tile(raster.middle, 2)) / raster.scale
+    places = legend_places(spec, name)
     return [
         np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
         for left, top, right, bottom in places
