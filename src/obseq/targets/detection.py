@@ -65,7 +65,8 @@ def between(image: FloatRows, x: float, y: float) -> float:
     y -= j
     upper = (1.0 - x) * image[j, i] + x * image[j, i + 1]
     lower = (1.0 - x) * image[j + 1, i] + x * image[j + 1, i + 1]
-    return (1.0 - y) * upper + y * lower
+    found: float = (1.0 - y) * upper + y * lower
+    return found
 
 
 @compiled

@@ -16,6 +16,7 @@ from obseq.targets.drawings import bit_places
 from obseq.targets.levels import levels_of
 from obseq.targets.measuring import Drawings, fit_drawing
 from obseq.targets.rings import Reading, Unread, read_ring, spot_ellipse
+from obseq.targets.specification import extent
 from obseq.targets.zones import worst_zone
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class Target:
         corrected: bits that were read otherwise.
         ellipse: (2,) centre of the ellipse that the central figure's edge is in the image, pixels.
         oddest: largest difference of a part of it from the drawing, in contrasts.
+        width: what is called its size, units: across its code, or the height of a sheet with rows.
     """
 
     name: str
@@ -57,6 +59,12 @@ class Target:
     corrected: int
     ellipse: FloatArray
     oddest: float
+    width: float
+
+    @property
+    def size(self) -> float:
+        """Pixels across its code, as seen from the front."""
+        return self.width * float(np.linalg.svd(self.fit.placed.matrix, compute_uv=False)[0])
 
     @property
     def centre(self) -> FloatArray:
@@ -284,13 +292,21 @@ class _Search:
 def _covered(taken: FloatRows, places: FloatRows) -> BoolArray:
     """(n,) which places are inside one of the targets (k, 3): centre and reach."""
     away = np.hypot(places[:, :1] - taken[:, 0], places[:, 1:] - taken[:, 1])
-    found: BoolArray = (away < taken[:, 2]).any(axis=1)
-    return found
+    return np.asarray((away < taken[:, 2]).any(axis=1))
 
 
 def _target(one: _Set, reading: Reading, fit: Fit, oddest: float) -> Target:
     ellipse = ellipse_centre(fit.placed)
-    return Target(reading.name, one.spec.family, fit, reading.margins, reading.corrected, ellipse, oddest)
+    return Target(
+        reading.name,
+        one.spec.family,
+        fit,
+        reading.margins,
+        reading.corrected,
+        ellipse,
+        oddest,
+        extent(one.spec),
+    )
 
 
 def ellipse_centre(placed: Placed) -> FloatArray:

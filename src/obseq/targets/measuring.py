@@ -84,7 +84,8 @@ class Placed:
     def pixels(self, places: FloatRows) -> FloatRows:
         """(n, 2) where places of the drawing (n, 2), units, are seen."""
         away = places @ self.matrix.T / (1.0 + places @ self.perspective)[:, None]
-        return self.centre + away + (away * away).sum(axis=1)[:, None] * self.bend
+        bent: FloatRows = (away * away).sum(axis=1)[:, None] * self.bend
+        return self.centre + away + bent
 
     def turned(self, turn: FloatRows) -> Placed:
         """The same for a drawing that is turned: its place m is where `turn @ m` was."""
@@ -372,7 +373,8 @@ class _Iteration:
         except np.linalg.LinAlgError:
             return None
         self.inverse = inverse / np.outer(scale, scale)
-        return -(self.inverse @ right)
+        change: FloatArray = -(self.inverse @ right)
+        return change
 
     def _apply(self, change: FloatArray, moved: float) -> None:
         share = min(1.0, LONGEST_STEP / moved) if moved > 0.0 else 1.0

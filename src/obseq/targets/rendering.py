@@ -65,7 +65,8 @@ def table_at(table: FloatRows, grid: FloatArray, x: float, y: float) -> float:
     v -= j
     upper = table[j, i] + u * (table[j, i + 1] - table[j, i])
     lower = table[j + 1, i] + u * (table[j + 1, i + 1] - table[j + 1, i])
-    return upper + v * (lower - upper)
+    found: float = upper + v * (lower - upper)
+    return found
 
 
 @compiled

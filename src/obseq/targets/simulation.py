@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.targets.drawings import figure_of, inked_bits
 from obseq.targets.legend import legend_places
 from obseq.targets.painting import paint_places
+from obseq.targets.specification import extent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -206,12 +207,6 @@ def _truth(camera: Camera, sheet: Sheet, axes: FloatRows) -> Truth:
     tilt = math.acos(min(1.0, abs(float(normal @ ray)) / float(np.linalg.norm(normal))))
     unit = camera.focal * float(np.linalg.norm(sheet.right) / np.linalg.norm(sheet.centre))
     return Truth(sheet.name, sheet.spec.family, centre, unit * extent(sheet.spec), tilt, sheet.hidden)
-
-
-def extent(spec: Specification) -> float:
-    """What is called the size of a target, in units: across its code; the height of sheets with rows."""
-    _, _, top, bottom = spec.geometry.sheet
-    return bottom - top if spec.geometry.in_rows else 2.0 * spec.geometry.radii[1]
 
 
 def _developed(light: Array, seen: Conditions) -> Array:

@@ -211,6 +211,12 @@ class Specification:
         return np.array([[c, -s], [s, c]])
 
 
+def extent(spec: Specification) -> float:
+    """What is called the size of a target, in units: across its code; the height of sheets with rows."""
+    _, _, top, bottom = spec.geometry.sheet
+    return bottom - top if spec.geometry.in_rows else 2.0 * spec.geometry.radii[1]
+
+
 def _even(pixels: float) -> int:
     """Rounded so that the reduced drawing has whole and even sizes."""
     step = 2 * REDUCTION

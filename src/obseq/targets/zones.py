@@ -31,9 +31,9 @@ def zones_of(spec: Specification, places: FloatRows) -> IntArray:
         column = np.clip(np.floor((x + half_width) / (2.0 * half_width) * half).astype(np.int64), 0, half - 1)
         second = y > half_width * (1.0 + math.sqrt(2.0) / 4.0) if geometry.at_top else y > 0.0
         in_row = (y > half_width) | ((not geometry.at_top) & (y < -half_width))
-        return np.where(in_row, column + half * second, found)
+        return np.asarray(np.where(in_row, column + half * second, found))
     bit = np.floor(spec.bits * (turn if geometry.grows else -turn) / (2.0 * math.pi)).astype(np.int64)
-    return np.where(radius > begin, bit % spec.bits, found)
+    return np.asarray(np.where(radius > begin, bit % spec.bits, found))
 
 
 def worst_zone(spec: Specification, fit: Fit) -> float:
