@@ -307,7 +307,7 @@ def discs(
         kept = 0.0
         for k in range(count):
             kept += work[k, 2]
-        if not is_ellipse or kept < 0.6 * count or size < 2.5 or scatter > 0.6 + size / 20.0:
+        if not is_ellipse or kept < 0.6 * count or size < 2.5 or scatter > 0.45 + size / 40.0:
             continue
         if _has_quadrants(image, sign, x, y, found[n, 5], found[n, 6], a, b, c):
             shapes[n, 0], shapes[n, 1], shapes[n, 2] = a, b, c

@@ -33,6 +33,10 @@ FIGURE_LIKE = 0.75
 """And that the drawing of its central figure explains, before its code is read."""
 ODD = 0.3
 """Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing."""
+SPOT_LIKE = 0.97
+"""And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
+FLAT = 1e7
+"""Focal length for spots, pixels: one says nothing of its perspective, what is measured is its ellipse."""
 INSIDE = 0.6
 """Half widths of a sheet within which nothing else is looked for."""
 
@@ -245,8 +249,8 @@ class _Search:
         return False
 
     def _measure_spot(self, one: _Set, ellipse: Placed) -> None:
-        fit = fit_drawing(self.image, one.drawings, -1, ellipse, focal=self.focal, whole=False)
-        if fit is None or fit.likeness_with(self.noise) < LIKE or self._is_taken(fit.placed.centre):
+        fit = fit_drawing(self.image, one.drawings, -1, ellipse, focal=FLAT, whole=False)
+        if fit is None or fit.likeness_with(self.noise) < SPOT_LIKE or self._is_taken(fit.placed.centre):
             return
         reading = Reading(ellipse, "", -1, np.empty(0))
         self.plain.append(_target(one, reading, fit, 0.0))

@@ -29,7 +29,8 @@ COLUMNS = (
     *("family", "centre", "size_px", "tilt_deg", "blur_px", "contrast", "likeness", "sigma0"),
     *("least_margin", "corrected_bits"),
 )
-"""Columns of the table; variances in pixels squared. `centre` is true, or that of the ellipse."""
+"""Columns of the table; variances in pixels squared. `centre` is true, or that of the ellipse: of
+spots without code it always is."""
 TRUE, ELLIPSE = "true", "ellipse"
 DIGITS = 6
 """Of the running number of a spot without code."""
@@ -94,7 +95,7 @@ def _row(image: str, name: str, target: Target, of_ellipse: bool) -> list[str]:
         f"{y:.4f}",
         *(f"{value:.4e}" for value in (c[0, 0], c[0, 1], c[1, 1])),
         target.family,
-        ELLIPSE if of_ellipse else TRUE,
+        ELLIPSE if of_ellipse or not target.name else TRUE,
         f"{target.size:.1f}",
         f"{math.degrees(target.tilt):.0f}",
         f"{placed.sigma:.2f}",

@@ -49,6 +49,8 @@ FEWEST = 40
 """Pixels of the smallest fit: twice its unknowns, and some."""
 BEND_PRIOR = 0.1
 """Sigma of the bend, over the focal length: a distortion k of 0.2 at half a focal length from the middle."""
+MATRIX_PRIOR = 0.3
+"""Sigma of the affinity about its first value, in units: nothing else says how a disc is turned."""
 SLOPE_PRIOR = 0.5
 """Sigma of the change of the light over a unit, of the contrast: half shadows are rare."""
 
@@ -363,7 +365,10 @@ class _Iteration:
         weights[BEND] = variance * (self.focal / BEND_PRIOR) ** 2
         contrast = max(abs(self.unknowns[GAIN]), 1e-6)
         weights[SLOPES] = variance / (SLOPE_PRIOR * contrast) ** 2
-        right = jacobian.T @ residuals + weights * self.unknowns
+        weights[MATRIX] = variance / (MATRIX_PRIOR * self.start.unit) ** 2
+        away = self.unknowns.copy()
+        away[MATRIX] -= self.start.matrix.ravel()
+        right = jacobian.T @ residuals + weights * away
         matrix = normal + np.diag(weights)
         scale = np.sqrt(np.diag(matrix))
         if not (scale > 0.0).all() or not np.isfinite(scale).all():
