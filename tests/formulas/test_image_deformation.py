@@ -46,7 +46,7 @@ def test_a_value_and_its_gradient() -> None:
 def test_homography_has_perspective_bend_light_and_blur() -> None:
     """Depth 1 + 0.5 2 = 2, so that p = (4, 2) / 2 = (2, 1), with |p|^2 = 5: place (10 + 2 + 0.5, 20 + 1 - 1).
 
-    The image there is 100 + 10 (12.5 - 12) - 4 (20 - 21) = 109, the model (2 + 0.5 2) (50 + 0.1 20) + 5 + 2 = 163.
+    The image there is 100 + 10 0.5 - 4 (-1) = 109, the model (2 + 0.5 2) (50 + 0.1 20) + 5 + 2 = 163.
     """
     unknowns = (2, 5, 0.5, 0, 1, 0, 0.1, 2, 0, 0, 2, 0.5, 0, 0.1, -0.2, 10, 20)
     observations = (12, 21, 100, 10, -4, 2, 1, 50, 20)
