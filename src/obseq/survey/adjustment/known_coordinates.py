@@ -54,6 +54,7 @@ class Tangents:
         here: (k, 3) coordinates in the frame.
         computed: (k, 3) in the system of the points, in its units.
         axes: (k, 3, 3) derivatives, metres in that system by metres in the frame.
+        stretching: (k, 3, 3) derivatives of these metres, for one of them.
         metres: (k, 3) metres in one unit of each coordinate.
     """
 
@@ -61,6 +62,7 @@ class Tangents:
     computed: FloatArray
     axes: FloatArray
     metres: FloatArray
+    stretching: FloatArray
 
 
 class Labels(Sequence[str]):
@@ -180,12 +182,15 @@ class KnownCoordinates:
         tangents = self._tangents.of(self._linearised_at[self._known])
         position = np.searchsorted(self._known, rows)
         gaps = self._system.differences(self._values[self._known], tangents.computed) * tangents.metres
-        coefficients, here = tangents.axes[position, components], tangents.here[position]
-        values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here)
+        gaps, here = gaps[position, components], tangents.here[position]
+        coefficients = tangents.axes[position, components]
+        coefficients = coefficients - gaps[:, None] * tangents.stretching[position, components]
+        values = gaps + np.einsum("kj,kj->k", coefficients, here)
         return np.concatenate([coefficients, values[:, None]], axis=1)
 
     def _tangents_at(self, here: FloatArray) -> Tangents:
-        return Tangents(here, *self._system.coordinates_and_axes(here))
+        computed, axes, metres = self._system.coordinates_and_axes(here)
+        return Tangents(here, computed, axes, metres, self._system.stretching(computed, axes, metres))
 
     def follow(self, coordinates: FloatArray) -> None:
         """Linearises at coordinates of all points; along axes of the frame nothing changes."""

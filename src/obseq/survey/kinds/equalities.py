@@ -21,7 +21,7 @@ class EqualHeightDifferences(ObservationKind):
 
     def is_linear(self, site: Site) -> bool:
         """In a plane they are differences of z."""
-        return site.has_heights_along_z
+        return site.is_plane
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """The unknown value, and both ends."""
@@ -31,18 +31,11 @@ class EqualHeightDifferences(ObservationKind):
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """What `DH` takes; in a plane the coefficients of the unknown and of z."""
         context = DH.context(site, rows, coordinates)
-        return np.hstack([np.full((len(rows), 1), -1.0), context]) if site.has_heights_along_z else context
+        return np.hstack([np.full((len(rows), 1), -1.0), context]) if site.is_plane else context
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """Its formula takes no value; linear rows take that of curvature."""
-        if not site.has_heights_along_z:
-            return np.zeros((len(rows), 0))
-        return site.rise_of_curvature(rows, coordinates)[:, None]
-
-    @property
-    def depends_on_place(self) -> bool:
-        """The curvature of the Earth does."""
-        return True
+        """Its formula takes no value; linear rows take 0."""
+        return np.zeros((len(rows), int(site.is_plane)))
 
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """The value, from the first pair."""
