@@ -42,6 +42,7 @@ from obseq.formulas.special_topography import (
     TopoBeta,
     TopoBetaOff,
     TopoDHParam,
+    TopoDHParamOff,
     TopoDistHz0,
 )
 from obseq.formulas.topography import (
@@ -91,6 +92,7 @@ REGISTRY: tuple[Formula, ...] = (
     TopoBeta(),
     TopoBetaOff(),
     TopoDHParam(),
+    TopoDHParamOff(),
     AxisRadius(),
     AxisPlane(),
     AxisLink(),

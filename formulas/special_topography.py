@@ -145,6 +145,39 @@ class TopoDHParam(Formula):
         )
 
 
+class TopoDHParamOff(Formula):
+    """Unknown difference of heights of two points that stand beside or above their marks.
+
+    Residual: as `TopoDHParam` with the target moved by `off` (see `TopoHzOff`).
+    """
+
+    source = "TopoDHParam with a correction along the line"
+    typical = TopoDHParam.typical
+
+    def residual(
+        self,
+        rise: Annotated[Length, "d"],
+        origin: From,
+        target: Target,
+        *,
+        offset: Offset,
+        to_geocentric: Annotated[Matrix3, "RTL2Geoc_R"],
+        translation: Annotated[Point3, "RTL2Geoc_T"],
+        semi_major_axis: Annotated[Length, "a"],
+        eccentricity2: Annotated[Number, "e2"],
+    ) -> Scalar:
+        """The height difference computed, minus the unknown one (m)."""
+        return TopoDHParam().residual(
+            rise,
+            origin,
+            target + offset,
+            to_geocentric=to_geocentric,
+            translation=translation,
+            semi_major_axis=semi_major_axis,
+            eccentricity2=eccentricity2,
+        )
+
+
 class AxisRadius(Formula):
     """Distance of a point of a turning target from the centre of its circle, which is on the axis.
 
