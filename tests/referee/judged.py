@@ -10,7 +10,7 @@ from obseq.errors import ObseqError
 from obseq.survey import Datum, Network, Quality, estimating
 
 TURNED = ("AxisPlane", "AxisFoot")  # an axis may point either way
-PROJ = 1e-7  # metres: two ways through PROJ to one place
+PROJ = 5e-7  # metres: two ways through PROJ to one place, near a pole
 
 
 def read(case, folder):
