@@ -28,7 +28,7 @@ def test_a_network_agrees_with_the_referee(tmp_path, seed):
 
 
 def test_stations_that_a_search_for_errors_has_placed_stand_upright(tmp_path):
-    """With deflections; first values of this network are doubtful, so that the adjustment begins elsewhere."""
+    """With deflections; first values of this network are doubtful: the adjustment begins elsewhere."""
     verdict = judge(case(197), tmp_path)
     assert verdict.said == ""
     assert verdict.worst() <= 1.0, verdict
