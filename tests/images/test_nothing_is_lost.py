@@ -50,17 +50,16 @@ def test_a_free_block_that_does_not_settle_on_its_datum_is_the_damped_one(monkey
         found.centre_covariances  # noqa: B018
 
 
-@pytest.mark.parametrize(("datum", "cost"), [("points", 0.00139), ("centres", 0.0047)])
-def test_a_block_of_just_enough_equations_keeps_its_damped_solution(shared_data, datum, cost):
+@pytest.mark.parametrize("datum", ["points", "centres"])
+def test_a_block_of_just_enough_equations_has_a_solution_that_nothing_checks(shared_data, datum):
     block = read_bal(shared_data / "image-cases/bal-three-cameras/problem.txt")
     block.freeze_parameters("K2")
     found = block.solve(datum=datum)
-    assert found.result.cost < cost
-    assert _cost_at(block, found) < cost
-    assert "38 equations for 38 unknowns, and 7 that the datum takes: nothing checks the result" in found.weak
-    record = record_of(found)
-    assert not record.is_complete
-    assert "A block needs a datum" not in summary(record)
+    assert found.result.cost < 0.0014
+    assert _cost_at(block, found) < 0.0014
+    said = summary(record_of(found))
+    assert "38 equations, 45 unknowns, redundancy 0" in said and "nothing checks the result" in said
+    assert "A block needs a datum" not in said
 
 
 def test_a_block_short_of_equations_is_told_so_and_not_of_its_datum():

@@ -11,7 +11,7 @@ from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.network_files import Source, add_network_arguments, given, source_of
-from obseq.cli.parsing import Commands, add_command, positive_integer
+from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
@@ -95,12 +95,7 @@ def register(commands: Commands) -> None:
         "refraction coefficient of zenith angles (constant, scale, refraction); of each set-up or sub-frame: "
         "scale of the components dx dy dz (frame-scale)",
     )
-    computation.add_argument(
-        "--iterations",
-        type=positive_integer,
-        metavar="N",
-        help="stop at this number when not converged before",
-    )
+    add_iterations(computation, "controlled")
     computation.add_argument(
         "--strict",
         action="store_true",
@@ -118,6 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     solving = {
         "max_iterations": arguments.iterations,
+        "tolerance": arguments.tolerance,
+        "strategy": arguments.strategy,
         "strict": arguments.strict,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),

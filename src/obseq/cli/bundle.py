@@ -10,7 +10,15 @@ from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
-from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
+from obseq.cli.parsing import (
+    Commands,
+    add_command,
+    add_iterations,
+    output_file,
+    positive_integer,
+    positive_number,
+    say,
+)
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
 from obseq.errors import noting
@@ -103,7 +111,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
         choices=DATUMS,
         help="what fixes position, orientation and scale (without control points: centres or points)",
     )
-    computation.add_argument("--iterations", type=positive_integer, metavar="N", help="stop at this number")
+    add_iterations(computation, "levenberg-marquardt")
     computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
@@ -222,7 +230,9 @@ def _colmap_places(arguments: argparse.Namespace) -> list[Path]:
 
 def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:
     """What the command line says of the solution."""
-    return {"datum": datum, "threads": arguments.threads, "max_iterations": arguments.iterations}
+    given = {"strategy": arguments.strategy} if arguments.strategy else {}
+    limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
+    return {"datum": datum, "threads": arguments.threads, **limits, **given}
 
 
 def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:

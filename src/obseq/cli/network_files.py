@@ -152,6 +152,11 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         "cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
     )
     computation.add_argument(
+        "--faces",
+        choices=("mean", "all"),
+        help="of sights in both faces of the telescope: adjust the means (mean), or all readings (all)",
+    )
+    computation.add_argument(
         "--stochastic",
         type=Path,
         metavar="FILE",
@@ -184,6 +189,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
             "ignore": arguments.ignore,
             "sigmas": arguments.sigmas,
             "stochastic": arguments.stochastic,
+            "faces": arguments.faces,
             **_point_format(arguments),
         }
     )
@@ -211,7 +217,7 @@ def given(options: Options) -> Options:
 
 def _project_options(arguments: argparse.Namespace, reading: Options) -> Options:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic"}
+    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic", "faces"}
     surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
     if surplus:
         listed = ", ".join("--" + name.replace("_", "-") for name in surplus)

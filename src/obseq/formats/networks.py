@@ -25,7 +25,7 @@ from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
 from obseq.survey.kinds.vectors import VECTOR
 from obseq.survey.model import merge_points
-from obseq.survey.network import GIVEN, Network
+from obseq.survey.network import Network
 from obseq.survey.point_file_options import PointFileOptions
 
 LEAST_TURN = 1e-4
@@ -47,6 +47,7 @@ def read_network(
     encoding: str,
     ignore: Collection[str],
     refraction: float,
+    faces: str,
 ) -> Network:
     """The network of OBS files and point files; see `Network.read`."""
     points_crs, point_sigma, point_format, options = point_options
@@ -61,7 +62,7 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
-    return Network.assembled(points, book, frame, points_crs, refraction, watch)
+    return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 
 
 def read_project_network(
@@ -75,6 +76,7 @@ def read_project_network(
     ignore: Collection[str],
     sigmas: Collection[str],
     stochastic: str | Path | None,
+    faces: str,
 ) -> Network:
     """The network that files of another program describe; see `Network.read_project`."""
     watch = Stopwatch()
@@ -86,8 +88,8 @@ def read_project_network(
     coefficient = project.refraction if refraction is None else refraction
     systems = project.systems(frame, points_crs)
     points = project.points_in(systems[1] or systems[0])
-    network = Network.assembled(points, project.book, *systems, coefficient, watch)
-    datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
+    network = Network.assembled(points, project.book, *systems, coefficient, watch, faces)
+    datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
     )

@@ -309,12 +309,14 @@ class LeastSquares:
         misfits = {batch: frozen(equations.raw_residuals(batch)) for batch in equations.batches}
         equations.reweight(misfits)
         squares = equations.sums_of_squares(misfits)
+        rejected = sum(batch.n_rejected for batch in equations.batches if not batch.is_constraint)
+        redundancy -= rejected
         overall, held = sigma0_of(squares, None, redundancy), analysis.substitution
         return LeastSquaresResult(
             tuple(done.iterations),
             done.reason.is_arrival,
             done.reason,
-            self.n_observations,
+            self.n_observations - rejected,
             self.n_constraints,
             analysis.n_unknowns,
             redundancy,

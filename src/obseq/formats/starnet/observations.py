@@ -308,7 +308,7 @@ class ObservationLines:
         station = self._plumb.get(origin)
         if station is None:
             station = self._plumb[origin] = self._columns.open_station(origin, Orientation.VERT)
-        self._add(line, ZEN, start, to, min(value, FULL_TURN - value), sigma, heights, station=station)
+        self._add(line, ZEN, start, to, value, sigma, heights, station=station)
 
     def _add(
         self,

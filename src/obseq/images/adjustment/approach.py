@@ -15,6 +15,7 @@ import numpy as np
 from obseq.errors import SingularSystemError
 from obseq.images.adjustment.start import LeftOut, put_points
 from obseq.images.adjustment.verdicts import cameras_refused
+from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations, MeasureBatch
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.camera import Camera
     from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
 
@@ -275,6 +277,24 @@ def drop_undetermined(equations: Equations) -> tuple[LeftOut, ...]:
         LeftOut("point", start.points[k], reason.format(all_of[k], all_of[k] - kept[k]))
         for k in np.flatnonzero(lost)
     )
+
+
+def taken_in_again(solution: BundleSolution) -> dict[str, FloatArray]:
+    """Where points are whose rays met nowhere at first, and do at the poses that were found."""
+    start = solution.start
+    lost = {item.name for item in start.left_out if item.kind == "point"}
+    found: dict[str, FloatArray] = {}
+    for part in solution.block.sets if lost else ():
+        rays = part.measures.of_points(sorted(lost & {*part.measures.point_names}))
+        if not len(rays):
+            continue
+        cameras = [solution.cameras[name] for name in solution.poses.cameras]
+        met = intersect(rays, solution.poses, cameras)
+        off = np.zeros(len(met.names))
+        np.maximum.at(off, rays.point, np.nan_to_num(np.linalg.norm(met.residuals, axis=1), nan=np.inf))
+        for k in np.flatnonzero(met.is_placed & (off <= ROUGH)):
+            found[met.names[k]] = met.coordinates[k]
+    return found
 
 
 def _switch_off(equations: Equations, points: BoolArray) -> None:

@@ -10,6 +10,7 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
+from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
 from obseq.images.adjustment.weakness import weakness
@@ -349,6 +350,16 @@ class BundleSolution:
         np.maximum.at(largest, owner, found.norms)
         mean = np.column_stack([np.bincount(owner, found.residuals[:, k], n) for k in (0, 1)])
         return Statistics(names, counts, np.sqrt(squares / divisor), largest, mean / divisor[:, None])
+
+    @cached_property
+    def is_far(self) -> BoolArray:
+        """(n,) points whose rays do not tell how far they are, infinity included; none without precisions.
+
+        Where rays spread by less than they are uncertain, such a point is behind all its cameras.
+        """
+        if not self.result.has_covariances:
+            return np.zeros(len(self.points), dtype=bool)
+        return are_far(self.start, self.poses.centres, self.coordinates, self.point_covariances)
 
     @cached_property
     def is_behind(self) -> BoolArray:

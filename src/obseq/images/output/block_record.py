@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
-from obseq.images.output.shares import Owners, RejectedShare, rejected_shares
+from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_shares
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.records.adjustment import IterationRecord, RunRecord
@@ -153,7 +153,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         stopped: why the iterations ended.
         unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
         notes: what a file held and nothing here uses.
-        behind: image points whose point is behind the camera in the end.
+        behind: image points whose point is behind the camera in the end, and not far.
         worst: the largest residuals, in sigmas.
         residuals: of all image points.
         reliability: None when no precision was asked for, or without redundancy.
@@ -162,6 +162,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         cause: what is wrong with the whole block, when that was found; else empty.
         weak: what the observations hardly determine, so that there are no precisions; else empty.
         failures: what should explain the result, and failed: nobody has looked.
+        far: points whose rays do not tell how far they are; they may be behind their cameras.
     """
 
     n_observations: int
@@ -192,14 +193,20 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     cause: str = ""
     weak: str = ""
     failures: tuple[str, ...] = ()
+    far: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = VERSION
 
     @property
     def is_complete(self) -> bool:
-        """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
+        """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong.
+
+        A few points that are far are as they should be; where half of all are, the block is not determined.
+        """
         is_clean = not (self.left_out or self.behind or self.suspects or self.cause or self.weak)
-        return self.converged and is_clean and not self.rejected_shares and not self.failures
+        is_determined = len(self.far) < LARGE * max(len(self.points), 1)
+        is_known = is_determined and not self.failures
+        return self.converged and is_clean and is_known and not self.rejected_shares
 
     @property
     def rejected_shares(self) -> tuple[RejectedShare, ...]:

@@ -50,6 +50,7 @@ def record_of(
     """
     result, boundary = solution.result, Boundary()
     precisions = precisions and result.weak is None
+    far = solution.is_far if precisions else np.zeros(len(solution.points), dtype=bool)
     order = np.argsort(-_normalised(solution))[:WORST]
     reliability = None
     if precisions and result.redundancy:
@@ -72,7 +73,7 @@ def record_of(
         _left_out(solution.left_out),
         _left_out(solution.unpaired),
         tuple(solution.block.notes),
-        tuple(_image_points(solution, np.flatnonzero(solution.is_behind))),
+        tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
         _residuals(solution),
@@ -85,6 +86,7 @@ def record_of(
         cause,
         solution.weak,
         (*failures, *boundary.failures),
+        tuple(solution.points[row] for row in np.flatnonzero(far)),
     )
 
 

@@ -121,7 +121,15 @@ def _verdict(record: BundleRecord) -> str:
     if record.reliability is not None:
         lines.append(_reliability(record.reliability))
     if record.behind:
-        lines.append(f"  {len(record.behind)} image points are BEHIND their camera in the solution")
+        names = list(dict.fromkeys(item.point for item in record.behind))
+        lines.append(
+            f"  {len(record.behind)} image points are BEHIND their camera in the solution: {first_of(names)}"
+        )
+    if record.far:
+        lines.append(
+            f"  {len(record.far)} points are too far for their distance to be determined, only their "
+            f"direction is: {first_of(record.far)}"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -144,7 +152,7 @@ def tested(record: BundleRecord) -> str:
 def _untested(record: BundleRecord) -> str:
     """Why sigma0 is not tested, and what says in its place whether the sigmas are right."""
     if record.redundancy <= 0:
-        return "no redundancy"
+        return "no redundancy, nothing checks the result"
     spread = None if record.suspicion is None else record.suspicion.spread
     if spread is None:
         return "robust weights"

@@ -327,6 +327,14 @@ class Batch:
         """(n,) what the loss makes of the weight of each observation: 1 full, 0 none."""
         return self.weighing().robust_weights()
 
+    @property
+    def n_rejected(self) -> int:
+        """Number of scalar equations that are active and that the loss leaves no weight."""
+        if self._loss is None:
+            return 0
+        none = self.active & (self.weights[0, : self.n] == 0.0)
+        return self.shape.n_residuals * int(np.count_nonzero(none))
+
     def weighing(self) -> Weighing:
         """What its residuals are weighed by, for one who keeps it."""
         last = self._weighed

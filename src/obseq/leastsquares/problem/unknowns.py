@@ -15,6 +15,7 @@ from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
 from obseq.leastsquares.problem.growing import GrowingArray
 from obseq.leastsquares.problem.manifolds import MANIFOLDS, CurvedBlocks
 from obseq.leastsquares.problem.owner import Owner
+from obseq.leastsquares.problem.perspective import Perspective
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -62,6 +63,10 @@ class UnknownTable:
         self._eliminated = GrowingArray(np.bool_)
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
         self._followers: list[WeakMethod[Callable[[], None]]] = []
+        self._perspectives: list[Perspective] = []
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_followers": []}  # they belong to whoever moves this one
 
     def __len__(self) -> int:
         return len(self.names)
@@ -319,6 +324,23 @@ class UnknownTable:
         self.owner.check()
         self.frozen[index] = frozen
 
+    def see_from(self, ids: ArrayLike, places: FloatArray) -> None:
+        """Lets points move by steps of their inverse distances from places (n, 3); see `Perspective`."""
+        self._perspectives.append(Perspective(self.scalars(ids, "see_from"), places))
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether every step is simply added."""
+        return not self.curved and not self._perspectives
+
+    @property
+    def is_seen(self) -> BoolArray:
+        """(n_scalars,) True for the points that move in their inverse distance."""
+        seen = np.zeros(self.n_scalars, dtype=bool)
+        for points in self._perspectives:
+            seen[points.scalars] = True
+        return seen
+
     def set_eliminated(self, ids: ArrayLike, eliminated: bool) -> None:
         """Marks blocks as to be eliminated, or not."""
         blocks = self.checked(ids, "eliminate")
@@ -370,7 +392,9 @@ class UnknownTable:
                 renew()
 
     def move(self, step: FloatArray) -> None:
-        """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
+        """Moves all unknowns by a step (n_scalars,); rotations and directions absorb theirs and are reset."""
+        for points in self._perspectives:
+            step = points.stretched(self.values, step, self.frozen)
         values = self.values + step
         for blocks in self.curved:
             self._absorb(blocks, values)

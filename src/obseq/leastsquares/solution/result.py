@@ -88,7 +88,7 @@ class LeastSquaresResult:
         iterations: one record per iteration.
         converged: True when the iterations have arrived at a minimum.
         stop_reason: why they ended.
-        n_observations: scalar equations of the active observations.
+        n_observations: scalar equations of the active observations, those that a loss leaves no weight aside.
         n_constraints: scalar equations of the priors, and of rows that count as constraints.
         n_unknowns: free scalar unknowns.
         redundancy: n_observations + n_constraints - n_unknowns, and the parameters that a datum takes, or

@@ -77,6 +77,7 @@ class Computation:
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
         wrong: Rows of observations that contradict all others where the iterations start.
+        strategy: How the iterations move.
     """
 
     frame: Frame
@@ -87,6 +88,7 @@ class Computation:
     watch: Stopwatch
     quality: Quality
     wrong: tuple[int, ...] = ()
+    strategy: str = "controlled"
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -212,7 +214,7 @@ class Computation:
             "before_iteration": equations.follow,
             "sigma0_groups": [batch.group for _, batch in equations.batches.values()],
             "progress": lambda step: self.watch.progress(str(step)),
-            "strategy": "controlled",
+            "strategy": self.strategy,
         }
 
     def _adjustment(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,7 +104,7 @@ class KnownCoordinates:
         for rows in (self._rows, self._correlated[0], self._held_rows):
             is_known[rows] = True
         self._known = np.flatnonzero(is_known)
-        self._tangents = Recent(self._tangents_at)
+        self._tangents = Recent(partial(_tangents, point_system))
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
         self._together = self._add_together(system)
@@ -188,10 +189,6 @@ class KnownCoordinates:
         values = gaps + np.einsum("kj,kj->k", coefficients, here)
         return np.concatenate([coefficients, values[:, None]], axis=1)
 
-    def _tangents_at(self, here: FloatArray) -> Tangents:
-        computed, axes, metres = self._system.coordinates_and_axes(here)
-        return Tangents(here, computed, axes, metres, self._system.stretching(computed, axes, metres))
-
     def follow(self, coordinates: FloatArray) -> None:
         """Linearises at coordinates of all points; along axes of the frame nothing changes."""
         moved = np.abs(coordinates - self._linearised_at).max(initial=0.0)
@@ -245,6 +242,12 @@ def _given(points: Points, point_system: PointSystem) -> FloatArray:
     names = [points.names[row] for row in some]
     values[some] = point_system.coordinates(points.coordinates[some], names)
     return values
+
+
+def _tangents(system: PointSystem, here: FloatArray) -> Tangents:
+    """Those of points at `here` (k, 3) in the frame."""
+    computed, axes, metres = system.coordinates_and_axes(here)
+    return Tangents(here, computed, axes, metres, system.stretching(computed, axes, metres))
 
 
 def _correlated(points: Points) -> tuple[IntArray, IntArray]:
